@@ -1,0 +1,42 @@
+"""Global stiffness matrix K (sparse) and mass matrix M (diagonal); walls are fixed bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.contact import contact_stiffness
+from modal.network import Network
+
+
+def mass_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
+    """Shape (6n,) or (3n,): m, m, m, I, I, I of each particle; kg and kg m^2."""
+    columns = [network.mass] * 3 + ([] if translations_only else [network.inertia] * 3)
+    return np.column_stack(columns).ravel()
+
+
+def stiffness_matrix(network: Network, *, translations_only: bool = False) -> sp.csr_matrix:
+    """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
+
+    A particle that touches itself through a period has both sides of the contact on one block;
+    repeated pairs add up.
+    """
+    size = 3 if translations_only else 6
+    n = network.n_particles
+    local = contact_stiffness(network)
+    i, j = network.particle_i, network.particle_j
+    pair = j >= 0
+    blocks = [local[:, :size, :size]]
+    rows, columns = [i], [i]
+    for row, column, a, b in ((j, j, 6, 6), (i, j, 0, 6), (j, i, 6, 0)):
+        blocks.append(local[pair, a : a + size, b : b + size])
+        rows.append(row[pair])
+        columns.append(column[pair])
+    block, row, column = (np.concatenate(parts) for parts in (blocks, rows, columns))
+    inner = np.arange(size)
+    shape = block.shape
+    row_index = np.broadcast_to((size * row)[:, None, None] + inner[:, None], shape)
+    column_index = np.broadcast_to((size * column)[:, None, None] + inner, shape)
+    return sp.coo_matrix(
+        (block.ravel(), (row_index.ravel(), column_index.ravel())), shape=(size * n, size * n)
+    ).tocsr()
