@@ -1,0 +1,1 @@
+"""Measure, compare, draw: reads network, signal and mode files and says whether they agree."""

@@ -1,0 +1,158 @@
+"""Dispersion relation of the chain: an f-k map to look at, and a nearly unbiased estimator.
+
+The record ends before the reflection returns, so a Fourier transform in time truncates the slow,
+high frequencies and biases whatever is read from it. A damped transform (Laplace, s = eta + i
+omega) does not: exp(-eta T) makes the cut negligible. In a periodic medium whose layers act on
+their nearest neighbours, (U[n+1] + U[n-1]) / (2 U[n]) = cosh(q l) is the same for all n, and an
+analytic function of s^2 that tends to 1. It is measured at many s, fitted by a polynomial in s^2
+without assuming the law, and continued to the real frequency axis: cos(kappa l) = G(-omega^2).
+A pure sine (an eigenmode) has the same ratio, so modes are measured in the same way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.signals import Signals
+
+
+@dataclass(frozen=True)
+class Dispersion:
+    """G = cos(kappa l) = 1 + x (c0 + c1 x + ...), x = -(omega / scale)^2; scale in rad/s."""
+
+    coefficients: np.ndarray
+    scale: float
+    distance: float
+
+    def cosine(self, omega: np.ndarray) -> np.ndarray:
+        """cos(kappa l) at real angular frequencies, rad/s."""
+        x = -((np.asarray(omega, float) / self.scale) ** 2)
+        return 1 + x * np.polynomial.polynomial.polyval(x, self.coefficients)
+
+    @property
+    def velocity(self) -> float:
+        """Long-wave velocity, m/s: the slope at omega -> 0."""
+        return float(self.distance * self.scale / np.sqrt(2 * self.coefficients[0]))
+
+    @property
+    def low_pass_frequency(self) -> float:
+        """Band edge, Hz: the lowest frequency at which cos(kappa l) = -1."""
+        powers = np.concatenate([[2.0], self.coefficients])  # 1 + G as a polynomial in x
+        roots = np.polynomial.polynomial.polyroots(powers)
+        real = -roots.real[(np.abs(roots.imag) < 1e-6 * np.abs(roots)) & (roots.real < 0)]
+        return float(self.scale * np.sqrt(real.min()) / (2 * np.pi)) if real.size else np.nan
+
+    def omega(self, kappa: np.ndarray) -> np.ndarray:
+        """omega(kappa), rad/s, for wavenumbers (k,) 1/m below pi / l."""
+        grid = np.linspace(0, 2 * np.pi * self.low_pass_frequency, 4001)
+        phase = np.arccos(np.clip(self.cosine(grid), -1, 1))
+        return np.interp(np.asarray(kappa) * self.distance, np.maximum.accumulate(phase), grid)
+
+
+def laplace_ratio(
+    signals: Signals, omega: np.ndarray, decay: float = 14.0, layers: slice = slice(1, 120)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Neighbour ratio G(s) of the chain, least squares over `layers`.
+
+    decay = eta T, what the cut at the record's end T is damped by. Returns s (k,) 1/s, G (k,)
+    complex and the weight (k,), the root of the energy that the ratio rests on.
+    """
+    time = signals.time
+    s = decay / (time[-1] - time[0]) + 1j * np.asarray(omega)
+    step = np.gradient(time)
+    u = np.exp(-np.outer(s, time - time[0])) * step @ signals.chain_displacement
+    below, middle, above = u[:, :-2], u[:, 1:-1], u[:, 2:]
+    below, middle, above = below[:, layers], middle[:, layers], above[:, layers]
+    energy = (np.abs(middle) ** 2).sum(axis=1)
+    ratio = (middle.conj() * (below + above)).sum(axis=1) / (2 * energy)
+    return s, ratio, np.sqrt(energy)
+
+
+def _fit(
+    square: np.ndarray, ratio: np.ndarray, weight: np.ndarray, order: int
+) -> tuple[np.ndarray, float]:
+    """Weighted least squares of G = 1 + x p(x), x = square / scale^2, real coefficients."""
+    scale = np.sqrt(np.abs(square).max())
+    x = square / scale**2
+    matrix = weight[:, None] * x[:, None] ** np.arange(1, order + 1)
+    target = weight * (ratio - 1)
+    rows = np.concatenate([matrix.real, matrix.imag])
+    coefficients = np.linalg.lstsq(rows, np.concatenate([target.real, target.imag]), rcond=None)[0]
+    return coefficients, float(scale)
+
+
+def chain_dispersion(signals: Signals, order: int = 3, decay: float = 14.0) -> Dispersion:
+    """Dispersion from recorded chain signals; the band is found by two passes."""
+    distance = layer_distance(signals)
+    top = 2 * np.pi * 2 * signals.input_frequency * 0.9
+    result = None
+    for _ in range(3):
+        omega = np.linspace(0.02, 1.0, 160) * top
+        s, ratio, weight = laplace_ratio(signals, omega, decay)
+        scale = np.abs(s) ** 2  # relative accuracy at small s, where G - 1 itself is small
+        weight = weight / weight.max() / (scale / scale.max() + 1e-2)
+        coefficients, unit = _fit(s**2, ratio, weight, order)
+        result = Dispersion(coefficients, unit, distance)
+        edge = result.low_pass_frequency
+        if not np.isfinite(edge):
+            break
+        top = 2 * np.pi * edge * 1.02
+    return result
+
+
+def mode_dispersion(
+    frequency: np.ndarray, shape: np.ndarray, distance: float, order: int = 3
+) -> Dispersion:
+    """Dispersion from P resonances: frequency (k,) Hz and z shapes along the chain (k, nc)."""
+    ratio = mode_cosine(shape)
+    square = -((2 * np.pi * np.asarray(frequency)) ** 2) + 0j
+    coefficients, unit = _fit(square, ratio + 0j, 1 / np.abs(square), order)
+    return Dispersion(coefficients, unit, distance)
+
+
+def mode_cosine(shape: np.ndarray) -> np.ndarray:
+    """cos(kappa l) of each resonance (k,), from its shape along the chain (k, nc)."""
+    middle = shape[:, 1:-1]
+    return (middle * (shape[:, 2:] + shape[:, :-2])).sum(axis=1) / (2 * (middle**2).sum(axis=1))
+
+
+def layer_distance(signals: Signals) -> float:
+    """Mean distance of neighbours along the chain, m."""
+    z = signals.chain_position
+    return float((z[-1] - z[0]) / (len(z) - 1))
+
+
+def rms_deviation(
+    measured: Dispersion, velocity: float, f_low_pass: float, reach: float = 0.9
+) -> float:
+    """RMS relative deviation of omega(kappa) from Eq. 9, up to kappa l = reach pi.
+
+    Eq. 9 is taken as omega = 2 pi f_low_pass sin(kappa l / 2), l = velocity / (pi f_low_pass).
+    """
+    distance = velocity / (np.pi * f_low_pass)
+    kappa = np.linspace(0.02, reach, 200) * np.pi / distance
+    exact = 2 * np.pi * f_low_pass * np.sin(kappa * distance / 2)
+    return float(np.sqrt(np.mean((measured.omega(kappa) / exact - 1) ** 2)))
+
+
+def fk_map(signals: Signals, padding: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Amplitude of the double Fourier transform, to look at.
+
+    Returns frequency (nf,) Hz, wavenumber (nk,) rad/m (both positive, wave towards high z) and
+    amplitude (nf, nk) relative to its maximum. Cosine tapers end both records smoothly.
+    """
+    u = signals.chain_displacement
+    nt, nc = u.shape
+    fade_t = np.where(np.arange(nt) < 0.8 * nt, 1, np.cos(np.linspace(-4, 1, nt) * np.pi / 2) ** 2)
+    fade_z = np.where(np.arange(nc) < 0.8 * nc, 1, np.cos(np.linspace(-4, 1, nc) * np.pi / 2) ** 2)
+    step = float(np.mean(np.diff(signals.time)))
+    frequency = np.fft.rfftfreq(padding * nt, step)
+    keep = frequency < 4 * signals.input_frequency
+    spectrum = np.fft.rfft(u * fade_t[:, None] * fade_z, padding * nt, axis=0)[keep]
+    spectrum = np.fft.ifft(spectrum, padding * nc, axis=1)[:, : padding * nc // 2 + 1]
+    distance = layer_distance(signals)
+    wavenumber = 2 * np.pi * np.arange(spectrum.shape[1]) / (padding * nc * distance)
+    amplitude = np.abs(spectrum)
+    return frequency[keep], wavenumber, amplitude / amplitude.max()

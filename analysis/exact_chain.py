@@ -1,0 +1,137 @@
+"""Exact signals of the planar crystal: a chain of layers between two walls, in closed form.
+
+A planar P-wave along [001] of an FCC crystal moves each layer as a whole, so it is that of a
+chain of n masses m with springs C (Eq. 8) and a wall spring at each end. The eigenmodes of the
+tridiagonal matrix and Duhamel's integral give its motion without any time stepping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from modal.lattice import FccCrystal
+from modal.network import Network
+from modal.signals import Signals, source_pulse
+
+
+@dataclass(frozen=True)
+class Chain:
+    """`layers` masses (kg), springs C and wall springs (N/m), layer distance and area per mass.
+
+    first, wall_gap: z of the first centre and its distance from the wall, m; area, m^2, turns
+    the wall force into a stress.
+    """
+
+    mass: float
+    stiffness: float
+    wall_stiffness: float
+    distance: float
+    layers: int = 200
+    area: float = 1.0
+    wall_gap: float = 0.0
+
+    @classmethod
+    def of_crystal(cls, crystal: FccCrystal, layers: int = 200) -> Chain:
+        """The chain of an FCC crystal between flat walls of its own material."""
+        material, radius = crystal.material, crystal.radius
+        wall = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
+        return cls(
+            mass=crystal.mass,
+            stiffness=crystal.C,
+            wall_stiffness=float(wall),
+            distance=crystal.layer_distance,
+            layers=layers,
+            area=crystal.spacing**2,
+            wall_gap=radius - crystal.wall_overlap,
+        )
+
+    @classmethod
+    def of_network(cls, network: Network) -> Chain:
+        """The chain whose theory belongs to a network that is a crystal of equal layers."""
+        z = np.sort(network.position[:, 2])
+        layers = 1 + int(np.count_nonzero(np.diff(z) > 0.5 * network.radius.min()))
+        inner = network.particle_j >= 0
+        vertical = inner & (np.abs(network.normal[:, 2]) > 0.1)
+        kn = np.median(network.stiffness_normal[vertical])
+        kt = np.median(network.stiffness_tangential[vertical])
+        per_layer = network.n_particles / layers
+        return cls(
+            mass=float(network.mass.mean()),
+            stiffness=float(2 * (kn + kt)),
+            wall_stiffness=float(np.median(network.stiffness_normal[~inner])),
+            distance=float((z[-1] - z[0]) / (layers - 1)),
+            layers=layers,
+            area=float(network.cell_size[0] * network.cell_size[1] / per_layer),
+            wall_gap=float(z[0] - network.wall_position[0]),
+        )
+
+    @property
+    def velocity(self) -> float:
+        """Long-wave velocity, m/s (Eq. 6)."""
+        return self.distance * np.sqrt(self.stiffness / self.mass)
+
+    @property
+    def low_pass_frequency(self) -> float:
+        """f_low-pass, Hz (Eq. 10)."""
+        return np.sqrt(self.stiffness / self.mass) / np.pi
+
+    def eigenmodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angular frequencies (n,) rad/s ascending, and orthonormal shapes (n, n) in columns."""
+        diagonal = np.full(self.layers, 2 * self.stiffness)
+        diagonal[[0, -1]] = self.stiffness + self.wall_stiffness
+        off = np.full(self.layers - 1, -self.stiffness)
+        square, shape = eigh_tridiagonal(diagonal / self.mass, off / self.mass)
+        return np.sqrt(np.maximum(square, 0)), shape
+
+    def displacement(self, time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
+        """Exact displacement of each layer, (nt, n) m, for the wall's pulse (`source_pulse`).
+
+        The pulse is an endless A (1 - cos W t) minus the same one, a period later.
+        """
+        omega, shape = self.eigenmodes()
+        force = amplitude * self.wall_stiffness / self.mass * shape[0]
+        drive = 2 * np.pi * frequency
+        time = np.asarray(time)[:, None]
+        q = _response(time, omega, drive) - _response(time - 1 / frequency, omega, drive)
+        return (force * q) @ shape.T
+
+
+def _response(time: np.ndarray, omega: np.ndarray, drive: float) -> np.ndarray:
+    """Duhamel integral of q'' + omega^2 q = 1 - cos(drive t), at rest before t = 0; s^2."""
+    t = np.maximum(time, 0.0)
+    static = 2 * (np.sin(omega * t / 2) / omega) ** 2
+    beat = t * np.sinc((omega - drive) * t / (2 * np.pi))
+    return static - beat * np.sin((omega + drive) * t / 2) / (omega + drive)
+
+
+def chain_signals(
+    chain: Chain, time: np.ndarray, amplitude: float = 2.5e-9, frequency: float = 1e5
+) -> Signals:
+    """Signals of the exact chain, as a run would have recorded them at `time` (nt,) s."""
+    u = chain.displacement(time, amplitude, frequency)
+    source = source_pulse(time, amplitude, frequency)
+    spring = chain.wall_stiffness / chain.area
+    return Signals(
+        time=np.asarray(time, float),
+        chain_particle=np.arange(chain.layers),
+        chain_position=chain.wall_gap + chain.distance * np.arange(chain.layers),
+        chain_displacement=u,
+        source_displacement=source,
+        source_stress=spring * (source - u[:, 0]),
+        receiver_stress=spring * u[:, -1],
+        producer="exact",
+        case="",
+        amplitude=amplitude,
+        input_frequency=frequency,
+        time_step=float(time[1] - time[0]),
+        run_time=0.0,
+        network_sha256="",
+    )
+
+
+def exact_twin(signals: Signals, chain: Chain) -> Signals:
+    """The exact chain at the very times, amplitude and input frequency of a recorded run."""
+    return chain_signals(chain, signals.time, signals.amplitude, signals.input_frequency)
