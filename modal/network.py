@@ -124,7 +124,9 @@ def read_network(path: str | Path) -> Network:
         for name, (kind, tail, _) in _CONTACTS.items():
             full = f"contacts/{name}"
             if name in _OPTIONAL and full not in file:
-                columns[name] = np.zeros((m or 0, *tail), {"f": float, "i": np.int64, "b": bool}[kind])
+                columns[name] = np.zeros(
+                    (m or 0, *tail), {"f": float, "i": np.int64, "b": bool}[kind]
+                )
                 continue
             columns[name] = get(file, full, kind, (m, *tail))
             m = len(columns[name])
@@ -161,7 +163,9 @@ def validate(network: Network, name: str = "network") -> None:
         _refuse(getattr(network, field_name) < 0, name, "contact", f"has negative {field_name}")
     i, j = network.particle_i, network.particle_j
     _refuse((i < 0) | (i >= n), name, "contact", f"has particle_i outside 0 to {n - 1}")
-    _refuse((j < RECEIVER_WALL) | (j >= n), name, "contact", f"has particle_j outside -2 to {n - 1}")
+    _refuse(
+        (j < RECEIVER_WALL) | (j >= n), name, "contact", f"has particle_j outside -2 to {n - 1}"
+    )
     _refuse(
         (i == j) & ~network.cell_shift.any(axis=1),
         name,

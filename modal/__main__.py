@@ -1,0 +1,171 @@
+"""Command line of modal: info, modes, count, lattice."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import sys
+import time
+from typing import Any, NoReturn
+
+import numpy as np
+
+from modal.lattice import FccCrystal
+from modal.mode_set import ModeSet, write_modes
+from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
+from modal.network import read_network
+from modal.storage import InputError
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="python -m modal", description="Eigenmodes of granular packings")
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=_Parser)
+
+    def network_command(name: str, text: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=text, description=text)
+        command.add_argument("network", help="contact network, *.network.h5")
+        command.add_argument("--json", action="store_true", help="print one JSON object")
+        return command
+
+    network_command("info", "what is in a network")
+    modes = network_command("modes", "natural frequencies and mode shapes")
+    choice = modes.add_mutually_exclusive_group()
+    choice.add_argument("--lowest", type=int, metavar="K")
+    choice.add_argument("--highest", type=int, metavar="K")
+    choice.add_argument("--below", type=float, metavar="HZ")
+    choice.add_argument("--between", type=float, nargs=2, metavar="HZ")
+    choice.add_argument("--all", action="store_true")
+    modes.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
+    modes.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
+    count = network_command("count", "exact number of modes below each frequency")
+    count.add_argument("--at", nargs="+", required=True, metavar="HZ")
+    lattice = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
+    lattice.add_argument("--stress", type=float, default=1e5, metavar="PA")
+    lattice.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser
+
+
+def _solve(problem: Eigenproblem, options: argparse.Namespace) -> ModeSet:
+    if options.all:
+        return all_modes(problem)
+    if options.highest is not None:
+        return extreme_modes(problem, options.highest, "highest")
+    if options.below is not None:
+        return modes_between(problem, 0.0, options.below)
+    if options.between is not None:
+        return modes_between(problem, *options.between)
+    default = min(10, problem.size)
+    return extreme_modes(problem, default if options.lowest is None else options.lowest, "lowest")
+
+
+def _info(options: argparse.Namespace) -> dict[str, Any]:
+    network = read_network(options.network)
+    normal = network.normal[~network.with_wall]
+    fabric = normal.T @ normal / max(len(normal), 1)
+    touching = np.bincount(network.particle_i, minlength=network.n_particles)
+    pairs = network.particle_j[~network.with_wall]
+    touching += np.bincount(pairs, minlength=network.n_particles)
+    return {
+        "particles": network.n_particles,
+        "contacts": network.n_contacts,
+        "wall_contacts": int(network.with_wall.sum()),
+        "length_m": network.length,
+        "coordination_number": float(touching.mean()),
+        "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
+        "fabric_diagonal": [float(value) for value in np.diag(fabric)],
+        "degrees_of_freedom": 6 * network.n_particles,
+        "study": {key: str(value) for key, value in network.study.items()},
+    }
+
+
+def _modes(options: argparse.Namespace) -> dict[str, Any]:
+    network = read_network(options.network)
+    problem = Eigenproblem.of(network, translations_only=options.translations_only)
+    modes = _solve(problem, options)
+    if options.output:
+        write_modes(options.output, modes)
+    floor = 1e-6 * abs(modes.frequency).max(initial=0.0)
+    return {
+        "frequency_hz": modes.frequency.tolist(),
+        "residual": modes.residual.tolist(),
+        "floppy_modes": int((modes.frequency < floor).sum()),
+        "degrees_of_freedom": problem.size,
+        "certified": bool(modes.attributes["certified"]),
+        "solver": modes.attributes["solver"],
+        "p_wave_resonances": 0
+        if modes.resonance_frequency is None
+        else len(modes.resonance_frequency),
+    }
+
+
+def _count(options: argparse.Namespace) -> dict[str, Any]:
+    problem = Eigenproblem.of(read_network(options.network))
+    counts = {}
+    for typed in options.at:
+        try:
+            frequency = float(typed)
+        except ValueError:
+            raise InputError(f"--at {typed}: not a number; give frequencies in Hz") from None
+        counts[typed] = count_below(problem, frequency)
+    return {"count_below": counts, "degrees_of_freedom": problem.size}
+
+
+def _lattice(options: argparse.Namespace) -> dict[str, Any]:
+    if not 0 < options.stress < 1e9:
+        raise InputError(f"--stress {options.stress:g}: outside 0 to 1e9 Pa; give it in Pa")
+    crystal = FccCrystal(options.stress)
+    return {
+        "stress_pa": crystal.stress,
+        "overlap_m": crystal.overlap,
+        "stiffness_normal_n_per_m": crystal.kn,
+        "stiffness_tangential_n_per_m": crystal.kt,
+        "layer_stiffness_n_per_m": crystal.C,
+        "layer_distance_m": crystal.layer_distance,
+        "f_low_pass_hz": crystal.low_pass_frequency,
+        "long_wave_velocity_m_per_s": crystal.velocity,
+    }
+
+
+def _print(result: dict[str, Any]) -> None:
+    for key, value in result.items():
+        if isinstance(value, list) and len(value) > 12:
+            head = ", ".join(f"{item:.6g}" for item in value[:5])
+            tail = ", ".join(f"{item:.6g}" for item in value[-5:])
+            value = f"{head}, ... {tail} ({len(value)} values)"
+        elif isinstance(value, list):
+            value = ", ".join(f"{item:.9g}" for item in value)
+        elif isinstance(value, dict):
+            value = ", ".join(f"{name}: {item}" for name, item in value.items())
+        elif isinstance(value, float):
+            value = f"{value:.9g}"
+        print(f"{key.replace('_', ' '):34s} {value}")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit status, 2 for a user's mistake (one line on stderr)."""
+    commands = {"info": _info, "modes": _modes, "count": _count, "lattice": _lattice}
+    start = time.perf_counter()
+    try:
+        options = _parser().parse_args(argv)
+        result = commands[options.command](options)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    result["seconds"] = time.perf_counter() - start
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    result["peak_memory_bytes"] = peak * (1 if sys.platform == "darwin" else 1024)
+    if options.json:
+        print(json.dumps(result))
+    else:
+        _print(result)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
