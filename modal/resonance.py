@@ -23,14 +23,15 @@ def chi_z(shape: np.ndarray, particles: np.ndarray | slice = slice(None)) -> np.
     """Shape (k,): Eq. 2, the mean over particles of u_z^2 / |u|^2 (translations only).
 
     Each particle's displacement is normalised by its own size, so that 1 means that every
-    particle moves along z only. A particle that rests (below 1e-9 of the largest) counts zero.
+    particle moves along z only. The mean is over the particles that move: a particle at rest (below
+    1e-9 of the largest, such as the middle layer of an antisymmetric mode) has no direction.
     """
     u2 = np.abs(shape[:, particles, :3]) ** 2
     total = u2.sum(axis=2)
     floor = 1e-18 * total.max(axis=1, keepdims=True)
     moving = total > floor
     share = np.divide(u2[:, :, 2], total, out=np.zeros_like(total), where=moving)
-    return share.mean(axis=1)
+    return share.sum(axis=1) / np.maximum(moving.sum(axis=1), 1)
 
 
 def rotation_share(vector: np.ndarray, dof: int) -> np.ndarray:

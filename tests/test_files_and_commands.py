@@ -1,0 +1,169 @@
+"""File formats round trip, bad input is refused in one line, the command line in-process."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.__main__ import main
+from modal.chain import wall_to_wall_chain
+from modal.mode_set import read_modes
+from modal.network import read_network, write_network
+from modal.signals import Signals, read_signals, source_pulse, write_signals
+from modal.storage import InputError
+
+
+@pytest.fixture
+def network_file(tmp_path):
+    path = tmp_path / "slab.network.h5"
+    write_network(path, gallery.fcc(2, 6))
+    return path
+
+
+def test_network_round_trip(network_file):
+    original, back = gallery.fcc(2, 6), read_network(network_file)
+    for name, value in vars(original).items():
+        if isinstance(value, np.ndarray):
+            assert np.array_equal(getattr(back, name), value), name
+    assert back.study == original.study
+    with h5py.File(network_file) as file:
+        assert file["contacts/particle_i"].dtype == np.int32
+        units = []
+        file.visititems(
+            lambda _, node: units.append("units" in node.attrs or hasattr(node, "keys"))
+        )
+        assert all(units)
+
+
+def test_no_half_file_is_left(network_file, monkeypatch):
+    before = network_file.read_bytes()
+    broken = gallery.fcc(2, 6)
+    broken.normal = "not an array"
+    with pytest.raises(ValueError):
+        write_network(network_file, broken)
+    assert network_file.read_bytes() == before
+    assert [path.name for path in network_file.parent.iterdir()] == [network_file.name]
+
+
+def _spoil(path, change):
+    with h5py.File(path, "r+") as file:
+        change(file)
+
+
+DAMAGES = {
+    "version": lambda f: f.attrs.__setitem__("schema_version", 9),
+    "schema": lambda f: f.attrs.__setitem__("schema", "something"),
+    "missing": lambda f: f.__delitem__("contacts/normal"),
+    "nan": lambda f: f["particles/mass"].__setitem__(3, np.nan),
+    "negative": lambda f: f["contacts/stiffness_normal"].__setitem__(0, -1.0),
+    "index_i": lambda f: f["contacts/particle_i"].__setitem__(0, 99),
+    "index_j": lambda f: f["contacts/particle_j"].__setitem__(0, -3),
+    "self": lambda f: (
+        f["contacts/particle_j"].__setitem__(0, f["contacts/particle_i"][0]),
+        f["contacts/cell_shift"].__setitem__(0, 0),
+    ),
+    "normal": lambda f: f["contacts/normal"].__setitem__(0, [0.0, 0.0, 2.0]),
+    "shape": lambda f: (
+        f.__delitem__("particles/mass"),
+        f.create_dataset("particles/mass", data=np.ones(3)),
+    ),
+    "text": lambda f: (
+        f.__delitem__("particles/mass"),
+        f.create_dataset("particles/mass", data="heavy"),
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_network_is_one_line_and_status_2(network_file, damage, capsys):
+    _spoil(network_file, DAMAGES[damage])
+    assert main(["info", str(network_file)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ") and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("keep", [0, 10, 1000, 20000])
+def test_truncated_network_is_one_line_and_status_2(network_file, keep, capsys):
+    network_file.write_bytes(network_file.read_bytes()[:keep])
+    assert main(["info", str(network_file)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_bad_options_are_one_line_and_status_2(network_file, capsys):
+    for arguments in (
+        ["info", "absent.h5"],
+        ["modes", str(network_file), "--between", "5", "1"],
+        ["modes", str(network_file), "--lowest", "1000"],
+        ["count", str(network_file), "--at", "many"],
+        ["lattice", "--stress", "-1"],
+        ["wrong"],
+    ):
+        assert main(arguments) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_modes_and_count_agree_on_the_command_line(network_file, tmp_path, capsys):
+    out = tmp_path / "slab.modes.h5"
+    assert main(["modes", str(network_file), "--all", "--json", "-o", str(out)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    frequency = np.array(result["frequency_hz"])
+    assert len(frequency) == result["degrees_of_freedom"] == 144
+    assert result["p_wave_resonances"] == 6
+    assert np.array_equal(read_modes(out).frequency, frequency)
+    assert main(["count", str(network_file), "--at", "1e5", "--json"]) == 0
+    counts = json.loads(capsys.readouterr().out)["count_below"]
+    assert counts == {"1e5": int((frequency < 1e5).sum())}
+
+
+def test_free_column_has_seven_zero_modes(tmp_path, capsys):
+    """Three spheres in a column: torsion about the axis and the rolling arcs cost nothing."""
+    path = tmp_path / "column.network.h5"
+    write_network(path, gallery.column(3))
+    assert main(["modes", str(path), "--all", "--json"]) == 0
+    # 18 degrees of freedom; each of 4 contacts has 3 springs, one of their sums is redundant.
+    assert json.loads(capsys.readouterr().out)["floppy_modes"] == 7
+
+
+def test_signals_round_trip(tmp_path):
+    time = np.linspace(0, 1e-4, 11)
+    pulse = source_pulse(time, 2.5e-9, 1e5)
+    signals = Signals(
+        time=time,
+        chain_particle=np.arange(2),
+        chain_position=np.array([1.0, 2.0]),
+        chain_displacement=np.outer(pulse, [1, 2]),
+        source_displacement=pulse,
+        source_stress=pulse * 2,
+        receiver_stress=pulse * 0,
+        producer="linear",
+        case="2",
+        amplitude=2.5e-9,
+        input_frequency=1e5,
+        time_step=1e-5,
+        run_time=0.1,
+        network_sha256="0" * 64,
+    )
+    path = tmp_path / "run.signals.h5"
+    write_signals(path, signals)
+    back = read_signals(path)
+    for name, value in vars(signals).items():
+        assert np.array_equal(getattr(back, name), value), name
+    _spoil(path, lambda f: f["receiver/stress"].__setitem__(0, np.inf))
+    with pytest.raises(InputError, match="not finite"):
+        read_signals(path)
+
+
+def test_source_pulse_starts_and_ends_at_rest():
+    frequency = 1e5
+    assert source_pulse(np.array([0.0, 0.5 / frequency, 1 / frequency]), 1.0, frequency) == (
+        pytest.approx([0.0, 2.0, 0.0], abs=1e-12)
+    )
+
+
+def test_chain_of_the_crystal_takes_one_particle_a_layer():
+    network = gallery.fcc(4, 20)
+    chain = wall_to_wall_chain(network)
+    assert len(chain) == 20
+    assert np.array_equal(chain // 16, np.arange(20))

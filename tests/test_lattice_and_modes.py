@@ -1,0 +1,164 @@
+"""Modes against theory: Bloch waves, the layer chain, the symmetry blocks, exact counts.
+
+Degenerate eigenvectors are never compared one by one (any rotation of them is as good);
+frequencies, counts and symmetric observables are.
+"""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh_tridiagonal
+
+from modal import gallery, modes
+from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.contact import contact_kinematics, contact_springs
+from modal.hertz_mindlin import stiffness_normal
+from modal.lattice import FccCrystal, dispersion
+from modal.modes import Eigenproblem
+from modal.storage import InputError
+
+
+def slab_frequencies(crystal: FccCrystal, layers: int) -> np.ndarray:
+    """Planar P modes of the slab from the chain of layers with its wall springs, Hz."""
+    wall = float(stiffness_normal(crystal.wall_overlap, crystal.radius, crystal.material))
+    diagonal = np.full(layers, 2 * crystal.C)
+    diagonal[[0, -1]] = crystal.C + wall
+    square = eigh_tridiagonal(diagonal, np.full(layers - 1, -crystal.C), eigvals_only=True)
+    return np.sqrt(square / crystal.mass) / (2 * np.pi)
+
+
+def test_bloch_long_wave_along_z_is_eq_9():
+    crystal = FccCrystal(1e5)
+    for fraction in (0.01, 0.3, 0.7, 1.0):
+        kappa = fraction * np.pi / crystal.layer_distance
+        frequency, _ = crystal.bloch([0, 0, kappa])
+        theory = dispersion(kappa, crystal.C, crystal.mass, crystal.layer_distance) / (2 * np.pi)
+        assert abs(frequency / theory - 1).min() < 1e-9
+    assert crystal.low_pass_frequency == pytest.approx(theory, rel=1e-12)
+
+
+def test_bloch_equals_periodic_supercell():
+    """Every mode of a supercell, periodic on all sides, is a Bloch wave of an allowed k."""
+    width, layers = 2, 4
+    network = gallery.fcc(width, layers)
+    crystal = FccCrystal(1e5)
+    # Close the slab: the wall contacts become contacts between last and first layer.
+    inside = ~network.with_wall
+    first = network.particle_i < width * width
+    lower = inside & first & (network.normal[:, 2] > 0.1)
+    B, k = contact_kinematics(network), contact_springs(network)
+    K = stiffness_matrix(_only(network, inside)).toarray()
+    # Layer 3 is shifted like layer 1, so the contacts from layer 1 up to layer 2 are the ones
+    # that layer 3 has with the image of layer 0.
+    second = inside & (network.particle_i // 4 == 1) & (network.normal[:, 2] > 0.1)
+    assert second.sum() == lower.sum() == 16
+    for c in np.flatnonzero(second):
+        i, j = network.particle_i[c] + 8, network.particle_j[c] - 8
+        dofs = np.concatenate([6 * i + np.arange(6), 6 * j + np.arange(6)])
+        K[np.ix_(dofs, dofs)] += B[c].T @ k[c] @ B[c]
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    supercell = np.sort(np.linalg.eigvalsh(K * scale[:, None] * scale))
+    d, length = crystal.spacing, layers * crystal.layer_distance
+    squares = []
+    for a in range(width):
+        for b in range(width):
+            for c in range(layers):
+                # The unit cell holds one sphere, the supercell 16: 16 wavevectors.
+                q = 2 * np.pi * np.array([a / (width * d), b / (width * d), c / length])
+                squares.extend(np.linalg.eigvalsh(crystal.bloch_matrix(q)))
+    assert np.sort(squares) == pytest.approx(supercell, abs=1e-12 * supercell.max())
+
+
+def _only(network, inside):
+    import copy
+
+    part = copy.copy(network)
+    names = ("particle_i", "particle_j", "normal", "lever_i", "lever_j")
+    for name in (*names, "stiffness_normal", "stiffness_tangential"):
+        setattr(part, name, getattr(network, name)[inside])
+    return part
+
+
+def test_group_velocity_is_the_slope_of_the_branches():
+    crystal = FccCrystal(1e5)
+    q = np.array([150.0, 70.0, 600.0])
+    exact = crystal.group_velocity(q)
+    errors = []
+    for step in (2.0, 1.0):
+        slope = np.empty((6, 3))
+        for axis in range(3):
+            shift = step * np.eye(3)[axis]
+            difference = crystal.bloch(q + shift)[0] - crystal.bloch(q - shift)[0]
+            slope[:, axis] = 2 * np.pi * difference / (2 * step)
+        errors.append(abs(slope - exact).max())
+    assert errors[1] < 1e-4 * abs(exact).max()
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("layers", "stress", "radius"), [(6, 1e5, 1.27e-3), (11, 1e4, 1e-3), (16, 1e7, 5e-3)]
+)
+def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
+    network = gallery.fcc(3, layers, stress, radius)
+    found = modes.all_modes(Eigenproblem.of(network))
+    theory = slab_frequencies(FccCrystal(stress, radius), layers)
+    assert len(found.resonance_frequency) == layers
+    assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
+    assert np.allclose(
+        found.resonance_wavenumber, np.pi * np.arange(1, layers + 1) / network.length
+    )
+
+
+def test_symmetry_blocks_equal_the_dense_spectrum():
+    problem = Eigenproblem.of(gallery.fcc(4, 5))
+    by_symmetry = modes.all_modes(problem)
+    assert by_symmetry.attributes["solver"] == "symmetry 4x4"
+    dense = np.linalg.eigvalsh(problem.scaled.toarray())
+    assert (2 * np.pi * by_symmetry.frequency) ** 2 == pytest.approx(
+        dense, abs=1e-13 * problem.size * dense.max()
+    )
+
+
+def test_broken_symmetry_is_noticed():
+    network = gallery.fcc(3, 5)
+    network.stiffness_normal[7] *= 1.001
+    problem = Eigenproblem.of(network)
+    assert modes.all_modes(problem).attributes["solver"] == "dense"
+
+
+def test_sparse_solver_and_counts_equal_the_dense_spectrum():
+    problem = Eigenproblem.of(gallery.fcc(4, 10))
+    dense = modes.frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
+    lowest = modes.extreme_modes(problem, 20, "lowest")
+    assert lowest.attributes["certified"]
+    assert lowest.frequency == pytest.approx(dense[:20], rel=1e-8)
+    assert lowest.residual.max() < 1e-10
+    highest = modes.extreme_modes(problem, 5, "highest")
+    assert highest.frequency == pytest.approx(dense[-5:], rel=1e-10)
+    for frequency in (5e4, 1.2e5, 2.0e5):
+        assert modes.count_below(problem, frequency) == (dense < frequency).sum()
+    inside = modes.modes_between(problem, 2e4, 4e4)
+    expected = dense[(dense >= 2e4) & (dense < 4e4)]
+    assert inside.frequency == pytest.approx(expected, rel=1e-8)
+
+
+def test_without_rotations_the_top_is_the_low_pass_frequency():
+    """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
+    problem = Eigenproblem.of(gallery.fcc(4, 60), translations_only=True)
+    top = modes.extreme_modes(problem, 1, "highest").frequency[0]
+    assert top == pytest.approx(FccCrystal(1e5).low_pass_frequency, rel=5e-3)
+
+
+def test_velocity_and_low_pass_grow_with_stress_to_the_power_one_sixth():
+    stress = np.array([1e4, 1e5, 1e6, 1e7])
+    velocity = [FccCrystal(s).velocity for s in stress]
+    slope = np.polyfit(np.log(stress), np.log(velocity), 1)[0]
+    # The layer distance shrinks by the overlap (0.6 % of R at 10 MPa): a little below 1/6.
+    assert slope == pytest.approx(1 / 6, abs=0.002)
+
+
+def test_interval_and_number_are_checked():
+    problem = Eigenproblem.of(gallery.column(3))
+    with pytest.raises(InputError, match="empty"):
+        modes.modes_between(problem, 5.0, 1.0)
+    with pytest.raises(InputError, match="degrees of freedom"):
+        modes.extreme_modes(problem, 19, "lowest")

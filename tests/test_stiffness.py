@@ -1,0 +1,112 @@
+"""K against a slow oracle, rigid motions, and the derivative of the force law."""
+
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.contact import contact_stiffness
+from modal.hertz_mindlin import GLASS, RADIUS, normal_force, overlap_of_force, stiffness_normal
+from modal.lattice import FccCrystal
+
+
+def test_12x12_is_symmetric_and_positive():
+    local = contact_stiffness(gallery.fcc(2, 4))
+    scale = abs(local).max()
+    assert abs(local - local.transpose(0, 2, 1)).max() <= 1e-15 * scale
+    # Three springs a contact: rank 3, no negative direction.
+    values = np.linalg.eigvalsh(local / scale)
+    assert values.min() > -1e-14
+
+
+@pytest.mark.parametrize("network", [gallery.fcc(1, 4), gallery.fcc(2, 4), gallery.column(4)])
+def test_assembly_equals_slow_oracle(network, slow_K):
+    K = stiffness_matrix(network).toarray()
+    oracle = slow_K(network)
+    # Sums of at most 24 products of size max|K|: round-off stays below 1e-13 of it.
+    assert abs(K - oracle).max() <= 1e-13 * abs(oracle).max()
+
+
+def test_translations_only_is_the_translational_part_of_K():
+    network = gallery.fcc(2, 4)
+    full = stiffness_matrix(network).toarray().reshape(16, 6, 16, 6)
+    part = stiffness_matrix(network, translations_only=True).toarray()
+    assert abs(full[:, :3, :, :3].reshape(48, 48) - part).max() <= 1e-15 * abs(part).max()
+
+
+def test_rigid_motions_of_a_free_cluster_cost_nothing():
+    network = gallery.fcc(3, 4)
+    inside = ~network.with_wall & ~network.cell_shift.any(axis=1)
+    for name in ("particle_i", "particle_j", "normal", "lever_i", "lever_j"):
+        setattr(network, name, getattr(network, name)[inside])
+    network.stiffness_normal = network.stiffness_normal[inside]
+    network.stiffness_tangential = network.stiffness_tangential[inside]
+    K = stiffness_matrix(network)
+    position = network.position - network.position.mean(axis=0)
+    for axis in np.eye(3):
+        shift = np.concatenate([np.tile(axis, (len(position), 1)), 0 * position], axis=1)
+        turn = np.concatenate([np.cross(axis, position), np.tile(axis, (len(position), 1))], axis=1)
+        assert abs(K @ shift.ravel()).max() <= 1e-12 * abs(K).max()
+        size = abs(K).max() * abs(position).max()
+        assert abs(K @ turn.ravel()).max() <= 1e-12 * size
+
+
+def test_lateral_translation_of_a_periodic_slab_pulls_on_walls_only():
+    network = gallery.fcc(2, 6)
+    K = stiffness_matrix(network)
+    shift = np.zeros((network.n_particles, 6))
+    shift[:, 0] = 1.0
+    force = (K @ shift.ravel()).reshape(-1, 6)
+    inner = np.setdiff1d(np.arange(24), network.particle_i[network.with_wall])
+    assert abs(force[inner]).max() <= 1e-13 * abs(K).max()
+
+
+def test_tangent_stiffness_is_the_derivative_of_the_force():
+    overlap = 3e-7
+    exact = stiffness_normal(overlap, RADIUS, GLASS)
+    errors = []
+    for step in (0.02 * overlap, 0.01 * overlap):
+        high = normal_force(overlap + step, RADIUS, GLASS)
+        low = normal_force(overlap - step, RADIUS, GLASS)
+        errors.append(abs((high - low) / (2 * step) / exact - 1))
+    # A central difference has order two: a quarter of the error at half the step.
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.01)
+
+
+def test_overlap_inverts_force():
+    force = np.array([1e-6, 1.0, 1e3])
+    assert normal_force(overlap_of_force(force, RADIUS, GLASS), RADIUS, GLASS) == pytest.approx(
+        force, rel=1e-14
+    )
+
+
+@pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
+def test_fcc_balances_the_stress(stress):
+    """Contact forces of the sample give the stress (Love-Weber), and each sphere rests."""
+    network = gallery.fcc(3, 6, stress)
+    total = np.zeros((network.n_particles, 3))
+    push = network.force_normal[:, None] * network.normal
+    pair = ~network.with_wall
+    np.add.at(total, network.particle_i, -push)
+    np.add.at(total, network.particle_j[pair], push[pair])
+    assert abs(total).max() <= 1e-12 * network.force_normal.max()
+    area = network.cell_size[0] * network.cell_size[1]
+    at_source = network.particle_j == -1
+    assert network.force_normal[at_source].sum() / area == pytest.approx(stress, rel=1e-12)
+    crystal = FccCrystal(stress)
+    layer = crystal.layer_distance
+    branch = network.lever_i - network.lever_j
+    lateral = pair & (abs(branch[:, 0]) > 0)
+    sigma_xx = (push[:, 0] * branch[:, 0])[lateral].sum() / (area * layer * 6)
+    # 6 layers in the plane, but only 5 gaps between them carry their share.
+    in_plane = crystal.contact_force / crystal.spacing / layer
+    between = in_plane * 5 / 6
+    assert sigma_xx == pytest.approx(in_plane + between, rel=1e-12)
+
+
+def test_mass_diagonal():
+    network = gallery.column(2)
+    mass = mass_diagonal(network)
+    expected = 2230 * 4 / 3 * np.pi * RADIUS**3
+    assert mass[:3] == pytest.approx(expected)
+    assert mass[3:6] == pytest.approx(0.4 * expected * RADIUS**2)
