@@ -21,7 +21,7 @@ from modal.mode_set import ModeSet
 from modal.network import Network
 from modal.resonance import chi_z, particle_motion, planar_resonances, rotation_share
 from modal.storage import InputError
-from modal.symmetry import LateralTranslations, lateral_translations, symmetric_modes
+from modal.symmetry import LateralTranslations, lateral_translations, symmetry_blocks
 
 DENSE_LIMIT = 6000
 """Degrees of freedom up to which the dense solver (0.9 GB, about a minute) is used."""
@@ -121,27 +121,36 @@ def _all_by_symmetry(
     chain: np.ndarray | None,
     norm: float,
 ) -> ModeSet:
+    """Modes block by block. A Bloch wave is of the same size in every cell, so one column of
+    cells has the observables; only the laterally uniform block (q = 0) has planar resonances."""
+    column = group.orbit[0]
+    column_mass = problem.mass.reshape(-1, problem.dof)[column].ravel()
+    in_column = np.full(problem.network.n_particles, -1)
+    for image in group.orbit:
+        in_column[image] = np.arange(len(column))
+    column_chain = in_column[chain] if chain is not None else None
     parts = []
-    for square, U, inner, multiplicity in symmetric_modes(problem.scaled, group, problem.dof):
-        step = max(1, int(2e8 / (16 * problem.size)))
-        for at in range(0, len(square), step):
-            chosen = slice(at, at + step)
-            part = _measure(problem, square[chosen], U @ inner[:, chosen], chain, norm)
-            parts.extend([part] * multiplicity)
-    names = ("frequency", "residual", "chi_z", "chi_z_chain", "rotation_share")
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    order = np.argsort(columns["frequency"], kind="stable")
-    modes = ModeSet(**{name: column[order] for name, column in columns.items()})
-    if chain is not None:
-        found = [part for part in parts if len(part.resonance_frequency)]
-        kappa = np.concatenate([part.resonance_wavenumber for part in found] or [np.empty(0)])
-        _, first = np.unique(kappa, return_index=True)
-        modes.resonance_wavenumber = kappa[first]
-        modes.resonance_frequency = np.concatenate(
-            [part.resonance_frequency for part in found] or [np.empty(0)]
-        )[first]
-        shapes = [part.resonance_shape for part in found] or [np.empty((0, len(chain)))]
-        modes.resonance_shape = np.concatenate(shapes)[first]
+    resonances: tuple[np.ndarray, ...] | None = None
+    blocks = symmetry_blocks(problem.scaled, group, problem.dof)
+    for block, U, multiplicity in blocks:
+        square, inner = eigh(block, check_finite=False, driver="evd")
+        shape = particle_motion(inner, column_mass, problem.dof)
+        rotations = rotation_share(inner, problem.dof)
+        chain_chi = np.full(len(square), np.nan)
+        if column_chain is not None:
+            chain_chi = chi_z(shape, column_chain)
+            if resonances is None:
+                uniform = particle_motion(U @ inner, problem.mass, problem.dof)
+                resonances = planar_resonances(
+                    frequency_of(square), uniform, rotations, chain, problem.network
+                )
+        residual = np.linalg.norm(block @ inner - inner * square, axis=0) / norm
+        rows = (frequency_of(square), residual, chi_z(shape), chain_chi, rotations)
+        parts.extend([np.array(rows)] * multiplicity)
+    table = np.concatenate(parts, axis=1)
+    modes = ModeSet(*table[:, np.argsort(table[0], kind="stable")])
+    if resonances is not None:
+        modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
     cells = f"{group.cells[0]}x{group.cells[1]}"
     modes.attributes = {"interval": "all", "certified": True, "solver": f"symmetry {cells}"}
     return modes

@@ -8,11 +8,11 @@ column over the cells with the phase q. Exact; q and -q share their frequencies.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigh
 from scipy.spatial import cKDTree
 
 from modal.network import Network
@@ -92,22 +92,25 @@ def lateral_translations(network: Network, K: sp.csr_matrix, dof: int) -> Latera
     return LateralTranslations((cells[0], cells[1]), table[:, representative])
 
 
-def symmetric_modes(scaled: sp.csr_matrix, group: LateralTranslations, dof: int):
-    """Yield (omega squared (b,), U (dof n, b), inner (b, b), multiplicity) for each pair q, -q.
+def symmetry_blocks(
+    scaled: sp.csr_matrix, group: LateralTranslations, dof: int
+) -> Iterator[tuple[np.ndarray, sp.csr_matrix, int]]:
+    """Yield (block (b, b), U (dof n, b), multiplicity) for each pair of wavevectors q, -q.
 
-    `scaled` is M^-1/2 K M^-1/2; U @ inner are unit vectors over the whole network.
+    `scaled` is M^-1/2 K M^-1/2. An eigenvector w of the block is the Bloch wave U w of the whole
+    network, of the same size in every cell. The first block is the laterally uniform one (q = 0).
     """
     nx, ny = group.cells
     size = dof * group.orbit.shape[1]
     rows = (dof * group.orbit[:, :, None] + np.arange(dof)).reshape(nx * ny, size)
-    done = set()
+    cell = np.arange(nx * ny)
+    done: set[tuple[int, int]] = set()
     for qy in range(ny):
         for qx in range(nx):
             if (qx, qy) in done:
                 continue
             opposite = (-qx % nx, -qy % ny)
             done.update({(qx, qy), opposite})
-            cell = np.arange(nx * ny)
             angle = 2 * np.pi * (qx * (cell % nx) / nx + qy * (cell // nx) / ny)
             real = opposite == (qx, qy)
             phase = np.cos(angle) if real else np.exp(1j * angle)
@@ -116,6 +119,4 @@ def symmetric_modes(scaled: sp.csr_matrix, group: LateralTranslations, dof: int)
                 (values, (rows.ravel(), np.tile(np.arange(size), nx * ny))),
                 shape=(scaled.shape[0], size),
             )
-            block = (U.conj().T @ scaled @ U).toarray()
-            square, inner = eigh(block, overwrite_a=True, check_finite=False)
-            yield square, U, inner, 1 if real else 2
+            yield (U.conj().T @ scaled @ U).toarray(), U, 1 if real else 2
