@@ -1,4 +1,4 @@
-"""Command line of modal: info, modes, count, lattice."""
+"""Command line of modal: info, modes, count, wave, lattice."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from modal.lattice import FccCrystal
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
 from modal.network import read_network
-from modal.storage import InputError
+from modal.signals import write_signals
+from modal.storage import InputError, sha256
+from modal.wave import AMPLITUDE, INPUT_FREQUENCY, propagate
 
 
 class _Parser(argparse.ArgumentParser):
@@ -45,6 +47,11 @@ def _parser() -> argparse.ArgumentParser:
     modes.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
     count = network_command("count", "exact number of modes below each frequency")
     count.add_argument("--at", nargs="+", required=True, metavar="HZ")
+    wave = network_command("wave", "signals of a wave in the linear network")
+    wave.add_argument("--amplitude", type=float, default=AMPLITUDE, metavar="A", help="m")
+    wave.add_argument("--input-frequency", type=float, default=INPUT_FREQUENCY, metavar="HZ")
+    wave.add_argument("--duration", type=float, default=5e-4, metavar="S")
+    wave.add_argument("-o", "--output", metavar="FILE", help="write *.signals.h5")
     lattice = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
     lattice.add_argument("--stress", type=float, default=1e5, metavar="PA")
     lattice.add_argument("--json", action="store_true", help="print one JSON object")
@@ -116,6 +123,27 @@ def _count(options: argparse.Namespace) -> dict[str, Any]:
     return {"count_below": counts, "degrees_of_freedom": problem.size}
 
 
+def _wave(options: argparse.Namespace) -> dict[str, Any]:
+    network = read_network(options.network)
+    wave = propagate(
+        network,
+        options.duration,
+        amplitude=options.amplitude,
+        input_frequency=options.input_frequency,
+        network_sha256=sha256(options.network),
+    )
+    if options.output:
+        write_signals(options.output, wave.signals)
+    return {
+        "particles_of_the_chain": len(wave.signals.chain_particle),
+        "times": len(wave.signals.time),
+        "products_with_k": wave.products,
+        "truncation": wave.truncation,
+        "largest_displacement_m": float(abs(wave.signals.chain_displacement).max()),
+        "degrees_of_freedom": 6 * network.n_particles,
+    }
+
+
 def _lattice(options: argparse.Namespace) -> dict[str, Any]:
     if not 0 < options.stress < 1e9:
         raise InputError(f"--stress {options.stress:g}: outside 0 to 1e9 Pa; give it in Pa")
@@ -149,7 +177,13 @@ def _print(result: dict[str, Any]) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status, 2 for a user's mistake (one line on stderr)."""
-    commands = {"info": _info, "modes": _modes, "count": _count, "lattice": _lattice}
+    commands = {
+        "info": _info,
+        "modes": _modes,
+        "count": _count,
+        "wave": _wave,
+        "lattice": _lattice,
+    }
     start = time.perf_counter()
     try:
         options = _parser().parse_args(argv)

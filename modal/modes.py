@@ -156,7 +156,7 @@ def _all_by_symmetry(
     return modes
 
 
-def _start_vector(size: int) -> np.ndarray:
+def start_vector(size: int) -> np.ndarray:
     """The same start every time, so that the same network gives the same digits."""
     return np.random.default_rng(20170729).standard_normal(size)
 
@@ -173,7 +173,7 @@ def extreme_modes(problem: Eigenproblem, count: int, end: str) -> ModeSet:
         modes = all_modes(problem)
         chosen = slice(0, count) if end == "lowest" else slice(problem.size - count, None)
         return _subset(modes, chosen, f"{end} {count}")
-    v0 = _start_vector(problem.size)
+    v0 = start_vector(problem.size)
     if end == "highest":
         square, vector = eigsh(problem.scaled, k=count, which="LA", v0=v0, tol=1e-13)
         solver = "arpack"
