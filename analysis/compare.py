@@ -1,0 +1,203 @@
+"""The comparison: each quantity by theory, by eigenmodes, by YADE and as the paper states it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from analysis import dispersion as disp
+from analysis.exact_chain import exact_twin
+from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency, wavelength
+from analysis.paper import stated
+from analysis.products import Products
+from analysis.velocity import (
+    arrival_times,
+    at_frequency,
+    first_peak_times,
+    mode_velocities,
+    travel_velocity,
+    wall_velocity,
+)
+from modal.signals import Signals
+
+COLUMNS = ("theory", "modal", "yade", "paper")
+DEVIATIONS = ("modal/theory %", "yade/theory %", "to paper %")
+HEADER = ("quantity", "unit", *COLUMNS, *DEVIATIONS, "note")
+
+
+@dataclass
+class Row:
+    """One quantity; values by column name, None where there is none."""
+
+    id: str
+    quantity: str
+    unit: str
+    values: dict[str, float | None] = field(default_factory=dict)
+    note: str = ""
+
+    def deviation(self, column: str, reference: str) -> float | None:
+        """Relative deviation in percent; None where either is absent."""
+        value, base = self.values.get(column), self.values.get(reference)
+        if value is None or base is None or not np.isfinite([value, base]).all() or base == 0:
+            return None
+        return 100 * (value / base - 1)
+
+    def cells(self) -> list[str]:
+        """The row as text, in the order of `HEADER`."""
+        numbers = [self.values.get(name) for name in COLUMNS]
+        deviations = [
+            self.deviation("modal", "theory"),
+            self.deviation("yade", "theory"),
+            self.deviation("yade" if self.values.get("yade") is not None else "modal", "paper"),
+        ]
+        shown = [f"{v:.6g}" if v is not None and np.isfinite(v) else "" for v in numbers]
+        percent = [f"{d:+.3f}" if d is not None else "" for d in deviations]
+        return [self.quantity, self.unit, *shown, *percent, self.note]
+
+
+def compare(case: Products) -> list[Row]:
+    """All rows for one crystal; columns of absent products stay empty."""
+    chain, network = case.chain, case.network
+    rows: dict[str, Row] = {}
+
+    def put(key: str, text: str, unit: str, note: str = "", **values: float | None) -> None:
+        row = rows.setdefault(key, Row(key, text, unit, {"paper": stated(key, case.number)}))
+        row.values.update(values)
+        row.note = row.note or note
+
+    omega, _ = chain.eigenmodes()
+    put("f_min", "lowest natural frequency", "kHz")
+    put("f_max", "highest natural frequency", "kHz")
+    put("f_1", "first P resonance", "kHz", theory=omega[0] / 2e3 / np.pi)
+    put("f_200", "last P resonance", "kHz", theory=omega[-1] / 2e3 / np.pi)
+    put("resonances", "number of P resonances", "1", theory=float(chain.layers))
+    f_theory = chain.low_pass_frequency
+    note = "theory Eq. 10; modal and YADE: band edge, unbiased"
+    put("f_low_pass", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
+    note = "theory Eq. 6; modal and YADE: slope at long waves, unbiased"
+    put("velocity", "V_P, long waves", "m/s", note, theory=chain.velocity)
+    diameter = 2 * float(network.radius.mean())
+    lam = wavelength(chain.velocity, f_theory) / diameter
+    put("lambda_over_d", "lambda_low-pass / D", "1", theory=lam)
+    void = float(np.prod(network.cell_size[:2])) * network.length
+    solid = float((4 / 3 * np.pi * network.radius**3).sum())
+    put("void_ratio", "void ratio, wall to wall", "1", yade=void / solid - 1)
+    _modal_rows(case, put)
+    if case.signals is not None:
+        _signal_rows(case, case.signals, put)
+    return list(rows.values())
+
+
+def _modal_rows(case: Products, put) -> None:
+    modes, chain = case.modes, case.chain
+    if modes is None:
+        return
+    full = len(modes.frequency) == 6 * case.network.n_particles
+    note = "" if full else "of the modes in the file"
+    put("f_min", "", "", note, modal=modes.frequency[0] / 1e3)
+    put("f_max", "", "", note, modal=modes.frequency[-1] / 1e3)
+    if modes.resonance_frequency is not None and len(modes.resonance_frequency) > 3:
+        f, shape = modes.resonance_frequency, modes.resonance_shape
+        put("f_1", "", "", modal=f[0] / 1e3)
+        put("f_200", "", "", modal=f[-1] / 1e3)
+        put("resonances", "", "", modal=float(len(f)))
+        if shape is not None and shape.shape[1] > 3:
+            measured = disp.mode_dispersion(f, shape, chain.distance)
+            edge, speed = measured.low_pass_frequency, measured.velocity
+            put("f_low_pass", "", "", modal=edge / 1e3)
+            put("velocity", "", "", modal=speed)
+            lam = wavelength(speed, edge) / (2 * float(case.network.radius.mean()))
+            put("lambda_over_d", "", "", modal=lam)
+            rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
+            text = "dispersion, RMS deviation from Eq. 9"
+            put("rms", text, "%", "up to kappa l = 0.9 pi", modal=100 * rms)
+        if modes.resonance_wavenumber is not None:
+            phase, group = mode_velocities(f, modes.resonance_wavenumber)
+            for name, values in (("phase", phase), ("group", group)):
+                value = at_frequency(f, values, 5e4)
+                note = "modal: lambda = 2 L / r (Eq. 4)"
+                exact = _exact_velocity(chain, name, 5e4)
+                put(name, f"{name} velocity at 50 kHz", "m/s", note, modal=value, theory=exact)
+    if case.translations is not None:
+        ratio = case.translations.frequency[-1] / chain.low_pass_frequency
+        put("translations_only", "f_max without rotations / f_low-pass", "1", modal=ratio)
+
+
+def _exact_velocity(chain, name: str, frequency: float) -> float:
+    half = np.arcsin(min(1.0, frequency / chain.low_pass_frequency))
+    return chain.velocity * (np.sin(half) / half if name == "phase" else np.cos(half))
+
+
+def _signal_rows(case: Products, signals: Signals, put) -> None:
+    chain = case.chain
+    measured = disp.chain_dispersion(signals)
+    edge, speed = measured.low_pass_frequency, measured.velocity
+    put("f_low_pass", "", "", yade=edge / 1e3)
+    put("velocity", "", "", yade=speed)
+    put("lambda_over_d", "", "", yade=wavelength(speed, edge) / (2 * case.network.radius.mean()))
+    rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
+    text = "dispersion, RMS deviation from Eq. 9"
+    put("rms", text, "%", "up to kappa l = 0.9 pi", yade=100 * rms)
+    omega = 2 * np.pi * 5e4
+    for name, step in (("phase", None), ("group", 1e-3)):
+        kappa = np.arccos(measured.cosine(omega)) / measured.distance
+        if step is None:
+            value = omega / kappa
+        else:
+            near = np.arccos(measured.cosine(omega * (1 + step))) / measured.distance
+            value = omega * step / (near - kappa)
+        exact = _exact_velocity(chain, name, 5e4)
+        put(name, f"{name} velocity at 50 kHz", "m/s", theory=exact, yade=value)
+    twin = exact_twin(signals, chain)
+    biased = "paper's rule; theory: the rule on exact signals"
+    for column, record in (("theory", twin), ("yade", signals)):
+        peak = travel_velocity(record, first_peak_times(record))
+        put("first_peak", "V_P, first peaks, layers 50-150", "m/s", biased, **{column: peak})
+        arrival = travel_velocity(record, arrival_times(record))
+        put("arrival", "V_P, 5 % arrival, layers 50-150", "m/s", biased, **{column: arrival})
+        frequency, amplitude = spectrum_with_distance(record)
+        for percent in (2, 1):
+            values = threshold_frequency(frequency, amplitude, percent / 100)
+            text = f"f_low-pass, {percent} % rule, layers 10-40"
+            key = f"threshold_{percent}"
+            put(key, text, "kHz", biased, **{column: plateau(values) / 1e3})
+            for layer in (100, 150):
+                if layer < len(values):
+                    text = f"f_low-pass, {percent} % rule, layer {layer}"
+                    put(f"{key}_{layer}", text, "kHz", biased, **{column: values[layer] / 1e3})
+        walls = wall_velocity(record, case.network.length)
+        if walls is not None:
+            value = at_frequency(walls[0], walls[1], 5e4)
+            put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: value})
+
+
+def as_text(rows: Iterable[Row]) -> str:
+    """Aligned table for a terminal."""
+    table = [list(HEADER), *(row.cells() for row in rows)]
+    width = [max(len(line[k]) for line in table) for k in range(len(HEADER))]
+    lines = []
+    for line in table:
+        cells = [
+            cell.ljust(w) if k < 2 or k == len(HEADER) - 1 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(line, width, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def write_table(rows: Iterable[Row], stem: Path) -> list[Path]:
+    """Write stem.csv and stem.md; returns their paths."""
+    rows = list(rows)
+    table, text = (stem.with_name(stem.name + end) for end in (".csv", ".md"))
+    with open(table, "w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(HEADER)
+        writer.writerows(row.cells() for row in rows)
+    lines = ["| " + " | ".join(HEADER) + " |", "|" + "---|" * len(HEADER)]
+    lines += ["| " + " | ".join(row.cells()) + " |" for row in rows]
+    text.write_text("\n".join(lines) + "\n")
+    return [table, text]
