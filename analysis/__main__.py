@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+
 from analysis.compare import as_text, compare, write_table
 from analysis.figures import CROSS_CASE, FIGURES, draw
 from analysis.figures.crystal import power_law, stress_rows
@@ -58,7 +60,8 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
         columns = stress_rows(cases)
         for name in ("theory", "modal", "yade"):
             exponent = power_law(columns["stress_Pa"], columns[f"velocity_{name}_m_per_s"])
-            print(f"exponent of V_P against stress, {name}: {exponent:.5f} (paper: 1/6)")
+            if np.isfinite(exponent):
+                print(f"exponent of V_P against stress, {name}: {exponent:.5f} (paper: 1/6)")
     if figures and len(cases) > 1:
         for name in CROSS_CASE:
             print("\n".join(str(path) for path in draw(name, cases, output, missing_ok=True)))

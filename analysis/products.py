@@ -57,7 +57,7 @@ class Products:
     def chain(self) -> Chain:
         """The planar chain that the theory of a crystal reduces to."""
         chain = Chain.of_network(self.network)
-        if not 3 <= chain.layers <= self.network.n_particles // 2:
+        if chain.layers < 3 or self.network.n_particles % chain.layers:
             raise InputError(
                 f"{self.name}: not a layered crystal, so it has no theory to compare with; "
                 "choose an FCC case, 1 to 4"

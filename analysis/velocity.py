@@ -60,12 +60,16 @@ def cross_spectrum(
     cross = np.fft.rfft(first, n) * np.fft.rfft(second, n).conj()
     frequency = np.fft.rfftfreq(n, step)
     phase = np.unwrap(np.angle(cross))
-    phase -= 2 * np.pi * np.round(np.median(phase[1:4]) / (2 * np.pi))
+    amplitude = np.abs(cross) / max(np.abs(cross).max(), np.finfo(float).tiny)
+    strong = np.flatnonzero(amplitude > 0.1)
+    strong = strong[: max(2, len(strong) // 4)]  # long waves: the phase tends to zero with f
+    if len(strong) > 1:
+        intercept = np.polyfit(frequency[strong], phase[strong], 1)[1]
+        phase -= 2 * np.pi * np.round(intercept / (2 * np.pi))
     with np.errstate(divide="ignore", invalid="ignore"):
         velocity = 2 * np.pi * frequency * distance / phase
         group = 2 * np.pi * distance / np.gradient(phase, frequency)
-    amplitude = np.abs(cross)
-    return frequency, velocity, group, amplitude / max(amplitude.max(), np.finfo(float).tiny)
+    return frequency, velocity, group, amplitude
 
 
 def at_frequency(frequency: np.ndarray, velocity: np.ndarray, wanted: float) -> float:

@@ -110,9 +110,10 @@ def stress_dependence(axes: np.ndarray, cases: list[Products]) -> Columns:
         for name, marker, size in (("theory", "s", 9), ("modal", "o", 6), ("yade", "x", 6)):
             value = columns[key.format(name)]
             if np.isfinite(value).any():
-                text = f"{name}, exponent {power_law(stress, value):.4f}"
+                exponent = power_law(stress, value)
+                text = name + (f", exponent {exponent:.4f}" if np.isfinite(exponent) else "")
                 ax.loglog(stress / 1e3, value, marker, mfc="none", ms=size, label=text)
-                columns["exponent_" + key.format(name)] = np.array([power_law(stress, value)])
+                columns["exponent_" + key.format(name)] = np.array([exponent])
         ax.set_ylabel(label)
         ax.legend()
     axes[-1].set_xlabel("stress (kPa)")

@@ -70,7 +70,7 @@ def spectrum_distance(ax: Axes, case: Products) -> Columns:
         ax.plot(z, edge, color="#c05000", ls=style, label=f"{percent} % threshold")
         columns[f"f_low_pass_{percent}pct_kHz"] = edge
     ax.axhline(case.chain.low_pass_frequency / 1e3, color="#0060a8", ls="--", label="Eq. 10")
-    ax.set(xlabel="distance from the source wall (mm)", ylabel="frequency (kHz)")
+    ax.set(xlabel="distance from the source wall (mm)", ylabel="frequency (kHz)", ylim=(0, f[-1]))
     ax.grid(False)
     ax.legend(loc="lower left")
     return columns

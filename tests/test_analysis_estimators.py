@@ -1,0 +1,169 @@
+"""Bias of every estimator on exact signals, and the exact chain against a leapfrog."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.dispersion import (
+    chain_dispersion,
+    fk_map,
+    mode_cosine,
+    mode_dispersion,
+    rms_deviation,
+)
+from analysis.exact_chain import Chain, chain_signals
+from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency
+from analysis.velocity import (
+    arrival_times,
+    at_frequency,
+    cross_spectrum,
+    first_peak_times,
+    travel_velocity,
+    wall_velocity,
+)
+from modal.gallery import fcc
+from modal.lattice import FccCrystal
+from modal.signals import source_pulse
+
+CHAIN = Chain.of_crystal(FccCrystal(1e5))
+END = CHAIN.layers * CHAIN.distance / CHAIN.velocity
+
+
+@pytest.fixture(scope="module")
+def record():
+    return chain_signals(CHAIN, np.arange(0, END, 1e-7))
+
+
+def leapfrog(chain: Chain, step: float, end: float, amplitude=2.5e-9, frequency=1e5):
+    """Displacement (nt, n) by the leapfrog rule, u[k] at time k * step."""
+    times = np.arange(round(end / step) + 1) * step
+    drive = source_pulse(times, amplitude, frequency)
+    u = np.zeros((len(times), chain.layers))
+    velocity = np.zeros(chain.layers)
+    for k in range(len(times) - 1):
+        stretch = np.diff(u[k])
+        force = np.zeros(chain.layers)
+        force[:-1] += chain.stiffness * stretch
+        force[1:] -= chain.stiffness * stretch
+        force[0] += chain.wall_stiffness * (drive[k] - u[k, 0])
+        force[-1] -= chain.wall_stiffness * u[k, -1]
+        velocity += step * force / chain.mass
+        u[k + 1] = u[k] + step * velocity
+    return times, u
+
+
+def test_chain_of_network_is_chain_of_crystal():
+    found = Chain.of_network(fcc(2, 12))
+    wanted = Chain.of_crystal(FccCrystal(1e5), 12)
+    for name in ("mass", "stiffness", "wall_stiffness", "distance", "layers", "area", "wall_gap"):
+        assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-9)
+
+
+def test_exact_chain_agrees_with_leapfrog_to_second_order():
+    errors = []
+    for step in (4e-7, 2e-7, 1e-7):
+        times, u = leapfrog(CHAIN, step, 2e-4)
+        exact = CHAIN.displacement(times, 2.5e-9, 1e5)
+        errors.append(np.linalg.norm(u - exact) / np.linalg.norm(exact))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[-1] < 3e-3
+    assert orders == pytest.approx(2, abs=0.1)
+
+
+def test_exact_chain_keeps_its_energy_after_the_pulse():
+    """Energy, by the modes' own definition, from central differences of a fine record."""
+    step = 1e-9
+    times = (np.array([3e-5, 1e-4, 2e-4])[:, None] + step * np.array([-1, 0, 1])).ravel()
+    u = CHAIN.displacement(times, 2.5e-9, 1e5).reshape(3, 3, -1)
+    kinetic = 0.5 * CHAIN.mass * (((u[:, 2] - u[:, 0]) / (2 * step)) ** 2).sum(axis=1)
+    now = u[:, 1]
+    elastic = 0.5 * CHAIN.stiffness * (np.diff(now, axis=1) ** 2).sum(axis=1)
+    elastic += 0.5 * CHAIN.wall_stiffness * (now[:, 0] ** 2 + now[:, -1] ** 2)
+    energy = kinetic + elastic
+    assert energy == pytest.approx(energy[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("frequency", [1e5, 2e5])
+@pytest.mark.parametrize("end", [0.9 * END, END])
+def test_damped_transform_is_nearly_unbiased(frequency, end):
+    found = chain_dispersion(chain_signals(CHAIN, np.arange(0, end, 2e-7), frequency=frequency))
+    assert found.velocity == pytest.approx(CHAIN.velocity, rel=1e-5)
+    assert found.low_pass_frequency == pytest.approx(CHAIN.low_pass_frequency, rel=1e-5)
+    assert rms_deviation(found, CHAIN.velocity, CHAIN.low_pass_frequency) < 1e-5
+
+
+def test_damped_transform_survives_noise(record):
+    rng = np.random.default_rng(1)
+    noisy = record.chain_displacement.copy()
+    noisy += 2e-3 * noisy.max() * rng.normal(size=noisy.shape)
+    found = chain_dispersion(replace(record, chain_displacement=noisy))
+    assert found.velocity == pytest.approx(CHAIN.velocity, rel=2e-3)
+    assert found.low_pass_frequency == pytest.approx(CHAIN.low_pass_frequency, rel=2e-3)
+    assert rms_deviation(found, CHAIN.velocity, CHAIN.low_pass_frequency) < 3e-3
+
+
+def test_damped_transform_sees_the_dispersion_of_the_time_step(record):
+    """A leapfrog raises the band edge by asin(x) / x, x = half the band edge times the step."""
+    step = 4e-7
+    times, u = leapfrog(CHAIN, step, END)
+    coarse = chain_signals(CHAIN, times)
+    coarse.chain_displacement = u
+    x = np.pi * CHAIN.low_pass_frequency * step
+    wanted = CHAIN.low_pass_frequency * np.arcsin(x) / x
+    assert chain_dispersion(coarse).low_pass_frequency == pytest.approx(wanted, rel=2e-4)
+
+
+def test_modes_give_the_dispersion():
+    omega, shape = CHAIN.eigenmodes()
+    found = mode_dispersion(omega / (2 * np.pi), shape.T, CHAIN.distance)
+    assert found.velocity == pytest.approx(CHAIN.velocity, rel=1e-6)
+    assert found.low_pass_frequency == pytest.approx(CHAIN.low_pass_frequency, rel=1e-6)
+    assert mode_cosine(shape.T)[-1] == pytest.approx(-1, abs=1e-3)
+
+
+def test_the_papers_rules_are_biased_by_about_a_percent(record):
+    peak = travel_velocity(record, first_peak_times(record)) / CHAIN.velocity - 1
+    arrival = travel_velocity(record, arrival_times(record)) / CHAIN.velocity - 1
+    assert -0.013 < peak < -0.007
+    assert 0.013 < arrival < 0.018
+
+
+def test_threshold_rule_depends_on_distance_and_threshold(record):
+    frequency, amplitude = spectrum_with_distance(record)
+    two = threshold_frequency(frequency, amplitude, 0.02)
+    one = threshold_frequency(frequency, amplitude, 0.01)
+    assert plateau(two) == pytest.approx(CHAIN.low_pass_frequency, rel=0.02)
+    assert np.all(one >= two)
+    assert two[100] < 0.95 * plateau(two)
+
+
+def test_threshold_is_the_highest_frequency_above_it():
+    frequency = np.arange(5.0)
+    amplitude = np.array([[1, 1], [0.1, 0.5], [0.03, 0.01], [0.019, 0.03], [0, 0.0]])
+    assert threshold_frequency(frequency, amplitude, 0.02).tolist() == [2, 3]
+
+
+def test_cross_spectrum_of_a_delayed_pulse():
+    time = np.arange(0, 4e-4, 1e-7)
+    first, second = source_pulse(time, 1, 5e4), source_pulse(time - 1e-4, 1, 5e4)
+    frequency, phase, group, _ = cross_spectrum(first, second, time, 0.1)
+    assert at_frequency(frequency, phase, 3e4) == pytest.approx(1000, rel=1e-4)
+    assert at_frequency(frequency, group, 3e4) == pytest.approx(1000, rel=1e-3)
+
+
+def test_wall_velocity_needs_a_received_wave(record):
+    length = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
+    assert wall_velocity(record, length) is None
+    long = chain_signals(CHAIN, np.arange(0, 1.7 * END, 2e-7))
+    found = wall_velocity(long, length)
+    assert found is not None
+    assert at_frequency(found[0], found[1], 2e4) == pytest.approx(CHAIN.velocity, rel=0.03)
+
+
+def test_fk_map_peaks_on_the_dispersion_curve(record):
+    frequency, wavenumber, amplitude = fk_map(record)
+    k = int(np.argmin(np.abs(wavenumber - 0.5 * np.pi / CHAIN.distance)))
+    ridge = frequency[np.argmax(amplitude[:, k])]
+    exact = CHAIN.low_pass_frequency * np.sin(wavenumber[k] * CHAIN.distance / 2)
+    assert ridge == pytest.approx(exact, rel=0.02)
