@@ -95,9 +95,7 @@ def wall_velocity(signals: Signals, length: float) -> tuple[np.ndarray, ...] | N
     return cross_spectrum(signals.source_stress, signals.receiver_stress, signals.time, length)
 
 
-def mode_velocities(
-    frequency: np.ndarray, wavenumber: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Phase and group velocity (k,) m/s of resonances: frequency (k,) Hz, kappa (k,) rad/m."""
     omega = 2 * np.pi * np.asarray(frequency)
     return omega / wavenumber, np.gradient(omega, wavenumber)

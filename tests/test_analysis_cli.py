@@ -28,8 +28,13 @@ def products(tmp_path_factory):
             omega, shape = chain.eigenmodes()
             f, one = omega / (2 * np.pi), np.ones(chain.layers)
             modes = ModeSet(
-                frequency=f, residual=0 * f, chi_z=one, chi_z_chain=one, rotation_share=0 * f,
-                resonance_frequency=f, resonance_shape=shape.T,
+                frequency=f,
+                residual=0 * f,
+                chi_z=one,
+                chi_z_chain=one,
+                rotation_share=0 * f,
+                resonance_frequency=f,
+                resonance_shape=shape.T,
                 resonance_wavenumber=np.pi * np.arange(1, 201) / network.length,
             )
             write_modes(folder / "case01.modes.h5", modes)

@@ -23,8 +23,8 @@ from modal.hertz_mindlin import GLASS
 from modal.network import read_network, write_network
 from modal.storage import InputError
 
-BALANCE_TOLERANCE = 1e-9
-"""Largest residual force on a sphere relative to the mean contact force."""
+ROUND_OFF = 100 * np.finfo(float).eps
+"""Relative error of a position; divided by overlap / length it bounds the residual force."""
 
 readParamsFromTable(
     noTableOk=True,
@@ -56,10 +56,12 @@ def main():
         residual = np.array([list(O.forces.f(k, sync=True)) for k in range(sizes["n"])])
         mean = np.mean([i.phys.normalForce.norm() for i in O.interactions if i.isReal])
         ratio = abs(residual).max() / mean
-        if ratio > BALANCE_TOLERANCE:
+        overlap = min(i.geom.penetrationDepth for i in O.interactions if i.isReal)
+        tolerance = ROUND_OFF * sizes["length"] / overlap
+        if ratio > tolerance:
             raise InputError(f"case {case}: residual force {ratio:.1e} of the mean; not in balance")
         walls = [O.forces.f(sizes["n"] + k, sync=True)[2] / sizes["area"] for k in (0, 1)]
-        if max(abs(-walls[0] / stress - 1), abs(walls[1] / stress - 1)) > BALANCE_TOLERANCE:
+        if max(abs(-walls[0] / stress - 1), abs(walls[1] / stress - 1)) > tolerance:
             raise InputError(f"case {case}: wall stresses {walls} Pa, target {stress} Pa")
         study = {
             "case": str(case),

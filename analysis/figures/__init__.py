@@ -28,9 +28,7 @@ FIGURES: dict[str, tuple[Callable, int, str]] = {
 CROSS_CASE = {"stress_dependence": (crystal.stress_dependence, 2, "network")}
 
 
-def draw(
-    name: str, cases: list[Products], output: Path, *, missing_ok: bool = False
-) -> list[Path]:
+def draw(name: str, cases: list[Products], output: Path, *, missing_ok: bool = False) -> list[Path]:
     """Draw a figure of each case, or one of all; returns the PNG and CSV files written."""
     if name not in FIGURES and name not in CROSS_CASE:
         known = ", ".join(sorted((*FIGURES, *CROSS_CASE)))

@@ -23,8 +23,9 @@ def natural_frequencies(axes: np.ndarray, case: Products) -> Columns:
         f = np.sort(modes.frequency) / 1e3
         axes[0].plot(f, np.arange(1, len(f) + 1) / len(f), ls=style, color="k", label=label)
         density = np.histogram(f, edges)[0] / (len(f) * np.diff(edges))
-        axes[1].stairs(density, edges, ls=style, color="k" if style == "-" else "#c05000",
-                       label=label)
+        axes[1].stairs(
+            density, edges, ls=style, color="k" if style == "-" else "#c05000", label=label
+        )
         columns[f"density_{label.replace(' ', '_')}_per_kHz"] = density
     axes[0].set_ylabel("cumulative share")
     axes[1].set(ylabel="density (1/kHz)", xlabel="natural frequency (kHz)")
@@ -59,8 +60,12 @@ def mode_shapes(axes: np.ndarray, case: Products) -> Columns:
     for ax, r in zip(axes, orders, strict=True):
         shape = shapes[r - 1] / np.abs(shapes[r - 1]).max()
         ax.plot(z, shape * (np.sign(shape[0]) or 1), "k-", marker=".", ms=2, lw=0.6)
-        ax.set_title(f"r = {r}, f = {modes.resonance_frequency[r - 1] / 1e3:.4g} kHz",
-                     fontsize=8, loc="left", pad=2)
+        ax.set_title(
+            f"r = {r}, f = {modes.resonance_frequency[r - 1] / 1e3:.4g} kHz",
+            fontsize=8,
+            loc="left",
+            pad=2,
+        )
         ax.set(ylim=(-1.2, 1.2), ylabel=r"$u_z$ (-)")
         ax.tick_params(labelbottom=ax is axes[-1])
         columns[f"r_{r}"] = shape
@@ -89,7 +94,8 @@ def stress_rows(cases: list[Products]) -> Columns:
         found = None
         if modes is not None and modes.resonance_shape is not None:
             found = disp.mode_dispersion(
-                modes.resonance_frequency, modes.resonance_shape, chain.distance)
+                modes.resonance_frequency, modes.resonance_shape, chain.distance
+            )
         seen = None if case.signals is None else disp.chain_dispersion(case.signals)
         for name, result in (("modal", found), ("yade", seen)):
             pair = (result.velocity, result.low_pass_frequency) if result else (np.nan, np.nan)

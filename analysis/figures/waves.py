@@ -91,14 +91,27 @@ def dispersion(ax: Axes, case: Products) -> Columns:
     ax.plot(kappa, theory, color="k", ls="-", label="theory (Eq. 9)")
     if modes is not None and modes.resonance_frequency is not None:
         f_r, k_r = modes.resonance_frequency / 1e3, modes.resonance_wavenumber
-        ax.plot(k_r[4::10], f_r[4::10], "o", mfc="w", color="#0060a8", ms=4.5,
-                label="resonances (every tenth)")
+        ax.plot(
+            k_r[4::10],
+            f_r[4::10],
+            "o",
+            mfc="w",
+            color="#0060a8",
+            ms=4.5,
+            label="resonances (every tenth)",
+        )
         columns |= {"resonance_kappa_per_m": k_r, "resonance_kHz": f_r}
     if record is not None:
         ridge = disp.chain_dispersion(record).omega(kappa) / (2e3 * np.pi)
         inside = kappa <= 0.98 * kappa[-1]
-        ax.plot(kappa[inside], ridge[inside], color="#c05000", ls="--", lw=2,
-                label=f"{record.producer}, damped transform")
+        ax.plot(
+            kappa[inside],
+            ridge[inside],
+            color="#c05000",
+            ls="--",
+            lw=2,
+            label=f"{record.producer}, damped transform",
+        )
         columns["signals_kHz"] = ridge
     ax.set(xlabel=r"wavenumber $\kappa$ (rad/m)", ylabel="frequency (kHz)")
     ax.set(xlim=(0, kappa[-1]), ylim=(0, 1.12 * theory.max()))
