@@ -33,8 +33,8 @@ def _network(
     mass = material.density * 4 / 3 * np.pi * radius**3
     wall = j < 0
     effective = np.where(wall, radius, radius / 2)
-    reach = np.where(wall, radius - overlap, radius - overlap / 2)
-    lever = reach[:, None] * normal
+    # The contact point lies in the middle of the overlap, also at a wall, as in the DEM law.
+    lever = (radius - overlap / 2)[:, None] * normal
     return Network(
         position=position,
         radius=np.full(n, radius),

@@ -14,14 +14,14 @@ from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 import numpy as np
-from yade_scripts.export import contact_network
-from yade_scripts.scene import ROOT, find_contacts, place_fcc
 from yade import O, config
 from yade.utils import readParamsFromTable
 
 from modal.hertz_mindlin import GLASS
 from modal.network import read_network, write_network
 from modal.storage import InputError
+from yade_scripts.export import contact_network
+from yade_scripts.scene import ROOT, find_contacts, place_fcc
 
 ROUND_OFF = 100 * np.finfo(float).eps
 """Relative error of a position; divided by overlap / length it bounds the residual force."""

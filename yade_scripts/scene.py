@@ -85,8 +85,13 @@ def find_contacts(sizes):
 
     The collider is then put to sleep: over a wave nobody moves by a millionth of a radius.
     """
+    # The bounds of a sphere must stay below half a period, also where three spheres fill it: only
+    # a thin margin (verletDist) is added to them.
     collider = InsertionSortCollider(
-        [Bo1_Sphere_Aabb(), Bo1_Box_Aabb()], allowBiggerThanPeriod=True, sortAxis=2
+        [Bo1_Sphere_Aabb(), Bo1_Box_Aabb()],
+        allowBiggerThanPeriod=True,
+        sortAxis=2,
+        verletDist=0.01 * RADIUS,
     )
     O.engines = [
         ForceResetter(),

@@ -18,7 +18,6 @@ from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 import numpy as np
-from yade_scripts.scene import ROOT, find_contacts, place_fcc
 from yade import O
 from yade.utils import PyRunner, readParamsFromTable
 
@@ -26,6 +25,7 @@ from modal.mode_set import read_modes
 from modal.network import read_network
 from modal.signals import Signals, read_signals, source_pulse, write_signals
 from modal.storage import InputError, sha256
+from yade_scripts.scene import ROOT, find_contacts, place_fcc
 
 RECORDING_INTERVAL = 5e-7
 """Longest interval between records, s: five samples a period at 400 kHz."""
