@@ -115,3 +115,33 @@ def test_finished_products_are_not_made_again(products):
     before = path.stat().st_mtime_ns
     assert "already there" in batch("wave", products, WAVE_DURATION="1e-4")
     assert path.stat().st_mtime_ns == before
+
+
+def test_time_step_error_has_order_two(products, tmp_path):
+    """Against the exact linear wave; amplitude 0.05 nm, so that the contact law is linear."""
+    amplitude, errors = 2.5e-11, []
+    for fraction in ("0.4", "0.2"):
+        folder = tmp_path / fraction
+        folder.mkdir()
+        for name in ("case02.network.h5", "case02.highest.modes.h5"):
+            shutil.copy(products / name, folder)
+        batch(
+            "wave",
+            folder,
+            WAVE_DURATION="7e-5",
+            WAVE_AMPLITUDE=str(amplitude),
+            WAVE_FRACTION=fraction,
+        )
+        signals = read_signals(folder / "case02.signals.h5")
+        linear = propagate(
+            read_network(folder / "case02.network.h5"),
+            signals.time[-1],
+            amplitude=amplitude,
+            interval=signals.time[1],
+        ).signals
+        # Every chain of the crystal carries the same planar wave, layer by layer.
+        assert np.array_equal(signals.chain_particle // WIDTH**2, linear.chain_particle // WIDTH**2)
+        difference = signals.chain_displacement - linear.chain_displacement
+        errors.append(np.linalg.norm(difference) / np.linalg.norm(linear.chain_displacement))
+    # Leapfrog: omega (1 + (omega dt)^2 / 24); the next order changes the ratio by some per cent.
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.15)
