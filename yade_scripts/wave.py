@@ -46,7 +46,7 @@ from yade.params.table import case, input_frequency, layers, mu_wave, stress, wi
 
 folder = Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
 amplitude = float(os.environ.get("WAVE_AMPLITUDE", 2.5e-9))
-fraction = float(os.environ.get("WAVE_FRACTION", 0.1))
+fraction = float(os.environ.get("WAVE_FRACTION", 0.05))
 
 
 def momenta():
