@@ -1,0 +1,108 @@
+"""K u without a matrix against the assembled matrix and the slow oracle."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.linalg import eigsh
+
+from modal import gallery, operator
+from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.network import Network
+from modal.operator import ContactOperator
+
+EPS = np.finfo(float).eps
+
+
+def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Network:
+    """Contacts that no packing has: any levers, repeated pairs, spheres touching themselves."""
+    rng = np.random.default_rng(seed)
+    n, m = particles, contacts
+    i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
+    normal = rng.standard_normal((m, 3))
+    wall = j < 0
+    return Network(
+        position=rng.random((n, 3)),
+        radius=rng.uniform(0.5, 2, n),
+        mass=rng.uniform(0.5, 2, n),
+        inertia=rng.uniform(0.1, 0.4, n),
+        particle_i=i,
+        particle_j=j,
+        normal=normal / np.linalg.norm(normal, axis=1)[:, None],
+        lever_i=rng.standard_normal((m, 3)),
+        lever_j=np.where(wall[:, None], 0, rng.standard_normal((m, 3))),
+        stiffness_normal=rng.uniform(0, 3, m),
+        stiffness_tangential=rng.uniform(0, 3, m),
+        force_normal=rng.uniform(0, 0.1, m),
+        force_tangential=np.zeros((m, 3)),
+        overlap=rng.uniform(0, 0.1, m),
+        sliding=np.zeros(m, bool),
+        cell_shift=np.where(wall[:, None], 0, [[1, 0, 0]]),
+        cell_size=np.ones(3),
+        cell_periodic=np.array([True, True, False]),
+        wall_position=np.array([0.0, 1.0]),
+    )
+
+
+def round_off(matrix, x) -> np.ndarray:
+    """Bound of the error of a row of some 100 products, each of some 20 roundings."""
+    return 200 * EPS * (abs(matrix) @ abs(x))
+
+
+@pytest.mark.parametrize("translations_only", [False, True])
+@pytest.mark.parametrize("mass_scaled", [False, True])
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), width=st.sampled_from([None, 1, 3]))
+def test_equal_to_the_matrix(translations_only, mass_scaled, seed, width):
+    network = random_springs(seed)
+    K = stiffness_matrix(network, translations_only=translations_only)
+    mass = mass_diagonal(network, translations_only=translations_only)
+    scale = (1 / np.sqrt(mass) if mass_scaled else np.ones(len(mass)))[:, None]
+    applied = ContactOperator(network, translations_only=translations_only, mass_scaled=mass_scaled)
+    shape = (K.shape[0],) if width is None else (K.shape[0], width)
+    x = np.random.default_rng(seed).standard_normal(shape)
+    columns = x.reshape(K.shape[0], -1)
+    expected = (scale * (K @ (scale * columns))).reshape(shape)
+    bound = (scale * round_off(K, scale * columns)).reshape(shape)
+    assert (abs(applied @ x - expected) <= bound).all()
+
+
+def test_equal_to_a_loop_in_python(slow_K):
+    network = gallery.fcc(2, 3)
+    K = slow_K(network)
+    found = ContactOperator(network) @ np.eye(len(K))
+    assert abs(found - K).max() <= 1e-13 * abs(K).max()
+
+
+def test_accumulate_and_out():
+    network = random_springs(1)
+    applied = ContactOperator(network)
+    x = np.random.default_rng(2).standard_normal(applied.shape[0])
+    once = applied.apply(x)
+    given_array = np.full(len(x), 7.0)
+    assert applied.apply(x, out=given_array) is given_array
+    assert np.array_equal(given_array, once)
+    total = applied.accumulate(x, np.ones(len(x)), -2.0)
+    assert total == pytest.approx(1 - 2 * once, rel=1e-12, abs=1e-12)
+    with pytest.raises(ValueError, match="shape"):
+        applied.apply(x[:-1])
+
+
+def test_symmetric_and_usable_by_arpack():
+    network = gallery.fcc(2, 6)
+    applied = ContactOperator(network, mass_scaled=True)
+    assert applied.H is applied
+    top = eigsh(applied, k=1, which="LA", return_eigenvectors=False, tol=1e-12)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    dense = scale[:, None] * stiffness_matrix(network).toarray() * scale
+    assert top[0] == pytest.approx(np.linalg.eigvalsh(dense)[-1], rel=1e-10)
+
+
+def test_without_numba_the_matrix_does_the_same(monkeypatch):
+    network = random_springs(3)
+    x = np.random.default_rng(4).standard_normal((6 * network.n_particles, 2))
+    compiled = ContactOperator(network, mass_scaled=True).apply(x)
+    monkeypatch.setattr(operator, "numba", None)
+    plain = ContactOperator(network, mass_scaled=True)
+    assert plain.apply(x) == pytest.approx(compiled, rel=1e-12, abs=1e-12)
+    assert plain.accumulate(x, x.copy(), 2.0) == pytest.approx(x + 2 * compiled, rel=1e-11)
