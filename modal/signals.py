@@ -15,14 +15,19 @@ from modal.storage import InputError, atomic_h5, get, open_h5, put
 SCHEMA = "granular-wave-signals"
 VERSION = 1
 _DATASETS = {
-    "time": ("f", "s"),
-    "chain_particle": ("i", "1"),
-    "chain_position": ("f", "m"),
-    "chain_displacement": ("f", "m"),
-    "source_displacement": ("f", "m"),
-    "source_stress": ("f", "Pa"),
-    "receiver_stress": ("f", "Pa"),
+    "time": ("time", "f", ("nt",), "s"),
+    "chain_particle": ("chain/particle", "i", ("nc",), "1"),
+    "chain_position": ("chain/position", "f", ("nc",), "m"),
+    "chain_displacement": ("chain/displacement", "f", ("nt", "nc"), "m"),
+    "source_displacement": ("source/displacement", "f", ("nt",), "m"),
+    "source_stress": ("source/stress", "f", ("nt",), "Pa"),
+    "receiver_stress": ("receiver/stress", "f", ("nt",), "Pa"),
+    "layer_position": ("layers/position", "f", ("nl",), "m"),
+    "layer_displacement": ("layers/displacement", "f", ("nt", "nl"), "m"),
+    "particle_displacement": ("particles/displacement", "f", ("nt", "n"), "m"),
 }
+"""Field: dataset, kind, shape, units."""
+_OPTIONAL = {"layer_position", "layer_displacement", "particle_displacement"}
 
 
 @dataclass
@@ -33,7 +38,9 @@ class Signals:
     centres at the start, m; chain_displacement (nt, nc) along z, m; source_displacement (nt,) m;
     source_stress, receiver_stress (nt,) Pa, change from the static value, compression positive.
     amplitude is A of u = A (1 - cos 2 pi f t), m; time_step, run_time in seconds (run_time is
-    the wall-clock time that the run took).
+    the wall-clock time that the run took). Optional, None where not recorded: layer_position (nl,)
+    and layer_displacement (nt, nl), means over slabs as in `modal.layers`, m; and
+    particle_displacement (nt, n) along z of every particle of the network, m.
     """
 
     time: np.ndarray
@@ -50,6 +57,9 @@ class Signals:
     time_step: float
     run_time: float
     network_sha256: str
+    layer_position: np.ndarray | None = None
+    layer_displacement: np.ndarray | None = None
+    particle_displacement: np.ndarray | None = None
 
 
 def source_pulse(time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
@@ -79,24 +89,27 @@ def write_signals(path: str | Path, signals: Signals) -> None:
         file.attrs.update(schema=SCHEMA, schema_version=VERSION)
         for name, kind in _ATTRIBUTES.items():
             file.attrs[name] = kind(getattr(signals, name))
-        for name, (kind, units) in _DATASETS.items():
-            data = np.asarray(getattr(signals, name))
-            data = data.astype(np.float64 if kind == "f" else np.int32)
-            put(file, name.replace("_", "/", 1), data, units, compress=data.ndim == 2)
+        for name, (dataset, kind, _, units) in _DATASETS.items():
+            value = getattr(signals, name)
+            if value is None and name in _OPTIONAL:
+                continue
+            data = np.asarray(value).astype(np.float64 if kind == "f" else np.int32)
+            put(file, dataset, data, units, compress=data.ndim == 2)
 
 
 def read_signals(path: str | Path) -> Signals:
     """Read and validate signals; raises InputError with one line for anything wrong."""
     with open_h5(path, SCHEMA, VERSION) as file:
-        nt = len(get(file, "time", "f", (None,)))
-        nc = len(get(file, "chain/particle", "i", (None,)))
+        lengths: dict[str, int] = {}
         columns = {}
-        for name, (kind, _) in _DATASETS.items():
-            shape = {"chain_displacement": (nt, nc), "chain_particle": (nc,)}.get(name, (nt,))
-            shape = (nc,) if name == "chain_position" else shape
-            columns[name] = get(file, name.replace("_", "/", 1), kind, shape)
-            if not np.isfinite(columns[name]).all():
-                raise InputError(f"{path}: {name} is not finite; the run failed, make it again")
+        for name, (dataset, kind, shape, _) in _DATASETS.items():
+            if name in _OPTIONAL and dataset not in file:
+                continue
+            column = get(file, dataset, kind, tuple(lengths.get(length) for length in shape))
+            lengths.update(zip(shape, column.shape, strict=True))
+            if not np.isfinite(column).all():
+                raise InputError(f"{path}: {dataset} is not finite; the run failed, make it again")
+            columns[name] = column
         missing = [name for name in _ATTRIBUTES if name not in file.attrs]
         if missing:
             raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")

@@ -1,0 +1,54 @@
+"""Layers: mean motion of the force-bearing particles in slabs along the wave.
+
+The coherent wave lives in these means; single particles of a random packing scatter about them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.network import Network
+from modal.storage import InputError
+
+
+def force_bearing(network: Network) -> np.ndarray:
+    """Shape (n,) bool: particles that keep two contacts or more once those with fewer are gone.
+
+    A particle with a single contact cannot be in balance under a force.
+    """
+    i, j = network.particle_i, network.particle_j
+    bearing = np.ones(network.n_particles, bool)
+    while True:
+        alive = bearing[i] & ((j < 0) | bearing[j])
+        ends = np.concatenate([i[alive], j[alive & (j >= 0)]])
+        remaining = bearing & (np.bincount(ends, minlength=len(bearing)) >= 2)
+        if np.array_equal(remaining, bearing):
+            return bearing
+        bearing = remaining
+
+
+class Layers:
+    """Equal slabs from wall to wall, about one mean diameter thick.
+
+    `position` (nl,) m: mean z of the force-bearing particles in a slab; `layer` (n,) the slab of
+    each particle, -1 for those that bear no force. Slabs without particles are left out.
+    """
+
+    def __init__(self, network: Network) -> None:
+        bearing = force_bearing(network)
+        if not bearing.any():
+            raise InputError("no particle has two contacts; such a packing carries no wave")
+        diameter = 2 * float(network.radius.mean())
+        count = max(1, round(network.length / diameter))
+        z = network.position[:, 2]
+        slab = ((z - network.wall_position[0]) * (count / network.length)).astype(int)
+        filled, layer = np.unique(np.clip(slab[bearing], 0, count - 1), return_inverse=True)
+        self.layer = np.full(network.n_particles, -1)
+        self.layer[bearing] = layer
+        self._size = np.bincount(layer, minlength=len(filled))
+        self.position = self.means(z)
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
+        # Particles that bear no force fall into an extra bin in front, which is dropped.
+        return np.bincount(self.layer + 1, values, len(self._size) + 1)[1:] / self._size

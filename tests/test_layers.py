@@ -1,0 +1,79 @@
+"""Slab means and the particles that they average over."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.layers import Layers, force_bearing
+from modal.signals import Signals, read_signals, write_signals
+from modal.storage import InputError
+
+
+def without_contacts(network, dropped):
+    """The network without the contacts at `dropped` (m,) bool."""
+    names = [f.name for f in dataclasses.fields(network)]
+    columns = names[names.index("particle_i") : names.index("cell_size")]
+    return dataclasses.replace(network, **{k: getattr(network, k)[~dropped] for k in columns})
+
+
+def test_a_dangling_chain_bears_no_force():
+    """The uppermost sphere of a column loses the wall: then all of them hang on one contact."""
+    column = gallery.column(4)
+    assert force_bearing(column).all()
+    cut = without_contacts(column, column.particle_j == -2)
+    assert not force_bearing(cut).any()
+    with pytest.raises(InputError, match="carries no wave"):
+        Layers(cut)
+
+
+def test_means_equal_a_loop():
+    network = gallery.fcc(3, 20)
+    network.position[:, 2] += np.random.default_rng(0).uniform(-1e-4, 1e-4, network.n_particles)
+    layers = Layers(network)
+    values = np.random.default_rng(1).standard_normal(network.n_particles)
+    for k, (z, mean) in enumerate(zip(layers.position, layers.means(values), strict=True)):
+        inside = layers.layer == k
+        assert mean == pytest.approx(values[inside].mean(), rel=1e-12)
+        assert z == pytest.approx(network.position[inside, 2].mean(), rel=1e-12)
+    # The slabs are equal and one diameter thick to within half a diameter over all of them.
+    width = np.diff(layers.position)
+    assert (width > 0).all()
+    assert len(width) + 1 == round(network.length / (2 * network.radius[0]))
+
+
+def test_optional_records_survive_the_file(tmp_path):
+    base = dict(
+        time=np.arange(3.0),
+        chain_particle=np.arange(2),
+        chain_position=np.arange(2.0),
+        chain_displacement=np.zeros((3, 2)),
+        source_displacement=np.zeros(3),
+        source_stress=np.zeros(3),
+        receiver_stress=np.zeros(3),
+        producer="linear",
+        case="",
+        amplitude=1.0,
+        input_frequency=1.0,
+        time_step=1.0,
+        run_time=1.0,
+        network_sha256="",
+    )
+    path = tmp_path / "a.signals.h5"
+    write_signals(path, Signals(**base))
+    assert read_signals(path).layer_displacement is None
+    layered = Signals(
+        **base,
+        layer_position=np.arange(4.0),
+        layer_displacement=np.arange(12.0).reshape(3, 4),
+        particle_displacement=np.ones((3, 5)),
+    )
+    write_signals(path, layered)
+    found = read_signals(path)
+    for name in ("layer_position", "layer_displacement", "particle_displacement"):
+        assert np.array_equal(getattr(found, name), getattr(layered, name))
+    layered.layer_displacement = np.zeros((2, 4))
+    write_signals(path, layered)
+    with pytest.raises(InputError, match="layers/displacement has shape"):
+        read_signals(path)
