@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from modal.contact import contact_stiffness
 from modal.network import Network
+from modal.tangent import contact_tangent
 
 
 def mass_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
@@ -15,15 +15,19 @@ def mass_diagonal(network: Network, *, translations_only: bool = False) -> np.nd
     return np.column_stack(columns).ravel()
 
 
-def stiffness_matrix(network: Network, *, translations_only: bool = False) -> sp.csr_matrix:
+def stiffness_matrix(
+    network: Network, *, translations_only: bool = False, pre_stress: str = "none"
+) -> sp.csr_matrix:
     """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
+
+    `pre_stress` as in `modal.tangent`: with "full" K is not symmetric.
 
     A particle that touches itself through a period has both sides of the contact on one block;
     repeated pairs add up.
     """
     size = 3 if translations_only else 6
     n = network.n_particles
-    local = contact_stiffness(network)
+    local = contact_tangent(network, pre_stress)
     i, j = network.particle_i, network.particle_j
     pair = j >= 0
     blocks = [local[:, :size, :size]]

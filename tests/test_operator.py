@@ -10,6 +10,7 @@ from modal import gallery, operator
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.network import Network
 from modal.operator import ContactOperator
+from modal.tangent import PRE_STRESS
 
 EPS = np.finfo(float).eps
 
@@ -34,7 +35,7 @@ def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Networ
         stiffness_normal=rng.uniform(0, 3, m),
         stiffness_tangential=rng.uniform(0, 3, m),
         force_normal=rng.uniform(0, 0.1, m),
-        force_tangential=np.zeros((m, 3)),
+        force_tangential=0.1 * rng.standard_normal((m, 3)),
         overlap=rng.uniform(0, 0.1, m),
         sliding=np.zeros(m, bool),
         cell_shift=np.where(wall[:, None], 0, [[1, 0, 0]]),
@@ -51,14 +52,16 @@ def round_off(matrix, x) -> np.ndarray:
 
 @pytest.mark.parametrize("translations_only", [False, True])
 @pytest.mark.parametrize("mass_scaled", [False, True])
-@settings(max_examples=20, deadline=None)
+@pytest.mark.parametrize("pre_stress", PRE_STRESS)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6), width=st.sampled_from([None, 1, 3]))
-def test_equal_to_the_matrix(translations_only, mass_scaled, seed, width):
+def test_equal_to_the_matrix(translations_only, mass_scaled, pre_stress, seed, width):
     network = random_springs(seed)
-    K = stiffness_matrix(network, translations_only=translations_only)
+    K = stiffness_matrix(network, translations_only=translations_only, pre_stress=pre_stress)
     mass = mass_diagonal(network, translations_only=translations_only)
     scale = (1 / np.sqrt(mass) if mass_scaled else np.ones(len(mass)))[:, None]
-    applied = ContactOperator(network, translations_only=translations_only, mass_scaled=mass_scaled)
+    options = {"translations_only": translations_only, "pre_stress": pre_stress}
+    applied = ContactOperator(network, mass_scaled=mass_scaled, **options)
     shape = (K.shape[0],) if width is None else (K.shape[0], width)
     x = np.random.default_rng(seed).standard_normal(shape)
     columns = x.reshape(K.shape[0], -1)
