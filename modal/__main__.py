@@ -12,12 +12,15 @@ from typing import Any, NoReturn
 import numpy as np
 
 from modal.lattice import FccCrystal
+from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
 from modal.network import read_network
 from modal.signals import write_signals
+from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
 from modal.storage import InputError, sha256
-from modal.wave import AMPLITUDE, INPUT_FREQUENCY, propagate
+from modal.tangent import PRE_STRESS
+from modal.wave import propagate
 
 
 class _Parser(argparse.ArgumentParser):
@@ -51,6 +54,13 @@ def _parser() -> argparse.ArgumentParser:
     wave.add_argument("--amplitude", type=float, default=AMPLITUDE, metavar="A", help="m")
     wave.add_argument("--input-frequency", type=float, default=INPUT_FREQUENCY, metavar="HZ")
     wave.add_argument("--duration", type=float, default=5e-4, metavar="S")
+    wave.add_argument("--source", metavar="FILE", help="wall motion, two columns: s, m")
+    wave.add_argument("--interval", type=float, metavar="S", help="between records; 1e-6")
+    wave.add_argument("--tolerance", type=float, default=1e-9, help="relative; 1e-9")
+    wave.add_argument("--pre-stress", choices=PRE_STRESS, default="none")
+    wave.add_argument("--particles", action="store_true", help="record every particle")
+    wave.add_argument("--method", choices=("chebyshev", "leapfrog"), default="chebyshev")
+    wave.add_argument("--time-step", type=float, metavar="S", help="of the leapfrog")
     wave.add_argument("-o", "--output", metavar="FILE", help="write *.signals.h5")
     lattice = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
     lattice.add_argument("--stress", type=float, default=1e5, metavar="PA")
@@ -125,21 +135,37 @@ def _count(options: argparse.Namespace) -> dict[str, Any]:
 
 def _wave(options: argparse.Namespace) -> dict[str, Any]:
     network = read_network(options.network)
-    wave = propagate(
-        network,
-        options.duration,
-        amplitude=options.amplitude,
-        input_frequency=options.input_frequency,
-        network_sha256=sha256(options.network),
-    )
+    motion = Pulse(options.amplitude, options.input_frequency)
+    if options.source:
+        motion = read_motion(options.source)
+    settings = {
+        "motion": motion,
+        "pre_stress": options.pre_stress,
+        "particles": options.particles,
+        "network_sha256": sha256(options.network),
+    }
+    interval, step = options.interval or 1e-6, options.time_step
+    if options.method == "leapfrog":
+        if not (step and step > 0):
+            raise InputError("--method leapfrog needs --time-step; give it in s")
+        every = max(1, round(interval / step))
+        signals = leapfrog(network, options.duration, step, every=every, **settings)
+        accuracy = {"time_step_s": step}
+    else:
+        if step:
+            raise InputError("--time-step is for --method leapfrog; chebyshev takes --tolerance")
+        wave = propagate(
+            network, options.duration, interval=interval, tolerance=options.tolerance, **settings
+        )
+        signals = wave.signals
+        accuracy = {"products_with_k": wave.products, "truncation": wave.truncation}
     if options.output:
-        write_signals(options.output, wave.signals)
+        write_signals(options.output, signals)
     return {
-        "particles_of_the_chain": len(wave.signals.chain_particle),
-        "times": len(wave.signals.time),
-        "products_with_k": wave.products,
-        "truncation": wave.truncation,
-        "largest_displacement_m": float(abs(wave.signals.chain_displacement).max()),
+        "particles_of_the_chain": len(signals.chain_particle),
+        "times": len(signals.time),
+        **accuracy,
+        "largest_displacement_m": float(abs(signals.chain_displacement).max()),
         "degrees_of_freedom": 6 * network.n_particles,
     }
 

@@ -5,7 +5,7 @@ This module is the one definition of the format "granular-contact-network", vers
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +94,10 @@ class Network:
     def with_wall(self) -> np.ndarray:
         """Shape (m,) bool: contacts between a particle and a wall."""
         return self.particle_j < 0
+
+    def with_contacts(self, kept: np.ndarray) -> Network:
+        """The same particles with those contacts only that `kept`, (m,) bool, selects."""
+        return replace(self, **{name: getattr(self, name)[kept] for name in _CONTACTS})
 
 
 def write_network(path: str | Path, network: Network) -> None:

@@ -1,28 +1,20 @@
 """Slab means and the particles that they average over."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from modal import gallery
 from modal.layers import Layers, force_bearing
+from modal.network import RECEIVER_WALL
 from modal.signals import Signals, read_signals, write_signals
 from modal.storage import InputError
-
-
-def without_contacts(network, dropped):
-    """The network without the contacts at `dropped` (m,) bool."""
-    names = [f.name for f in dataclasses.fields(network)]
-    columns = names[names.index("particle_i") : names.index("cell_size")]
-    return dataclasses.replace(network, **{k: getattr(network, k)[~dropped] for k in columns})
 
 
 def test_a_dangling_chain_bears_no_force():
     """The uppermost sphere of a column loses the wall: then all of them hang on one contact."""
     column = gallery.column(4)
     assert force_bearing(column).all()
-    cut = without_contacts(column, column.particle_j == -2)
+    cut = column.with_contacts(column.particle_j != RECEIVER_WALL)
     assert not force_bearing(cut).any()
     with pytest.raises(InputError, match="carries no wave"):
         Layers(cut)

@@ -5,10 +5,16 @@ import pytest
 
 from modal import gallery
 from modal.__main__ import main
+from modal.assembly import mass_diagonal
+from modal.leapfrog import leapfrog
 from modal.modes import Eigenproblem
 from modal.network import SOURCE_WALL, write_network
+from modal.operator import ContactOperator
+from modal.receivers import wall_pattern
 from modal.signals import read_signals, source_pulse
-from modal.wave import propagate, pulse_response, wall_pattern
+from modal.source import Pulse, SampledMotion, read_motion
+from modal.storage import InputError
+from modal.wave import chebyshev_moments, expansion, propagate, top_of_spectrum
 
 
 def test_pulse_response_solves_the_oscillator():
@@ -17,7 +23,7 @@ def test_pulse_response_solves_the_oscillator():
     errors = []
     for step in (2e-8, 1e-8):
         time = np.arange(0, 3e-5, step)
-        y = pulse_response(square, time, 1e5)
+        y = Pulse(1.0, 1e5).response(square, time)
         second = (y[:, 2:] - 2 * y[:, 1:-1] + y[:, :-2]) / step**2
         smooth = abs(time[1:-1] - 1e-5) > 3 * step
         defect = second + square[:, None] * y[:, 1:-1] - source_pulse(time[1:-1], 1.0, 1e5)
@@ -32,10 +38,10 @@ def test_wave_equals_modal_superposition(network):
     wave = propagate(network, 2e-4, tolerance=1e-12)
     problem = Eigenproblem.of(network)
     square, vector = np.linalg.eigh(problem.scaled.toarray())
-    source, _ = wall_pattern(network, SOURCE_WALL)
+    source, _, _ = wall_pattern(network, SOURCE_WALL)
     weight = vector.T @ (source / np.sqrt(problem.mass))
-    y = pulse_response(np.maximum(square, 0), wave.signals.time, 1e5)
-    motion = (vector @ (weight[:, None] * y)).T / np.sqrt(problem.mass) * 2.5e-9
+    y = Pulse(2.5e-9, 1e5).response(np.maximum(square, 0), wave.signals.time)
+    motion = (vector @ (weight[:, None] * y)).T / np.sqrt(problem.mass)
     expected = motion[:, 6 * wave.signals.chain_particle + 2]
     found = wave.signals.chain_displacement
     # The tolerance of 1e-12 times some hundred coefficients.
@@ -52,28 +58,139 @@ def test_work_of_the_source_is_the_energy_of_the_packing():
     work = np.trapezoid(signals.source_stress * area * speed, signals.time)
     problem = Eigenproblem.of(network)
     square, vector = np.linalg.eigh(problem.scaled.toarray())
-    source, _ = wall_pattern(network, SOURCE_WALL)
+    source, _, _ = wall_pattern(network, SOURCE_WALL)
     weight = vector.T @ (source / np.sqrt(problem.mass)) * 2.5e-9
     near = 1.5e-5 + np.array([-1e-10, 0, 1e-10])
-    y = pulse_response(square, near, 1e5)
+    y = Pulse(1.0, 1e5).response(square, near)
     rate = (y[:, 2] - y[:, 0]) / 2e-10
     energy = 0.5 * np.sum(weight**2 * (rate**2 + square * y[:, 1] ** 2))
     # Trapezoid and difference quotient at 1 ns: (2 pi 1e5 * 1e-9)^2 / 6 < 1e-7.
     assert work == pytest.approx(energy, rel=1e-6)
 
 
-def test_number_of_products_is_the_known_optimum():
-    network = gallery.fcc(2, 30)
-    wave = propagate(network, 3e-4, tolerance=1e-8)
-    assert wave.products <= 1.15 * 2 * np.pi * 211.1e3 * 3e-4 / 2 + 60
+def test_relative_error_of_1e_8_within_the_known_number_of_products():
+    network, duration = gallery.fcc(2, 30), 3e-4
+    reference = propagate(network, duration, tolerance=1e-13).signals.chain_displacement
+    wave = propagate(network, duration)
+    error = np.linalg.norm(wave.signals.chain_displacement - reference)
+    assert error < 1e-8 * np.linalg.norm(reference)
+    problem = Eigenproblem.of(network)
+    omega = np.sqrt(np.linalg.eigvalsh(problem.scaled.toarray())[-1])
+    assert wave.products <= 1.15 * omega * duration / 2 + 60
+
+
+@pytest.mark.parametrize("network", [gallery.fcc(2, 30), gallery.column(40), gallery.column(2)])
+def test_top_of_spectrum_is_a_close_bound(network):
+    operator = ContactOperator(network, mass_scaled=True)
+    top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
+    bound, products = top_of_spectrum(operator)
+    assert 1 < bound / top < 1.06
+    assert products <= 40
+
+
+class EveryMotion:
+    """Receivers of all 6n motions."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def observe(self, u: np.ndarray, out: np.ndarray) -> None:
+        out[:] = u
+
+
+@pytest.mark.parametrize("seed", [None, 5])
+def test_energy_is_conserved_once_the_wall_rests(seed):
+    """Kinetic plus elastic energy of all degrees of freedom, in a crystal and in disorder."""
+    network = gallery.fcc(2, 12)
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        for name in ("stiffness_normal", "stiffness_tangential"):
+            setattr(network, name, getattr(network, name) * rng.uniform(0.2, 1, network.n_contacts))
+    operator = ContactOperator(network, mass_scaled=True)
+    top, _ = top_of_spectrum(operator)
+    # Velocity by the central difference of order 8: relative error (omega h)^8 / 630 < 1e-12.
+    h = 0.05 / np.sqrt(top)
+    weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / h
+    instants = np.linspace(1.1e-5, 3e-4, 12)
+    time = (instants[:, None] + h * np.arange(-4, 5)).ravel()
+    coefficient, _ = expansion(Pulse(), time, top, 1e-14)
+    source, _, _ = wall_pattern(network, SOURCE_WALL)
+    start = source / np.sqrt(mass_diagonal(network))
+    everything = EveryMotion(len(start))
+    one = np.ones(len(start))
+    moments = chebyshev_moments(operator, start, one, top, len(coefficient), everything)
+    motion = (coefficient.T @ moments).reshape(len(instants), 9, -1)
+    speed = np.einsum("tkx,k->tx", motion, weights)
+    at = motion[:, 4]
+    energy = 0.5 * (speed**2).sum(axis=1) + 0.5 * (at * (operator @ at.T).T).sum(axis=1)
+    assert abs(energy / energy[0] - 1).max() < 1e-10
+
+
+@pytest.mark.parametrize("steps", [3, 400])
+def test_sampled_motion_equals_the_pulse(steps):
+    """Corners on a fine grid: the error of straight lines falls with the square of the step."""
+    square = (2 * np.pi * np.array([0.0, 3e4, 1e5, 2.1e5])) ** 2
+    time = np.linspace(0, 4e-5, steps)
+    exact = Pulse().response(square, time)
+    errors = []
+    for corners in (101, 201):
+        at = np.linspace(0, 1e-5, corners)
+        motion = SampledMotion(at, Pulse().displacement(at))
+        errors.append(abs(motion.response(square, time) - exact).max() / abs(exact).max())
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+
+
+def test_motion_from_a_file(tmp_path):
+    path = tmp_path / "wall.txt"
+    path.write_text("# s m\n0 0\n1e-6 1e-9\n2e-6 0\n")
+    motion = read_motion(path)
+    assert motion.amplitude == 0.5e-9
+    assert motion.displacement(np.array([5e-7, 3e-6])) == pytest.approx([0.5e-9, 0])
+    for wrong in ("0 0 0\n1 1 1\n", "0 1\n1 1\n", "0 0\n0 1\n", "word\n", "0 0\n"):
+        path.write_text(wrong)
+        with pytest.raises(InputError):
+            read_motion(path)
+    with pytest.raises(InputError):
+        read_motion(tmp_path / "absent.txt")
+
+
+def test_leapfrog_approaches_the_exact_wave_at_second_order():
+    network = gallery.fcc(2, 12)
+    errors = []
+    for step in (1e-7, 5e-8):
+        slow = leapfrog(network, 1e-4, step, every=round(1e-6 / step))
+        exact = propagate(network, 1e-4).signals
+        assert slow.time == pytest.approx(exact.time, abs=1e-15)
+        difference = slow.chain_displacement - exact.chain_displacement
+        errors.append(np.linalg.norm(difference) / np.linalg.norm(exact.chain_displacement))
+        # Force of the wall on the first layer at time k is that of state k.
+        lag = abs(slow.source_stress - exact.source_stress).max() / abs(exact.source_stress).max()
+        assert lag < 3 * errors[-1]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
+    with pytest.raises(InputError, match="stable up to"):
+        leapfrog(network, 1e-4, 2e-6)
 
 
 def test_wave_on_the_command_line(tmp_path, capsys):
     path, out = tmp_path / "a.network.h5", tmp_path / "a.signals.h5"
     write_network(path, gallery.fcc(2, 6))
-    assert main(["wave", str(path), "--duration", "5e-5", "-o", str(out)]) == 0
+    base = ["wave", str(path), "--duration", "5e-5", "-o", str(out)]
+    assert main(base) == 0
     signals = read_signals(out)
     assert signals.producer == "linear"
     assert signals.chain_displacement.shape == (51, 6)
-    assert main(["wave", str(path), "--duration", "-1"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    assert signals.particle_displacement is None
+    assert main([*base, "--method", "leapfrog", "--time-step", "5e-8", "--particles"]) == 0
+    slow = read_signals(out)
+    assert slow.particle_displacement.shape == (51, 24)
+    difference = np.linalg.norm(slow.chain_displacement - signals.chain_displacement)
+    assert difference < 0.02 * np.linalg.norm(signals.chain_displacement)
+    wall = tmp_path / "wall.txt"
+    wall.write_text("0 0\n2e-6 1e-9\n")
+    assert main([*base, "--source", str(wall)]) == 0
+    assert read_signals(out).source_displacement[-1] == 1e-9
+    capsys.readouterr()
+    for wrong in (["--duration", "-1"], ["--method", "leapfrog"], ["--time-step", "1e-8"]):
+        assert main([*base, *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1

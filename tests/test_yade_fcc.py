@@ -13,6 +13,7 @@ from modal.__main__ import main
 from modal.modes import Eigenproblem, all_modes
 from modal.network import read_network
 from modal.signals import read_signals, source_pulse
+from modal.source import Pulse
 from modal.wave import propagate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -136,7 +137,7 @@ def test_time_step_error_has_order_two(products, tmp_path):
         linear = propagate(
             read_network(folder / "case02.network.h5"),
             signals.time[-1],
-            amplitude=amplitude,
+            motion=Pulse(amplitude),
             interval=signals.time[1],
         ).signals
         # Every chain of the crystal carries the same planar wave, layer by layer.
