@@ -1,0 +1,99 @@
+"""The compact form: neighbour search against all pairs, rebuilt network against its source."""
+
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.geometry import periodic_pairs, tangents
+from modal.hertz_mindlin import RADIUS
+from modal.sample import Sample, read_sample, shear_components, write_sample
+from modal.storage import InputError
+
+
+@pytest.mark.parametrize("side", [(0.9, 1.3), (2.2, 3.1), (6.0, 5.0)])
+def test_pairs_equal_those_of_all_images(side):
+    """The slow way: every pair of images within three periods; also cells narrower than reach."""
+    rng = np.random.default_rng(1)
+    position = rng.random((30, 3)) * (*side, 4.0)
+    found = set(
+        zip(*(map(tuple, np.atleast_2d(x).T) for x in _columns(position, side)), strict=True)
+    )
+    slow = set()
+    for a in range(-3, 4):
+        for b in range(-3, 4):
+            image = position + (a * side[0], b * side[1], 0)
+            for i in range(30):
+                for j in range(30):
+                    upward = a > 0 or (a == 0 and b > 0)
+                    if (i < j or (i == j and upward)) and np.linalg.norm(
+                        image[j] - position[i]
+                    ) <= 1.0:
+                        slow.add(((i,), (j,), (a,), (b,)))
+    assert found == slow
+
+
+def _columns(position, side):
+    i, j, shift = periodic_pairs(position, np.array(side), 1.0)
+    return i, j, shift[:, 0], shift[:, 1]
+
+
+@pytest.mark.parametrize("width", [1, 2, 4])
+def test_network_rebuilt_from_positions(width):
+    """The FCC generator knows its contacts by index arithmetic; here they follow from distance."""
+    made = gallery.fcc(width, 10)
+    side = made.cell_size[:2]
+    position = made.position.copy()
+    position[:, :2] %= side
+    rebuilt = Sample(position, side, made.wall_position, friction=0.1).network()
+    assert rebuilt.n_contacts == made.n_contacts
+    # Positions reach 10 diameters: their round-off is eps * 10 D, against overlaps of 3e-4 R.
+    tolerance = 10 * 2 * RADIUS * np.finfo(float).eps / made.overlap.min()
+    assert np.sort(rebuilt.overlap) == pytest.approx(np.sort(made.overlap), rel=10 * tolerance)
+    for name in ("void_ratio", "coordination_number"):
+        assert rebuilt.study[name] == pytest.approx(made.study[name], rel=1e-12)
+
+
+def test_tangents_form_a_frame():
+    normal = np.random.default_rng(2).standard_normal((200, 3))
+    normal[0] = (0, 0, 1)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    frame = np.stack([normal, *tangents(normal)], axis=1)
+    assert frame @ frame.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (200, 1, 1)))
+    assert np.linalg.det(frame) == pytest.approx(np.ones(200))
+
+
+def sample_with_shear() -> Sample:
+    made = gallery.fcc(3, 6)
+    sample = Sample(made.position, made.cell_size[:2], made.wall_position, friction=0.3)
+    contacts = len(sample.contacts().overlap)
+    sample.shear = np.random.default_rng(3).standard_normal((contacts, 2)) * 1e-3
+    sample.velocity = np.random.default_rng(4).standard_normal(made.position.shape)
+    sample.study = {"case": "31", "stress": 1e6}
+    return sample
+
+
+def test_shear_forces_survive_the_file(tmp_path):
+    sample = sample_with_shear()
+    path = tmp_path / "x.sample.h5"
+    write_sample(path, sample)
+    again = read_sample(path)
+    assert (again.position == sample.position).all()
+    assert (again.velocity == sample.velocity).all()
+    assert again.angular_velocity is None
+    network = again.network()
+    # A frame of unit vectors: the components come back to a few eps of the force.
+    assert shear_components(network) == pytest.approx(sample.shear, abs=1e-17)
+    normal_part = (network.force_tangential * network.normal).sum(axis=1)
+    assert abs(normal_part).max() < 1e-17
+    assert network.study["case"] == "31"
+
+
+def test_sample_that_does_not_fit_is_refused(tmp_path):
+    sample = sample_with_shear()
+    sample.shear = sample.shear[:-1]
+    with pytest.raises(InputError, match="shear forces for"):
+        sample.network()
+    sample.walls = sample.walls[::-1]
+    write_sample(tmp_path / "x.sample.h5", sample)
+    with pytest.raises(InputError, match="two walls"):
+        read_sample(tmp_path / "x.sample.h5")
