@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from modal.hertz_mindlin import (
@@ -14,6 +16,7 @@ from modal.hertz_mindlin import (
 )
 from modal.lattice import FccCrystal
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.storage import InputError
 
 
 def _network(
@@ -149,4 +152,38 @@ def column(
         np.array([False, False, False]),
         np.array([0.0, height]),
         {"case": "column"},
+    )
+
+
+def repeat(network: Network, times_x: int, times_y: int) -> Network:
+    """The network repeated sideways across its periods: times_x times_y copies in a larger cell.
+
+    The copies of a particle follow each other, so a sample sorted along z stays sorted. A plane
+    wave in the copies is that of the sample: a test of size that needs no larger DEM run.
+    """
+    copies, wanted = times_x * times_y, np.array([times_x, times_y, 1])
+    if min(times_x, times_y) < 1 or (~network.cell_periodic & (wanted > 1)).any():
+        raise InputError(
+            f"cannot repeat {times_x} by {times_y}: the network must be periodic along the axis"
+        )
+    cell = np.array([(a, b, 0) for a in range(times_x) for b in range(times_y)])
+    contacts = network.with_contacts(np.repeat(np.arange(network.n_contacts), copies))
+    there = np.tile(cell, (network.n_contacts, 1)) + contacts.cell_shift
+    shift = there // wanted
+    inside = there - shift * wanted
+    i, j = contacts.particle_i, contacts.particle_j
+    own = np.tile(np.arange(copies), network.n_contacts)
+    others = inside[:, 0] * times_y + inside[:, 1]
+    offset = np.tile(cell * network.cell_size, (network.n_particles, 1))
+    return replace(
+        contacts,
+        position=np.repeat(network.position, copies, axis=0) + offset,
+        radius=np.repeat(network.radius, copies),
+        mass=np.repeat(network.mass, copies),
+        inertia=np.repeat(network.inertia, copies),
+        particle_i=i * copies + own,
+        particle_j=np.where(j < 0, j, j * copies + others),
+        cell_shift=np.where((j < 0)[:, None], contacts.cell_shift, shift),
+        cell_size=network.cell_size * wanted,
+        provenance=network.provenance | {"repeated": f"{times_x} x {times_y}"},
     )

@@ -96,7 +96,7 @@ class Network:
         return self.particle_j < 0
 
     def with_contacts(self, kept: np.ndarray) -> Network:
-        """The same particles with those contacts only that `kept`, (m,) bool, selects."""
+        """The same particles with the contacts that `kept` selects: (m,) bool, or indices."""
         return replace(self, **{name: getattr(self, name)[kept] for name in _CONTACTS})
 
 

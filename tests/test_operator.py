@@ -8,8 +8,9 @@ from scipy.sparse.linalg import eigsh
 
 from modal import gallery, operator
 from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.network import Network
+from modal.network import Network, validate
 from modal.operator import ContactOperator
+from modal.storage import InputError
 from modal.tangent import PRE_STRESS
 
 EPS = np.finfo(float).eps
@@ -109,3 +110,25 @@ def test_without_numba_the_matrix_does_the_same(monkeypatch):
     plain = ContactOperator(network, mass_scaled=True)
     assert plain.apply(x) == pytest.approx(compiled, rel=1e-12, abs=1e-12)
     assert plain.accumulate(x, x.copy(), 2.0) == pytest.approx(x + 2 * compiled, rel=1e-11)
+
+
+def test_a_repeated_sample_is_the_larger_crystal():
+    """Copies of a crystal of one sphere a layer: the same spectrum as the crystal made at once."""
+    repeated = gallery.repeat(gallery.fcc(1, 3), 3, 2)
+    again = gallery.repeat(gallery.repeat(gallery.fcc(1, 3), 3, 1), 1, 2)
+    spectra = []
+    for network in (repeated, again):
+        validate(network)
+        spectra.append(np.linalg.eigvalsh(stiffness_matrix(network).toarray()))
+        # Every contact joins what its normal says.
+        pair = ~network.with_wall
+        i, j = network.particle_i[pair], network.particle_j[pair]
+        there = network.position[j] + network.cell_shift[pair] * network.cell_size
+        reach = (network.lever_i - network.lever_j)[pair]
+        assert there - network.position[i] == pytest.approx(reach, abs=1e-12)
+    assert spectra[0] == pytest.approx(spectra[1], rel=1e-9, abs=1e-9 * spectra[0][-1])
+    square = np.linalg.eigvalsh(stiffness_matrix(gallery.repeat(gallery.fcc(1, 3), 2, 2)).toarray())
+    direct = np.linalg.eigvalsh(stiffness_matrix(gallery.fcc(2, 3)).toarray())
+    assert square == pytest.approx(direct, rel=1e-9, abs=1e-9 * direct[-1])
+    with pytest.raises(InputError, match="periodic"):
+        gallery.repeat(gallery.column(3), 2, 1)
