@@ -1,0 +1,1 @@
+"""Run time against error: each module has run(quick) -> rows and prints a Markdown table."""
