@@ -1,4 +1,4 @@
-"""Command line of analysis: compare, status, figure."""
+"""Command line of analysis: compare, status, figure, agreement."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import NoReturn
 
 import numpy as np
 
+from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.compare import as_text, compare, write_table
 from analysis.figures import CROSS_CASE, FIGURES, draw
 from analysis.figures.crystal import power_law, stress_rows
 from analysis.products import Products, find
 from analysis.status import status_table
+from modal.network import read_network
+from modal.signals import read_signals
 from modal.storage import InputError
 
 
@@ -40,6 +43,14 @@ def _parser() -> argparse.ArgumentParser:
     for sub in (table, figure):
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
     command("status", "which cases have which products")
+    text = "a DEM run against the linear wave of its network, the difference split by cause"
+    agree = commands.add_parser("agreement", help=text, description=text)
+    agree.add_argument("network", help="*.network.h5 of the run")
+    agree.add_argument("signals", help="*.signals.h5 of the DEM run")
+    for name, what in OTHER_RUNS.items():
+        agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
+    agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")
+    agree.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
     return parser
 
 
@@ -67,6 +78,22 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
             print("\n".join(str(path) for path in draw(name, cases, output, missing_ok=True)))
 
 
+def _agreement(arguments: argparse.Namespace) -> None:
+    network, run = read_network(arguments.network), read_signals(arguments.signals)
+    within = np.inf
+    if arguments.first is not None:
+        if not 1 <= arguments.first <= len(run.chain_position):
+            raise InputError(f"--first {arguments.first}: the chain has {len(run.chain_position)}")
+        z = np.sort(run.chain_position)[arguments.first - 1]
+        within = (z - network.wall_position[0]) * (1 + 1e-9)
+    paths = {name: getattr(arguments, name) for name in OTHER_RUNS}
+    others = {name: read_signals(path) for name, path in paths.items() if path}
+    text = report(Agreement(network, run, within), **others)
+    print(text, end="")
+    if arguments.output:
+        Path(arguments.output).write_text(text)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one command; exit status 0, or 2 with one line on stderr for a user's mistake."""
     try:
@@ -76,6 +103,9 @@ def main(argv: list[str] | None = None) -> int:
             if not folder.is_dir():
                 raise InputError(f"{folder}: no such folder; give --products DIR")
             print(status_table(folder))
+            return 0
+        if arguments.command == "agreement":
+            _agreement(arguments)
             return 0
         cases = [find(text, arguments.products) for text in arguments.case]
         output = Path(arguments.output)

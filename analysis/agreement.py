@@ -1,0 +1,271 @@
+"""A DEM run against the linear wave of its own contact network, and where they part.
+
+The linear wave is computed with the DEM's own time step (`modal.leapfrog`) and with the exact
+tangent, so what is left is the packing's non-linearity and the run's noise. Leaving out one thing
+at a time, or adding runs of other amplitude, sign or friction, splits the difference by cause. All
+displacements are divided by the amplitude of the source; differences are relative L2 norms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.layers import Layers, force_bearing
+from modal.leapfrog import leapfrog
+from modal.network import Network
+from modal.signals import Signals
+from modal.source import Pulse
+from modal.storage import InputError
+from modal.wave import propagate
+
+OTHER_RUNS = {
+    "reverse": "run with the wall's motion reversed",
+    "small": "run with a smaller amplitude",
+    "small_reverse": "run with the smaller amplitude reversed",
+    "no_slip": "run with sliding suppressed",
+}
+"""Further runs of the same sample that split the difference."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Displacements along z per amplitude of the source, at the same times (nt,).
+
+    `chain` (nt, nc); `layers` (nt, nl) and `particles` (nt, n), force-bearing ones only, are None
+    where the run has not recorded them.
+    """
+
+    chain: np.ndarray
+    layers: np.ndarray | None
+    particles: np.ndarray | None
+
+    def combine(self, other: Motion, own: float, others: float) -> Motion:
+        """own self + others other, field by field."""
+
+        def mix(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
+            return None if a is None or b is None else own * a + others * b
+
+        return Motion(
+            mix(self.chain, other.chain),
+            mix(self.layers, other.layers),
+            mix(self.particles, other.particles),
+        )
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Relative L2 norms over all times: chain, layer means, particles; and the median particle."""
+
+    cause: str
+    chain: float
+    layers: float | None
+    particles: float | None
+    median: float | None
+
+
+def relative(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
+    """|a - b| / |b|; None where either is absent."""
+    if a is None or b is None:
+        return None
+    return float(np.linalg.norm(a - b) / np.linalg.norm(b))
+
+
+def compare(cause: str, found: Motion, reference: Motion) -> Difference:
+    """The difference of two motions under the name of its cause."""
+    median = None
+    if found.particles is not None and reference.particles is not None:
+        size = np.linalg.norm(reference.particles, axis=0)
+        apart = np.linalg.norm(found.particles - reference.particles, axis=0)
+        median = float(np.median(apart[size > 0] / size[size > 0]))
+    return Difference(
+        cause,
+        relative(found.chain, reference.chain),
+        relative(found.layers, reference.layers),
+        relative(found.particles, reference.particles),
+        median,
+    )
+
+
+class Agreement:
+    """One DEM run and the linear waves that belong to it.
+
+    `within` (m) leaves out what lies farther from the source wall. InputError where the run does
+    not belong to the network or its records are not equally many steps apart.
+    """
+
+    def __init__(self, network: Network, run: Signals, within: float = np.inf) -> None:
+        n = network.n_particles
+        if run.chain_particle.max(initial=-1) >= n or (
+            run.particle_displacement is not None and run.particle_displacement.shape[1] != n
+        ):
+            raise InputError("the signals are not of this network; give the network of the run")
+        self.network, self.run = network, run
+        self.every = max(1, round(float(run.time[1] - run.time[0]) / run.time_step))
+        steps = run.time_step * self.every * np.arange(len(run.time))
+        if abs(run.time - steps).max() > 1e-6 * run.time_step:
+            raise InputError("the records are not equally many time steps apart; record them so")
+        depth = network.position[:, 2] - network.wall_position[0]
+        self._bearing = force_bearing(network) & (depth <= within)
+        self._chain = depth[run.chain_particle] <= within
+        self.chain_position = run.chain_position[self._chain]
+        self._layers = Layers(network)
+        self._near = self._layers.position - network.wall_position[0] <= within
+        self.layer_position = self._layers.position[self._near]
+
+    def measured(self, run: Signals) -> Motion:
+        """What a DEM run recorded, per amplitude; it must share the times of the first run."""
+        if len(run.time) != len(self.run.time) or abs(run.time - self.run.time).max() > 1e-12:
+            raise InputError("the runs were recorded at different times; repeat them alike")
+        if not np.array_equal(run.chain_particle, self.run.chain_particle):
+            raise InputError("the runs recorded different chains; they are of different samples")
+        return self._motion(run.chain_displacement, run, 1 / run.amplitude)
+
+    def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
+        """The linear wave at the run's times, with its time step or exact in time."""
+        pulse = Pulse(1.0, self.run.input_frequency)
+        duration, interval = float(self.run.time[-1]), self.run.time_step * self.every
+        settings = {"motion": pulse, "pre_stress": pre_stress, "particles": True}
+        if exact_in_time:
+            wave = propagate(self.network, duration, interval=interval, **settings).signals
+        else:
+            wave = leapfrog(
+                self.network, duration, self.run.time_step, every=self.every, **settings
+            )
+        if len(wave.time) != len(self.run.time):
+            raise InputError("the run ends between two records; its times are not usable")
+        return self._motion(wave.particle_displacement[:, self.run.chain_particle], wave, 1.0)
+
+    def _motion(self, chain: np.ndarray, signals: Signals, factor: float) -> Motion:
+        everything, layers = signals.particle_displacement, signals.layer_displacement
+        if everything is not None:
+            layers = np.array([self._layers.means(row) for row in everything])
+        return Motion(
+            factor * chain[:, self._chain],
+            None if layers is None else factor * layers[:, self._near],
+            None if everything is None else factor * everything[:, self._bearing],
+        )
+
+
+def split_by_cause(
+    pair: Agreement,
+    *,
+    reverse: Signals | None = None,
+    small: Signals | None = None,
+    small_reverse: Signals | None = None,
+    no_slip: Signals | None = None,
+) -> list[Difference]:
+    """The difference of a run to its linear wave, whole and by cause.
+
+    The other runs are those of `OTHER_RUNS`; causes whose run is absent are left out.
+    """
+    found, full = pair.measured(pair.run), pair.linear("full")
+    rows = [compare("YADE to linear, all causes", found, full)]
+    exact = pair.linear("full", exact_in_time=True)
+    rows.append(compare("time step (linear leapfrog to exact)", full, exact))
+    rows.append(compare("pre-stress, all of it (linear)", pair.linear("none"), full))
+    rows.append(compare("pre-stress of shear forces (linear)", pair.linear("normal"), full))
+    if no_slip is not None:
+        held = pair.measured(no_slip)
+        rows.append(compare("opened and slipped contacts (YADE, friction)", found, held))
+        rows.append(compare("YADE without slip to linear", held, full))
+    if reverse is not None:
+        odd = found.combine(pair.measured(reverse), 0.5, 0.5)
+        rows.append(compare("even part: quadratic terms and drift (YADE)", found, odd))
+        rows.append(compare("odd part to linear", odd, full))
+    if small is not None:
+        little = pair.measured(small)
+        rows.append(compare("non-linearity (YADE, two amplitudes)", found, little))
+        rows.append(compare("small amplitude to linear", little, full))
+        if small_reverse is not None:
+            odd = little.combine(pair.measured(small_reverse), 0.5, 0.5)
+            rows.append(compare("noise floor: even part, small amplitude", little, odd))
+            rows.append(compare("odd part, small amplitude, to linear", odd, full))
+    return rows
+
+
+def over_time(found: Motion, reference: Motion, windows: int = 8) -> np.ndarray:
+    """Shape (windows,): relative L2 difference of the chain in equal parts of the record."""
+    parts = np.array_split(np.arange(len(reference.chain)), windows)
+    size = np.linalg.norm(reference.chain) / np.sqrt(windows)
+    return np.array([np.linalg.norm((found.chain - reference.chain)[p]) / size for p in parts])
+
+
+def frequency_wavenumber(
+    motion: np.ndarray, time: np.ndarray, position: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, and |U| (nf, nk) of motion (nt, nl).
+
+    Hann windows in time and space; positions equally spaced to half of their distance.
+    """
+    spacing = np.diff(position)
+    if abs(spacing - spacing.mean()).max() > 0.5 * spacing.mean():
+        raise InputError("layers are too unequally spaced for a spectrum in space")
+    nt, nl = motion.shape
+    taper = np.hanning(nt + 2)[1:-1, None] * np.hanning(nl + 2)[None, 1:-1]
+    spectrum = np.fft.fft(np.fft.rfft(motion * taper, axis=0), axis=1)
+    frequency = np.fft.rfftfreq(nt, time[1] - time[0])
+    wavenumber = 2 * np.pi * np.fft.fftfreq(nl, spacing.mean())
+    order = np.argsort(wavenumber)
+    return frequency, wavenumber[order], abs(spectrum[:, order])
+
+
+def by_frequency(
+    found: np.ndarray,
+    reference: np.ndarray,
+    time: np.ndarray,
+    position: np.ndarray,
+    bands: np.ndarray,
+) -> list[tuple[float, float, float, float]]:
+    """(low, high, share of the energy, relative difference) for each band of frequency, f-k."""
+    f, _, have = frequency_wavenumber(found, time, position)
+    _, _, want = frequency_wavenumber(reference, time, position)
+    total, rows = (want**2).sum(), []
+    for low, high in zip(bands[:-1], bands[1:], strict=True):
+        inside = (f >= low) & (f < high)
+        size = (want[inside] ** 2).sum()
+        if size > 0:
+            apart = np.sqrt(((have - want)[inside] ** 2).sum() / size)
+            rows.append((float(low), float(high), float(size / total), float(apart)))
+    return rows
+
+
+def as_table(rows: list[Difference]) -> str:
+    """Markdown table, per cent."""
+    lines = [
+        "| cause | chain % | layer means % | particles % | median particle % |",
+        "|---|---|---|---|---|",
+    ]
+    for row in rows:
+        values = (row.chain, row.layers, row.particles, row.median)
+        cells = ["" if v is None else f"{100 * v:.4g}" for v in values]
+        lines.append(f"| {row.cause} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def report(pair: Agreement, **others: Signals) -> str:
+    """Three Markdown tables: by cause, over time, and over frequency (f-k spectra of the chain).
+
+    The f-k table takes the layer means where the run has them: in a random packing they carry the
+    coherent wave.
+    """
+    found, linear = pair.measured(pair.run), pair.linear("full")
+    lines = [as_table(split_by_cause(pair, **others)), ""]
+    lines += ["| part of the record | chain, difference % of its mean size |", "|---|---|"]
+    parts = over_time(found, linear)
+    lines += [f"| {k + 1} of {len(parts)} | {100 * part:.4g} |" for k, part in enumerate(parts)]
+    field, position = "chain", pair.chain_position
+    if found.layers is not None:
+        field, position = "layers", pair.layer_position
+    top = 0.5 / float(pair.run.time[1] - pair.run.time[0])
+    bands = np.append(np.arange(0, min(top, 2.5e5), 2.5e4), min(top, 2.5e5))
+    order = np.argsort(position)
+    spectra = [getattr(motion, field)[:, order] for motion in (found, linear)]
+    rows = by_frequency(*spectra, pair.run.time, position[order], bands)
+    lines += ["", f"| band, kHz | share of the energy % | difference in f-k ({field}) % |"]
+    lines.append("|---|---|---|")
+    for low, high, share, apart in rows:
+        band = f"{low / 1e3:g} to {high / 1e3:g}"
+        lines.append(f"| {band} | {100 * share:.3g} | {100 * apart:.4g} |")
+    return "\n".join(lines) + "\n"
