@@ -1,4 +1,4 @@
-"""Command line of modal: info, modes, count, wave, lattice."""
+"""Command line of modal: info, modes, count, wave, response, lattice."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
 from modal.network import read_network
+from modal.response import frequency_response, write_response
 from modal.signals import write_signals
 from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
 from modal.storage import InputError, sha256
@@ -62,6 +63,11 @@ def _parser() -> argparse.ArgumentParser:
     wave.add_argument("--method", choices=("chebyshev", "leapfrog"), default="chebyshev")
     wave.add_argument("--time-step", type=float, metavar="S", help="of the leapfrog")
     wave.add_argument("-o", "--output", metavar="FILE", help="write *.signals.h5")
+    response = network_command("response", "transfer functions from the source wall, gain factor")
+    response.add_argument("--highest", type=float, metavar="HZ", help="default: whole spectrum")
+    response.add_argument("--resolution", type=float, default=1e3, metavar="HZ")
+    response.add_argument("--pre-stress", choices=PRE_STRESS, default="none")
+    response.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
     lattice = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
     lattice.add_argument("--stress", type=float, default=1e5, metavar="PA")
     lattice.add_argument("--json", action="store_true", help="print one JSON object")
@@ -170,6 +176,25 @@ def _wave(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def _response(options: argparse.Namespace) -> dict[str, Any]:
+    found = frequency_response(
+        read_network(options.network),
+        highest=options.highest,
+        resolution=options.resolution,
+        pre_stress=options.pre_stress,
+    )
+    if options.output:
+        write_response(options.output, found, sha256(options.network))
+    return {
+        "resolution_hz": found.resolution,
+        "frequencies": len(found.frequency),
+        "highest_frequency_hz": float(found.frequency[-1]),
+        "products_with_k": found.products,
+        "largest_gain": float(found.gain.max()),
+        "gain_maxima_hz": found.gain_maxima().tolist(),
+    }
+
+
 def _lattice(options: argparse.Namespace) -> dict[str, Any]:
     if not 0 < options.stress < 1e9:
         raise InputError(f"--stress {options.stress:g}: outside 0 to 1e9 Pa; give it in Pa")
@@ -208,6 +233,7 @@ def main(argv: list[str] | None = None) -> int:
         "modes": _modes,
         "count": _count,
         "wave": _wave,
+        "response": _response,
         "lattice": _lattice,
     }
     start = time.perf_counter()

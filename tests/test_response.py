@@ -1,0 +1,88 @@
+"""Transfer functions against dense solves, against the transform of a wave, and a known chain."""
+
+import h5py
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.__main__ import main
+from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.network import RECEIVER_WALL, SOURCE_WALL, write_network
+from modal.receivers import wall_pattern
+from modal.response import frequency_response
+from modal.source import Pulse
+from modal.storage import InputError
+from modal.wave import propagate
+
+
+@pytest.mark.parametrize("network", [gallery.column(5), gallery.fcc(2, 6)])
+def test_equal_to_dense_solves(network):
+    found = frequency_response(network, resolution=5e3, tolerance=1e-10)
+    K, mass = stiffness_matrix(network).toarray(), np.diag(mass_diagonal(network))
+    source, row, stiffness = wall_pattern(network, SOURCE_WALL)
+    _, receiver, _ = wall_pattern(network, RECEIVER_WALL)
+    area = np.prod(network.cell_size[:2])
+    for k in range(0, len(found.frequency), 7):
+        s = (2 * np.pi * found.frequency[k] + 1j * np.pi * found.resolution) ** 2
+        u = np.linalg.solve(K - s * mass, source)
+        # The tolerance on resonance, where the response is some hundred times that off it.
+        near = {"rel": 1e-7, "abs": 1e-9 * stiffness / area}
+        assert found.receiver_stress[k] == pytest.approx(receiver @ u / area, **near)
+        assert found.source_stress[k] == pytest.approx((stiffness - row @ u) / area, **near)
+        chain = u[6 * found.chain_particle + 2]
+        assert found.chain_displacement[k] == pytest.approx(chain, rel=1e-7, abs=1e-8)
+
+
+def test_equal_to_the_transform_of_a_wave():
+    """Fourier transform of the damped signals over that of the damped pulse."""
+    network, resolution = gallery.fcc(2, 8), 2e4
+    found = frequency_response(network, highest=1.5e5, resolution=resolution, tolerance=1e-9)
+    gamma = np.pi * resolution
+    # exp(-gamma t) is 1e-8 at the end; the step resolves 211 kHz 47 times, the trapezium rule on
+    # these smooth signals then errs by (omega h)^2 / 12.
+    signals = propagate(network, 18 / gamma, interval=1e-7).signals
+    t = signals.time
+    kernel = np.exp((2j * np.pi * found.frequency[:, None] - gamma) * t)
+    pulse = kernel @ Pulse().displacement(t)
+    for name in ("receiver_stress", "source_stress", "chain_displacement", "layer_displacement"):
+        ratio = kernel @ getattr(signals, name)
+        ratio = ratio / (pulse if ratio.ndim == 1 else pulse[:, None])
+        wanted = getattr(found, name)
+        assert abs(ratio - wanted).max() < 2e-3 * abs(wanted).max()
+
+
+def test_gain_of_a_resonant_column():
+    """The gain peaks where the column would swing with its source end free.
+
+    There the source wall feels no force while the receiver wall does.
+    """
+    network = gallery.column(12)
+    found = frequency_response(network, highest=4e4, resolution=50.0)
+    free = network.with_contacts(network.particle_j != SOURCE_WALL)
+    scale = 1 / np.sqrt(mass_diagonal(free))
+    K = scale[:, None] * stiffness_matrix(free).toarray() * scale
+    along = np.arange(2, len(scale), 6)
+    values = np.linalg.eigvalsh(K[np.ix_(along, along)])
+    expected = np.sqrt(values) / (2 * np.pi)
+    maxima = found.gain_maxima()
+    inside = expected[expected < 3.9e4]
+    assert len(inside) >= 2
+    for f in inside:
+        assert abs(maxima - f).min() < found.resolution
+    assert found.gain[0] == pytest.approx(1, abs=1e-2)
+
+
+def test_response_on_the_command_line(tmp_path, capsys):
+    path, out = tmp_path / "a.network.h5", tmp_path / "a.response.h5"
+    write_network(path, gallery.fcc(2, 6))
+    assert main(["response", str(path), "--resolution", "5000", "-o", str(out)]) == 0
+    with h5py.File(out) as file:
+        nf = len(file["frequency"])
+        assert file["chain/displacement"].shape == (nf, 6, 2)
+        assert all("units" in file[name].attrs for name in ("gain", "source/stress", "frequency"))
+    capsys.readouterr()
+    for wrong in (["--resolution", "0"], ["--highest", "10"]):
+        assert main(["response", str(path), *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    with pytest.raises(InputError):
+        frequency_response(gallery.fcc(2, 3), tolerance=2)
