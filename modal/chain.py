@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import heapq
-
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import dijkstra
 
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.storage import InputError
+
+TIE = 1e-9
+"""Relative difference of path costs below which they count as equal."""
 
 
 def wall_to_wall_chain(network: Network) -> np.ndarray:
@@ -19,13 +22,13 @@ def wall_to_wall_chain(network: Network) -> np.ndarray:
     """
     i, j = network.particle_i, network.particle_j
     start = np.unique(i[j == SOURCE_WALL])
-    goal = set(i[j == RECEIVER_WALL].tolist())
-    if len(start) == 0 or not goal:
+    goal = np.unique(i[j == RECEIVER_WALL])
+    if len(start) == 0 or len(goal) == 0:
         raise InputError("the network has no contact with both walls; a chain needs the two walls")
     xy = network.position[:, :2]
     middle = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
-    distance = np.linalg.norm(xy[start] - middle, axis=1)
-    first = int(start[np.lexsort((start, np.round(distance / network.radius[0], 6)))[0]])
+    off_middle = np.linalg.norm(xy[start] - middle, axis=1)
+    first = int(start[np.lexsort((start, np.round(off_middle / network.radius[0], 6)))[0]])
 
     offset = xy - xy[first]
     for axis in (0, 1):
@@ -34,28 +37,36 @@ def wall_to_wall_chain(network: Network) -> np.ndarray:
             offset[:, axis] -= period * np.round(offset[:, axis] / period)
     weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
 
-    neighbours: list[list[tuple[int, float]]] = [[] for _ in range(network.n_particles)]
-    lengths = np.linalg.norm(network.lever_i - network.lever_j, axis=1)
-    for a, b, length in zip(i.tolist(), j.tolist(), lengths.tolist(), strict=True):
-        if b >= 0:
-            neighbours[a].append((b, length))
-            neighbours[b].append((a, length))
+    pair = j >= 0
+    i, j = i[pair], j[pair]
+    length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
+    come, go = np.concatenate([i, j]), np.concatenate([j, i])
+    cost = np.concatenate([length, length]) * weight[go]
+    # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
+    order = np.lexsort((cost, go, come))
+    come, go, cost = come[order], go[order], cost[order]
+    once = np.ones(len(cost), bool)
+    once[1:] = (np.diff(come) != 0) | (np.diff(go) != 0)
+    graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=(network.n_particles,) * 2)
+    distance = dijkstra(graph, indices=first)
+    nearest = distance[goal].min()
+    if not np.isfinite(nearest):
+        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
+    here = int(goal[np.argmin(_rounded(distance[goal], nearest))])
 
-    best = {first: 0.0}
-    came_from: dict[int, int] = {}
-    queue = [(0.0, first)]
-    while queue:
-        cost, here = heapq.heappop(queue)
-        if cost > best[here]:
-            continue
-        if here in goal:
-            path = [here]
-            while path[-1] in came_from:
-                path.append(came_from[path[-1]])
-            return np.array(path[::-1])
-        for there, length in neighbours[here]:
-            total = cost + length * weight[there]
-            if total < best.get(there, np.inf) * (1 - 1e-12):
-                best[there], came_from[there] = total, here
-                heapq.heappush(queue, (total, there))
-    raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
+    # Back along the shortest path; of equally short ones the nearest, then the first particle.
+    back = graph.tocsc()
+    path = [here]
+    while here != first:
+        column = slice(back.indptr[here], back.indptr[here + 1])
+        before = back.indices[column]
+        fits = distance[before] + back.data[column] <= distance[here] * (1 + TIE)
+        before = np.sort(before[fits])
+        here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
+        path.append(here)
+    return np.array(path[::-1])
+
+
+def _rounded(distance: np.ndarray, scale: float) -> np.ndarray:
+    """Distances in units in which those that differ by round-off only are equal."""
+    return np.round(distance / (scale * TIE)) if scale > 0 else distance
