@@ -120,6 +120,37 @@ def void_ratio(n: int, radius: float, side: np.ndarray, length: float) -> float:
     return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * radius**3) - 1)
 
 
+def sample_of_network(network: Network, friction: float) -> Sample:
+    """The compact form of a network of equal spheres whose contacts are in canonical order.
+
+    InputError for other networks: radii that differ, another order, or a cell without periods.
+    """
+    shear = shear_components(network)
+    sample = Sample(
+        position=network.position,
+        side=network.cell_size[:2],
+        walls=network.wall_position,
+        friction=friction,
+        shear=shear if shear.any() else None,
+        radius=float(network.radius[0]),
+        study=network.study,
+        provenance=network.provenance,
+    )
+    contact = sample.contacts()
+    same = (network.radius == network.radius[0]).all() and network.n_contacts == len(
+        contact.particle_i
+    )
+    if not same or any(
+        (getattr(contact, name) != getattr(network, name)).any()
+        for name in ("particle_i", "particle_j", "cell_shift")
+    ):
+        raise InputError(
+            "the network is not that of equal spheres in a lateral cell with its contacts in "
+            "canonical order; export it with this program"
+        )
+    return sample
+
+
 def shear_components(network: Network) -> np.ndarray:
     """Shape (m, 2), N: tangential forces on i along `geometry.tangents` of each normal."""
     first, second = tangents(network.normal)

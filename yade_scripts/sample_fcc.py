@@ -6,7 +6,7 @@
 Environment: WAVE_PRODUCTS names the folder of products (default: products).
 """
 
-import os
+import math
 import sys
 from pathlib import Path
 
@@ -17,11 +17,12 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.hertz_mindlin import GLASS
+from modal.hertz_mindlin import GLASS, RADIUS, overlap_of_force
 from modal.network import read_network, write_network
 from modal.storage import InputError
+from yade_scripts.compression import wall_stresses
 from yade_scripts.export import contact_network
-from yade_scripts.scene import ROOT, find_contacts, place_fcc
+from yade_scripts.scene import find_contacts, finish, place, products_folder, set_engines
 
 ROUND_OFF = 100 * np.finfo(float).eps
 """Relative error of a position; divided by overlap / length it bounds the residual force."""
@@ -39,53 +40,68 @@ readParamsFromTable(
 from yade.params.table import case, layers, mu_comp, mu_wave, stress, width  # noqa: E402
 
 
+def crystal():
+    """Centres (n, 3) layer by layer, lateral side and length, m, in balance with the stress."""
+    if width < 3:
+        raise InputError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
+    overlap = 0.0
+    for _ in range(100):
+        spacing = 2 * RADIUS - overlap
+        force = stress * spacing**2 / (2 * math.sqrt(2))
+        overlap = float(overlap_of_force(force, RADIUS / 2, GLASS))
+    spacing = 2 * RADIUS - overlap
+    rise = spacing / math.sqrt(2)
+    z0 = RADIUS - float(overlap_of_force(stress * spacing**2, RADIUS, GLASS))
+    centres = [
+        ((a + layer % 2 / 2) * spacing, (b + layer % 2 / 2) * spacing, z0 + layer * rise)
+        for layer in range(layers)
+        for b in range(width)
+        for a in range(width)
+    ]
+    return np.array(centres), width * spacing, 2 * z0 + (layers - 1) * rise
+
+
 def main():
-    """Make the sample unless a valid one is there; returns the exit status."""
-    folder = Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
-    path = folder / f"case{case:02d}.network.h5"
+    """Make the sample unless a valid one is there."""
+    path = products_folder() / f"case{case:02d}.network.h5"
     try:
         if path.exists():
             read_network(path)
             print(f"{path}: already there")
-            return 0
+            return
     except InputError as error:
         print(f"{error}; making it again")
-    try:
-        sizes = place_fcc(width, layers, stress, mu_wave)
-        find_contacts(sizes)
-        residual = np.array([list(O.forces.f(k, sync=True)) for k in range(sizes["n"])])
-        mean = np.mean([i.phys.normalForce.norm() for i in O.interactions if i.isReal])
-        ratio = abs(residual).max() / mean
-        overlap = min(i.geom.penetrationDepth for i in O.interactions if i.isReal)
-        tolerance = ROUND_OFF * sizes["length"] / overlap
-        if ratio > tolerance:
-            raise InputError(f"case {case}: residual force {ratio:.1e} of the mean; not in balance")
-        walls = [O.forces.f(sizes["n"] + k, sync=True)[2] / sizes["area"] for k in (0, 1)]
-        if max(abs(-walls[0] / stress - 1), abs(walls[1] / stress - 1)) > tolerance:
-            raise InputError(f"case {case}: wall stresses {walls} Pa, target {stress} Pa")
-        study = {
-            "case": str(case),
-            "stress": float(stress),
-            "mu_comp": float(mu_comp),
-            "mu_wave": float(mu_wave),
-            "young": GLASS.young,
-            "poisson": GLASS.poisson,
-            "density": GLASS.density,
-        }
-        provenance = {
-            "command": "yade_scripts/sample_fcc.py",
-            "versions": f"yade {config.version}, numpy {np.__version__}",
-            "residual_force_ratio": float(ratio),
-        }
-        write_network(path, contact_network(sizes, study, provenance))
-    except (ValueError, InputError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    count = O.interactions.countReal()
-    print(f"{path}: {sizes['n']} spheres, {count} contacts, residual {ratio:.1e} of the mean force")
-    return 0
+    position, side, length = crystal()
+    n = len(position)
+    place(position, (side, side), (0.0, length), mu_wave)
+    set_engines()
+    find_contacts(expected=width**2 * (2 * layers + 4 * (layers - 1) + 2))
+    residual = np.array([list(O.forces.f(k, sync=True)) for k in range(n)])
+    contacts = [contact for contact in O.interactions if contact.isReal]
+    mean = np.mean([contact.phys.normalForce.norm() for contact in contacts])
+    ratio = abs(residual).max() / mean
+    tolerance = ROUND_OFF * length / min(contact.geom.penetrationDepth for contact in contacts)
+    if ratio > tolerance:
+        raise InputError(f"case {case}: residual force {ratio:.1e} of the mean; not in balance")
+    walls = wall_stresses(n)
+    if max(abs(wall / stress - 1) for wall in walls) > tolerance:
+        raise InputError(f"case {case}: wall stresses {walls} Pa, target {stress} Pa")
+    study = {
+        "case": str(case),
+        "stress": float(stress),
+        "mu_comp": float(mu_comp),
+        "mu_wave": float(mu_wave),
+        "young": GLASS.young,
+        "poisson": GLASS.poisson,
+        "density": GLASS.density,
+    }
+    provenance = {
+        "command": "yade_scripts/sample_fcc.py",
+        "versions": f"yade {config.version}, numpy {np.__version__}",
+        "residual_force_ratio": float(ratio),
+    }
+    write_network(path, contact_network(n, study, provenance))
+    print(f"{path}: {n} spheres, {len(contacts)} contacts, residual {ratio:.1e} of the mean force")
 
 
-status = main()
-sys.stdout.flush()
-os._exit(status)  # YADE's own exit would turn every status into 0.
+finish(main)

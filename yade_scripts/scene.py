@@ -1,8 +1,11 @@
-"""The FCC crystal between flat walls as a YADE scene; shared by the sample and the wave run."""
+"""Spheres between flat walls in a laterally periodic cell, as a YADE scene."""
 
 import math
+import os
+import sys
 from pathlib import Path
 
+import numpy as np
 from yade import O
 from yade.utils import box, sphere
 from yade.wrapper import (
@@ -19,98 +22,103 @@ from yade.wrapper import (
     NewtonIntegrator,
 )
 
-from modal.hertz_mindlin import GLASS, RADIUS, overlap_of_force
+from modal.hertz_mindlin import GLASS, RADIUS
+from modal.storage import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS
+NO_TIME = 1e-15
+"""A time step, s, in which nothing moves; a step of zero gives undefined displacements."""
 
 
-def place_fcc(width, layers, stress, friction):
-    """Place the crystal with the overlaps that balance `stress` (Pa); returns a dict of its sizes.
+def products_folder():
+    """Folder of products: the environment variable WAVE_PRODUCTS, or products/."""
+    return Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
 
-    Sphere ids are 0 ... n-1, layer by layer; the source wall is n, the receiver wall n + 1. YADE
-    gives a sphere on a box the effective radius R/2 of two spheres; the wall's Young's modulus
-    E / (sqrt(2) - 1) turns that into the flat wall of the same material, for kn and ks alike.
+
+def place(position, side, walls, friction):
+    """Spheres of the study's glass, ids 0 ... n-1, and the walls, ids n (source) and n + 1.
+
+    `position` (n, 3), `side` (2,) of the periodic cell, `walls` (2,): z of the wall faces; m.
+    YADE gives a sphere on a box the effective radius R/2 of two spheres; the wall's Young's
+    modulus E / (sqrt(2) - 1) turns that into the flat wall of the same material, for kn and ks
+    alike.
     """
-    if width < 3:
-        raise ValueError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
-    overlap = 0.0
-    for _ in range(100):
-        spacing = 2 * RADIUS - overlap
-        force = stress * spacing**2 / (2 * math.sqrt(2))
-        overlap = float(overlap_of_force(force, RADIUS / 2, GLASS))
-    spacing = 2 * RADIUS - overlap
-    wall_overlap = float(overlap_of_force(stress * spacing**2, RADIUS, GLASS))
-    rise = spacing / math.sqrt(2)
-    z0 = RADIUS - wall_overlap
-    length = 2 * z0 + (layers - 1) * rise
-    side = width * spacing
-
     angle = math.atan(friction)
-    glass = FrictMat(
-        young=GLASS.young, poisson=GLASS.poisson, density=GLASS.density, frictionAngle=angle
-    )
-    flat = FrictMat(
-        young=GLASS.young / (math.sqrt(2) - 1),
-        poisson=GLASS.poisson,
-        density=GLASS.density,
-        frictionAngle=angle,
-    )
+    moduli = {"poisson": GLASS.poisson, "density": GLASS.density, "frictionAngle": angle}
+    glass = FrictMat(young=GLASS.young, **moduli)
+    flat = FrictMat(young=GLASS.young / (math.sqrt(2) - 1), **moduli)
     O.materials.append([glass, flat])
     O.periodic = True
     # Along z the cell only has to be too long to matter.
-    O.cell.hSize = [[side, 0, 0], [0, side, 0], [0, 0, length + 20 * RADIUS]]
-    for layer in range(layers):
-        shift = 0.5 * (layer % 2)
-        for b in range(width):
-            for a in range(width):
-                centre = ((a + shift) * spacing, (b + shift) * spacing, z0 + layer * rise)
-                O.bodies.append(sphere(centre, RADIUS, material=glass))
+    height = walls[1] - walls[0] + 20 * RADIUS
+    O.cell.hSize = [[side[0], 0, 0], [0, side[1], 0], [0, 0, height]]
+    for centre in np.asarray(position).tolist():
+        O.bodies.append(sphere(centre, RADIUS, material=glass))
     half = WALL_HALF_THICKNESS
-    for z in (-half, length + half):
-        centre, extents = (side / 2, side / 2, z), (1.5 * side, 1.5 * side, half)
+    for z in (walls[0] - half, walls[1] + half):
+        centre, extents = (side[0] / 2, side[1] / 2, z), (1.5 * side[0], 1.5 * side[1], half)
         O.bodies.append(box(centre, extents, fixed=True, material=flat))
-    return {
-        "n": width * width * layers,
-        "side": side,
-        "length": length,
-        "area": side * side,
-        "layers": layers,
-        "width": width,
-    }
 
 
-def find_contacts(sizes):
-    """Engines of a frictional, undamped scene; one vanishing step that finds every contact.
+def set_engines(*, margin=0.01, damping=0.0):
+    """Engines of a scene with friction; the collider looks `margin` radii around each sphere.
 
-    The collider is then put to sleep: over a wave nobody moves by a millionth of a radius.
+    With walls that are boxes the collider's first sort must run along z, or it misses contacts.
+    Lever arms are those of the law's torques (no "ratcheting" variant), so that energy is kept.
     """
-    # The bounds of a sphere must stay below half a period, also where three spheres fill it: only
-    # a thin margin (verletDist) is added to them.
-    collider = InsertionSortCollider(
-        [Bo1_Sphere_Aabb(), Bo1_Box_Aabb()],
-        allowBiggerThanPeriod=True,
-        sortAxis=2,
-        verletDist=0.01 * RADIUS,
-    )
     O.engines = [
         ForceResetter(),
-        collider,
+        InsertionSortCollider(
+            [Bo1_Sphere_Aabb(), Bo1_Box_Aabb()],
+            allowBiggerThanPeriod=True,
+            sortAxis=2,
+            verletDist=margin * RADIUS,
+        ),
         InteractionLoop(
-            [
-                Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False),
-                Ig2_Box_Sphere_ScGeom(),
-            ],
+            [Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False), Ig2_Box_Sphere_ScGeom()],
             [Ip2_FrictMat_FrictMat_MindlinPhys()],
             [Law2_ScGeom_MindlinPhys_Mindlin()],
         ),
-        NewtonIntegrator(damping=0, gravity=(0, 0, 0)),
+        NewtonIntegrator(damping=damping, gravity=(0, 0, 0)),
     ]
-    O.dt = 1e-15
+
+
+def find_contacts(expected=None):
+    """Steps without motion that find every contact; InputError unless `expected` many.
+
+    The second one lets a velocity gradient, if one was set, take effect.
+    """
+    O.dt = NO_TIME
     O.step()
-    collider.dead = True
-    layers, per_layer = sizes["layers"], sizes["width"] ** 2
-    expected = per_layer * (2 * layers + 4 * (layers - 1) + 2)
+    O.step()
     found = O.interactions.countReal()
-    if found != expected:
-        raise ValueError(f"{found} contacts found, the crystal has {expected}")
+    if expected is not None and found != expected:
+        raise InputError(f"{found} contacts found in YADE, the packing has {expected}")
+
+
+def wall_faces(n):
+    """z of the faces of source and receiver wall, m; n is the number of spheres."""
+    half = WALL_HALF_THICKNESS
+    return O.bodies[n].state.pos[2] + half, O.bodies[n + 1].state.pos[2] - half
+
+
+def cell_side():
+    """Lateral size of the periodic cell, (2,), m."""
+    return O.cell.hSize[0][0], O.cell.hSize[1][1]
+
+
+def finish(main):
+    """Run `main` and end the process with its status: 2 and one line for a user's mistake.
+
+    YADE's own exit would turn every status into 0.
+    """
+    try:
+        main()
+        status = 0
+    except (InputError, ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        status = 2
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)

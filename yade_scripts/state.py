@@ -1,0 +1,113 @@
+"""A YADE scene from a sample file and back: positions, velocities, strain rate and shear forces."""
+
+import numpy as np
+from yade import Matrix3, O, Vector3
+
+from modal.geometry import canonical_order, tangents
+from modal.network import RECEIVER_WALL, SOURCE_WALL
+from modal.sample import Sample
+from modal.storage import InputError
+from yade_scripts.scene import NO_TIME, cell_side, find_contacts, place, set_engines, wall_faces
+
+
+def present_positions(n):
+    """Centres (n, 3) wrapped into the lateral cell, and the periods (n, 2) taken off."""
+    side = np.array(cell_side())
+    position = np.array([O.bodies[k].state.pos for k in range(n)])
+    periods = np.floor(position[:, :2] / side)
+    position[:, :2] -= periods * side
+    # Round-off may leave a centre exactly on the far side.
+    on_edge = position[:, :2] >= side
+    position[:, :2][on_edge] = 0.0
+    return position, (periods + on_edge).astype(int)
+
+
+def canonical_contacts(n):
+    """Contacts in canonical order (i, j, shift): YADE's interactions and their place in it.
+
+    Returns the interactions, particle_i, particle_j, cell_shift (m, 3) between wrapped centres,
+    and the sign, -1 where YADE's first body is not particle i.
+    """
+    periods = np.zeros((n + 2, 3), int)
+    periods[:n, :2] = present_positions(n)[1]
+    interactions = [contact for contact in O.interactions if contact.isReal]
+    first = np.array([contact.id1 for contact in interactions], dtype=int)
+    second = np.array([contact.id2 for contact in interactions], dtype=int)
+    # YADE adds cellDist periods to the second body, in the order of its own ids.
+    shift = np.array([contact.cellDist for contact in interactions], dtype=int).reshape(-1, 3)
+    shift = shift + periods[second] - periods[first]
+    swap = (first >= n) | ((second < n) & (first > second))
+    i, j = np.where(swap, second, first), np.where(swap, first, second)
+    shift = np.where(swap[:, None], -shift, shift)
+    shift[j >= n] = 0
+    j = np.where(j == n, SOURCE_WALL, np.where(j == n + 1, RECEIVER_WALL, j))
+    order = canonical_order(i, j, shift)
+    sign = np.where(swap, -1, 1)
+    return [interactions[k] for k in order], i[order], j[order], shift[order], sign[order]
+
+
+def read_scene(n, friction, *, moving):
+    """The present scene as a Sample; with velocities and strain rate if it is `moving`.
+
+    Positions are wrapped into the cell, velocities with them (they hold the cell's affine motion).
+    Shear forces keep their tangential part; the law lets a normal part of second order creep in.
+    The motion of the last step has not reached the contacts yet: a step without motion opens and
+    closes them at the present positions; their shear forces miss that one step's increment.
+    """
+    O.engines = [*O.engines[:3], O.engines[-1]]  # no control in the step without motion
+    O.dt = NO_TIME
+    O.step()
+    position, periods = present_positions(n)
+    states = [O.bodies[k].state for k in range(n)]
+    contacts, _, _, _, sign = canonical_contacts(n)
+    normal = sign[:, None] * np.array([c.geom.normal for c in contacts]).reshape(-1, 3)
+    # YADE applies minus the contact force to the first body.
+    force = -sign[:, None] * np.array([c.phys.shearForce for c in contacts]).reshape(-1, 3)
+    first, second = tangents(normal)
+    sample = Sample(
+        position=position,
+        side=np.array(cell_side()),
+        walls=np.array(wall_faces(n)),
+        friction=friction,
+        shear=np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)]),
+    )
+    if moving:
+        rate = np.array([O.cell.velGrad[axis, axis] for axis in range(3)])
+        sample.velocity = np.array([state.vel for state in states])
+        sample.velocity[:, :2] -= rate[:2] * periods * sample.side
+        sample.angular_velocity = np.array([state.angVel for state in states])
+        sample.strain_rate = rate
+    return sample
+
+
+def build_scene(sample, *, margin, damping):
+    """Build the sample's scene: contacts found, shear forces and velocities as they were."""
+    n = len(sample.position)
+    O.reset()
+    place(sample.position, sample.side, sample.walls, sample.friction)
+    set_engines(margin=margin, damping=damping)
+    rate = np.zeros(3) if sample.strain_rate is None else sample.strain_rate
+    O.cell.velGrad = Matrix3(rate[0], 0, 0, 0, rate[1], 0, 0, 0, rate[2])
+    find_contacts()
+    if sample.shear is not None:
+        contacts, _, _, _, sign = canonical_contacts(n)
+        if len(contacts) != len(sample.shear):
+            raise InputError(
+                f"sample: {len(sample.shear)} shear forces, YADE finds {len(contacts)} contacts; "
+                "the file is damaged or of another version, make it again"
+            )
+        normal = sign[:, None] * np.array([c.geom.normal for c in contacts]).reshape(-1, 3)
+        first, second = tangents(normal)
+        shear = -sign[:, None] * (sample.shear[:, :1] * first + sample.shear[:, 1:] * second)
+        for contact, force in zip(contacts, shear.tolist(), strict=True):
+            # The law goes on from the elastic part and copies it to the other.
+            contact.phys.shearElastic = contact.phys.shearForce = Vector3(*force)
+    still = np.zeros((n, 3))
+    velocity = still if sample.velocity is None else sample.velocity
+    spin = still if sample.angular_velocity is None else sample.angular_velocity
+    for k in range(n):
+        state = O.bodies[k].state
+        state.vel, state.angVel = Vector3(*velocity[k]), Vector3(*spin[k])
+    for wall in (n, n + 1):
+        state = O.bodies[wall].state
+        state.vel = (0, 0, rate[2] * state.pos[2])
