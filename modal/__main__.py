@@ -9,16 +9,15 @@ import sys
 import time
 from typing import Any, NoReturn
 
-import numpy as np
-
 from modal.lattice import FccCrystal
 from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
-from modal.network import read_network
 from modal.response import frequency_response, write_response
+from modal.sample import read_packing
 from modal.signals import write_signals
 from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
+from modal.statistics import contacts_per_particle, summary
 from modal.storage import InputError, sha256
 from modal.tangent import PRE_STRESS
 from modal.wave import propagate
@@ -35,11 +34,11 @@ def _parser() -> argparse.ArgumentParser:
 
     def network_command(name: str, text: str) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=text, description=text)
-        command.add_argument("network", help="contact network, *.network.h5")
+        command.add_argument("network", help="*.network.h5, or *.sample.h5")
         command.add_argument("--json", action="store_true", help="print one JSON object")
         return command
 
-    network_command("info", "what is in a network")
+    network_command("info", "what is in a packing: stresses, density, coordination")
     modes = network_command("modes", "natural frequencies and mode shapes")
     choice = modes.add_mutually_exclusive_group()
     choice.add_argument("--lowest", type=int, metavar="K")
@@ -88,27 +87,23 @@ def _solve(problem: Eigenproblem, options: argparse.Namespace) -> ModeSet:
 
 
 def _info(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_network(options.network)
-    normal = network.normal[~network.with_wall]
-    fabric = normal.T @ normal / max(len(normal), 1)
-    touching = np.bincount(network.particle_i, minlength=network.n_particles)
-    pairs = network.particle_j[~network.with_wall]
-    touching += np.bincount(pairs, minlength=network.n_particles)
+    network = read_packing(options.network)
+    touching = contacts_per_particle(network)
+    friction = network.study.get("mu_wave")
     return {
         "particles": network.n_particles,
         "contacts": network.n_contacts,
         "wall_contacts": int(network.with_wall.sum()),
         "length_m": network.length,
-        "coordination_number": float(touching.mean()),
         "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
-        "fabric_diagonal": [float(value) for value in np.diag(fabric)],
+        **summary(network, None if friction is None else float(friction)),
         "degrees_of_freedom": 6 * network.n_particles,
         "study": {key: str(value) for key, value in network.study.items()},
     }
 
 
 def _modes(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_network(options.network)
+    network = read_packing(options.network)
     problem = Eigenproblem.of(network, translations_only=options.translations_only)
     modes = _solve(problem, options)
     if options.output:
@@ -128,7 +123,7 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _count(options: argparse.Namespace) -> dict[str, Any]:
-    problem = Eigenproblem.of(read_network(options.network))
+    problem = Eigenproblem.of(read_packing(options.network))
     counts = {}
     for typed in options.at:
         try:
@@ -140,7 +135,7 @@ def _count(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _wave(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_network(options.network)
+    network = read_packing(options.network)
     motion = Pulse(options.amplitude, options.input_frequency)
     if options.source:
         motion = read_motion(options.source)
@@ -178,7 +173,7 @@ def _wave(options: argparse.Namespace) -> dict[str, Any]:
 
 def _response(options: argparse.Namespace) -> dict[str, Any]:
     found = frequency_response(
-        read_network(options.network),
+        read_packing(options.network),
         highest=options.highest,
         resolution=options.resolution,
         pre_stress=options.pre_stress,

@@ -22,7 +22,7 @@ from modal.hertz_mindlin import (
     stiffness_normal,
     stiffness_tangential,
 )
-from modal.network import Network
+from modal.network import Network, read_network
 from modal.storage import InputError, atomic_h5, get, open_h5, put
 
 SCHEMA = "granular-sample"
@@ -213,3 +213,8 @@ def read_sample(path: str | Path) -> Sample:
     if n == 0 or min(sizes) <= 0:
         raise InputError(f"{path}: a sample needs spheres, a cell and two walls; make it again")
     return Sample(**columns, **numbers, material=material, study=study, provenance=provenance)
+
+
+def read_packing(path: str | Path) -> Network:
+    """The contact network of a network file, or of a sample file (`*.sample.h5`)."""
+    return read_sample(path).network() if str(path).endswith(".sample.h5") else read_network(path)

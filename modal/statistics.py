@@ -1,0 +1,172 @@
+"""State of a packing: stresses, density, coordination and fabric, in total and along z.
+
+Stresses follow from the contact forces (Love, Weber: force times branch vector, over the volume)
+and, independently, from the forces on the walls. Along z each contact's share is spread over the
+layers that its branch passes (the plane average of Irving and Kirkwood): in a packing at rest
+sigma_zz is then the same in every layer, and the layers add up to the total exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modal.layers import force_bearing
+from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.storage import InputError
+
+WALL_ZONE = 5.0
+"""Depth to which a flat wall orders the spheres beside it, mean diameters."""
+
+
+@dataclass
+class Profile:
+    """Layers along z, k in number.
+
+    edges (k + 1,), m; stress (k, 3), Pa, along x, y, z, compression positive; void_ratio,
+    coordination (k,), contacts a particle; particles (k,), centres inside; bulk (k,) bool, further
+    than `WALL_ZONE` from both walls.
+    """
+
+    edges: np.ndarray
+    stress: np.ndarray
+    void_ratio: np.ndarray
+    coordination: np.ndarray
+    particles: np.ndarray
+    bulk: np.ndarray
+
+
+def _volume(network: Network) -> float:
+    volume = float(network.cell_size[0] * network.cell_size[1] * network.length)
+    if not volume > 0:
+        raise InputError("the network has no volume; give cell/size and walls/position in m")
+    return volume
+
+
+def _virials(network: Network) -> tuple[np.ndarray, np.ndarray]:
+    """Force times branch (m, 3, 3), N m, compression positive, and the branch's z (m,), m.
+
+    A wall's branch ends on the wall's plane, so that the walls' work is counted to the last bit.
+    """
+    branch = network.lever_i - network.lever_j
+    wall = network.with_wall
+    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
+    branch[wall, 2] = (plane - network.position[network.particle_i, 2])[wall]
+    on_j = network.force_normal[:, None] * network.normal - network.force_tangential
+    return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
+
+
+def stress_tensor(network: Network) -> np.ndarray:
+    """Shape (3, 3), Pa: mean stress between the walls from the contact forces."""
+    virial, _ = _virials(network)
+    return virial.sum(axis=0) / _volume(network)
+
+
+def wall_stress(network: Network) -> np.ndarray:
+    """Shape (2,), Pa: normal force on source and receiver wall over their area."""
+    push = [
+        network.force_normal[network.particle_j == wall].sum()
+        for wall in (SOURCE_WALL, RECEIVER_WALL)
+    ]
+    return np.array(push) / (network.cell_size[0] * network.cell_size[1])
+
+
+def contacts_per_particle(network: Network) -> np.ndarray:
+    """Shape (n,): number of contacts, walls included."""
+    n, j = network.n_particles, network.particle_j
+    return np.bincount(network.particle_i, minlength=n) + np.bincount(j[j >= 0], minlength=n)
+
+
+def fabric_tensor(network: Network) -> np.ndarray:
+    """Shape (3, 3): mean of n n^T over contacts of particles; 1/3 of unity if isotropic."""
+    normal = network.normal[~network.with_wall]
+    return normal.T @ normal / max(len(normal), 1)
+
+
+def coordination_without_rattlers(network: Network) -> tuple[float, int]:
+    """Contacts a particle among the force-bearing ones, and how many particles are rattlers."""
+    bearing = force_bearing(network)
+    i, j = network.particle_i, network.particle_j
+    kept = bearing[i] & ((j < 0) | bearing[j])
+    ends = 2 * int((kept & (j >= 0)).sum()) + int((kept & (j < 0)).sum())
+    return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
+
+
+def friction_used(network: Network, friction: float) -> np.ndarray:
+    """Shape (m,): shear force over friction times normal force; 1 where a contact slides."""
+    limit = friction * network.force_normal
+    shear = np.linalg.norm(network.force_tangential, axis=1)
+    return shear / np.where(shear > 0, limit, 1.0)
+
+
+def profile(network: Network, thickness: float | None = None) -> Profile:
+    """Layers of about `thickness`, m (one mean diameter), from wall to wall.
+
+    A sphere's volume is split at the edges as the spherical caps that they cut off; volume and
+    force beyond a wall count to the last layer.
+    """
+    diameter = 2 * float(network.radius.mean())
+    count = max(1, round(network.length / (thickness or diameter)))
+    edges = np.linspace(*network.wall_position, count + 1)
+    volume = _volume(network) / count
+    virial, rise = _virials(network)
+    virial = np.einsum("caa->ca", virial)
+    z, radius = network.position[:, 2], network.radius
+    start = z[network.particle_i]
+    low, span = np.minimum(start, start + rise), np.maximum(abs(rise), 1e-12 * diameter)
+    below, solid = np.zeros((count + 1, 3)), np.zeros(count + 1)
+    below[-1], solid[-1] = virial.sum(axis=0), (4 / 3 * np.pi * radius**3).sum()
+    for edge in range(1, count):
+        below[edge] = np.clip((edges[edge] - low) / span, 0, 1) @ virial
+        height = np.clip(edges[edge] - z + radius, 0, 2 * radius)
+        solid[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
+    layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
+    particles = np.bincount(layer, minlength=count)
+    ends = np.bincount(layer, contacts_per_particle(network), count)
+    reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
+    return Profile(
+        edges=edges,
+        stress=np.diff(below, axis=0) / volume,
+        void_ratio=volume / np.maximum(np.diff(solid), np.finfo(float).tiny) - 1,
+        coordination=ends / np.maximum(particles, 1),
+        particles=particles,
+        bulk=(edges[:-1] >= reach[0]) & (edges[1:] <= reach[1]),
+    )
+
+
+def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
+    """All of this as plain numbers, for `study` attributes and the command line.
+
+    With the `friction` of the contacts also how much of it they use. Deviations along z are
+    standard deviations over the bulk's layers, relative to their mean.
+    """
+    layers, stress = profile(network), stress_tensor(network)
+    bearing, rattlers = coordination_without_rattlers(network)
+    diagonal = np.diag(np.diag(stress))
+    solid = float((4 / 3 * np.pi * network.radius**3).sum())
+    result: dict[str, Any] = {
+        "stress_pa": np.diag(stress).tolist(),
+        "largest_off_diagonal_stress_pa": float(abs(stress - diagonal).max()),
+        "wall_stress_pa": wall_stress(network).tolist(),
+        "void_ratio": _volume(network) / solid - 1,
+        "coordination_number": float(contacts_per_particle(network).mean()),
+        "coordination_number_without_rattlers": bearing,
+        "rattlers": rattlers,
+        "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
+        "sliding_contacts": int(network.sliding.sum()),
+    }
+    if friction is not None and network.n_contacts > 0:
+        result["largest_share_of_friction"] = float(friction_used(network, friction).max())
+    if layers.bulk.any():
+        density = 1 / (1 + layers.void_ratio[layers.bulk])
+        result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)
+        weight, ends = layers.particles[layers.bulk], layers.coordination[layers.bulk]
+        result["coordination_number_of_bulk"] = float(ends @ weight / max(weight.sum(), 1))
+        result["solid_fraction_deviation_along_z"] = float(density.std() / density.mean())
+        result["coordination_number_deviation_along_z"] = float(ends.std() / ends.mean())
+        along = layers.stress[layers.bulk]
+        scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
+        result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
+    return result

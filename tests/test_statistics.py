@@ -1,0 +1,186 @@
+"""Stresses, layers and coordination: against the crystal, energies, integrals and each other."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.__main__ import main
+from modal.hertz_mindlin import RADIUS
+from modal.lattice import FccCrystal
+from modal.network import Network, write_network
+from modal.sample import Sample, write_sample
+from modal.statistics import (
+    coordination_without_rattlers,
+    fabric_tensor,
+    friction_used,
+    profile,
+    stress_tensor,
+    summary,
+    wall_stress,
+)
+
+
+def overlapping(seed: int = 1, n: int = 120) -> Sample:
+    """Random points with overlaps, far from balance, in a cell of 4 x 5 x 6 diameters."""
+    lengths = 2 * RADIUS * np.array([4.0, 5.0, 6.0])
+    position = np.random.default_rng(seed).random((n, 3)) * lengths
+    return Sample(position, lengths[:2], np.array([0, lengths[2]]), friction=0.0)
+
+
+def sheared(network: Network, seed: int = 2) -> Network:
+    """The network with random shear forces, a tenth of the normal force."""
+    size = 0.1 * network.force_normal[:, None]
+    force = size * np.random.default_rng(seed).standard_normal(network.normal.shape)
+    along = (force * network.normal).sum(axis=1)[:, None] * network.normal
+    return replace(network, force_tangential=force - along)
+
+
+def elastic_energy(sample: Sample, stretch: np.ndarray) -> float:
+    """Hertz energy, 2/5 of force times overlap, with the sample stretched along its axes."""
+    network = replace(
+        sample,
+        position=sample.position * stretch,
+        side=sample.side * stretch[:2],
+        walls=sample.walls * stretch[2],
+    ).network()
+    return float(0.4 * network.force_normal @ network.overlap)
+
+
+def test_stress_is_the_derivative_of_the_energy():
+    """- dE / d(log L) / V for each axis, walls included, balance or not (virial theorem)."""
+    sample = overlapping()
+    network = sample.network()
+    stress = np.diag(stress_tensor(network))
+    volume = network.cell_size.prod()
+    errors = []
+    for step in (4e-4, 2e-4):
+        found = [
+            (elastic_energy(sample, 1 - step * axis) - elastic_energy(sample, 1 + step * axis))
+            / (2 * step * volume)
+            for axis in np.eye(3)
+        ]
+        errors.append(abs(np.array(found) / stress - 1).max())
+    # Hertz energies grow as overlap^(5/2): contacts that open or close at the step leave an error
+    # of order between 3/2 and 2.
+    assert errors[1] < 1e-5
+    assert np.log2(errors[0] / errors[1]) > 1.3
+
+
+@pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
+def test_crystal_in_balance(stress):
+    network, crystal = gallery.fcc(3, 20, stress), FccCrystal(stress)
+    assert wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
+    layers = profile(network, thickness=0.37 * RADIUS)
+    # A plane anywhere carries what the walls carry.
+    assert layers.stress[:, 2] == pytest.approx(np.full(len(layers.stress), stress), rel=1e-9)
+    # In the plane 20 layers hold their own contacts, the 19 gaps between them as many again.
+    contact = crystal.contact_force / crystal.spacing
+    lateral = np.diag(stress_tensor(network))[:2] * network.length
+    assert lateral == pytest.approx(np.full(2, (20 + 19) * contact), rel=1e-12)
+    assert np.diag(stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
+    assert fabric_tensor(gallery.fcc(3, 400, stress)) == pytest.approx(np.eye(3) / 3, abs=1e-3)
+
+
+@pytest.mark.parametrize("thickness", [0.3, 1.0, 2.7, 100.0])
+def test_layers_add_up_to_the_whole(thickness):
+    network = sheared(overlapping(3).network())
+    layers = profile(network, thickness * 2 * RADIUS)
+    count = len(layers.stress)
+    assert layers.stress.mean(axis=0) == pytest.approx(np.diag(stress_tensor(network)), rel=1e-12)
+    solid = 1 / (1 + layers.void_ratio)
+    assert 1 / solid.mean() - 1 == pytest.approx(network.study["void_ratio"], abs=1e-12)
+    assert layers.particles.sum() == network.n_particles
+    ends = (layers.coordination * layers.particles).sum()
+    assert ends / network.n_particles == pytest.approx(network.study["coordination_number"])
+    assert layers.edges[[0, -1]] == pytest.approx(network.wall_position)
+    assert layers.edges == pytest.approx(np.linspace(*network.wall_position, count + 1))
+
+
+def test_volume_of_a_cut_sphere():
+    """One sphere against the integral of its circular sections."""
+    cell = np.full(3, 8 * RADIUS)
+    centre = np.array([[0.1, 0.2, 3.3]]) * RADIUS
+    network = Sample(centre, cell[:2], np.array([0, cell[2]]), friction=0.0).network()
+    layers = profile(network, RADIUS)
+    solid = RADIUS * cell[0] * cell[1] / (1 + layers.void_ratio)
+    z = np.linspace(0, cell[2], 8 * 20000 + 1)
+    section = np.pi * np.maximum(RADIUS**2 - (z - centre[0, 2]) ** 2, 0)
+    slabs = (section[:-1] + section[1:]).reshape(8, -1).sum(axis=1) / 2 * (z[1] - z[0])
+    assert solid == pytest.approx(slabs, abs=1e-7 * slabs.max())
+
+
+def test_rattlers_leave_with_their_contacts():
+    """A column, a sphere that leans on it, another that leans on that one, and a free one."""
+    column = gallery.column(4)
+    overlap = column.overlap[1]
+    aside = column.position[1] + [2 * RADIUS - overlap, 0, 0]
+    further = aside + [2 * RADIUS - overlap, 0, 0]
+    free = [0, 6 * RADIUS, 3 * RADIUS]
+    position = np.vstack([column.position, aside, further, free])
+    network = Sample(
+        position, np.full(2, 12 * RADIUS), column.wall_position, friction=0.0
+    ).network()
+    bearing, rattlers = coordination_without_rattlers(network)
+    assert (bearing, rattlers) == (2.0, 3)
+    assert network.study["coordination_number"] == pytest.approx((4 * 2 + 2 + 2) / 7)
+
+
+def test_share_of_friction():
+    network = gallery.column(2)
+    network.force_tangential[1] = [0.05 * network.force_normal[1], 0, 0]
+    assert friction_used(network, 0.1) == pytest.approx([0, 0.5, 0])
+    assert summary(network, 0.1)["largest_share_of_friction"] == pytest.approx(0.5)
+    assert friction_used(gallery.column(2), 0.0) == pytest.approx([0, 0, 0])
+
+
+def test_central_forces_give_a_symmetric_stress_and_scale_with_the_law():
+    sample = overlapping(5)
+    stress = stress_tensor(sample.network())
+    assert stress == pytest.approx(stress.T, rel=1e-12)
+    stiffer = replace(sample, material=replace(sample.material, young=2 * sample.material.young))
+    assert stress_tensor(stiffer.network()) == pytest.approx(2 * stress, rel=1e-12)
+
+
+def test_wall_layers_are_told_from_the_bulk():
+    network = gallery.fcc(2, 40)
+    layers = profile(network)
+    middle = (layers.edges[1:] + layers.edges[:-1]) / 2
+    depth = np.minimum(middle, network.length - middle)
+    assert (layers.bulk == (depth > 11 * RADIUS * (1 - 1e-9))).all()
+    found = summary(network)
+    perfect = FccCrystal(1e5)
+    cell = perfect.spacing**2 * perfect.layer_distance
+    assert found["void_ratio_of_bulk"] == pytest.approx(
+        cell / (4 / 3 * np.pi * RADIUS**3) - 1, rel=2e-2
+    )
+    assert "void_ratio_of_bulk" not in summary(gallery.fcc(2, 8))
+
+
+def test_info_reads_the_compact_form(tmp_path, capsys):
+    """The same numbers, to the last digit, from a sample and from the network made of it."""
+    sample = overlapping()
+    sample.study = {"mu_wave": 0.3}
+    printed = []
+    for path, write, what in (
+        (tmp_path / "x.sample.h5", write_sample, sample),
+        (tmp_path / "x.network.h5", write_network, sample.network()),
+    ):
+        write(path, what)
+        assert main(["info", str(path), "--json"]) == 0
+        printed.append(json.loads(capsys.readouterr().out))
+    for result in printed:
+        del result["seconds"], result["peak_memory_bytes"]
+    assert printed[0] == printed[1]
+    assert printed[0]["largest_share_of_friction"] == 0
+
+
+def test_no_volume_is_one_line(tmp_path, capsys):
+    network = gallery.column(2)
+    network.wall_position = np.zeros(2)
+    path = tmp_path / "flat.network.h5"
+    write_network(path, network)
+    assert main(["info", str(path)]) == 2
+    assert "no volume" in capsys.readouterr().err
