@@ -1,0 +1,151 @@
+"""Random packings of frictionless spheres between flat walls: from a cloud over a peak pressure.
+
+The study prepares them by a controlled compression (Otsubo et al. 2017, section 2), whose details
+are not stated. Here energy is minimised at a peak pressure that fixes the density, then at each
+pressure of a walk: unloading from 200 MPa gives the study's void ratios.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from modal.hertz_mindlin import RADIUS
+from modal.minimiser import Rest, minimise
+from modal.network import Network
+from modal.sample import Sample, read_sample, void_ratio, write_sample
+from modal.storage import InputError
+
+PEAK = 2e8
+"""Pressure, Pa, under which the cloud is packed before it is unloaded."""
+WALK = (1e5, 1e3, 1e4, 1e5, 1e6, 1e7)
+"""Pressures, Pa, that follow: an early look at 100 kPa, the lowest, then upwards."""
+ASPECT = 10.05
+"""Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
+CLOUD_FRACTION = 0.5
+"""Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
+CHECKPOINT_SECONDS = 120.0
+
+
+def cloud(spheres: int, aspect: float, seed: int) -> Sample:
+    """Overlapping random points in a cell of length over width `aspect`, numbered along z."""
+    if spheres < 8 or not 0.2 <= aspect <= 1000:
+        raise InputError(
+            f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
+        )
+    diameter = 2 * RADIUS
+    width = (spheres * np.pi / 6 * diameter**3 / CLOUD_FRACTION / aspect) ** (1 / 3)
+    if width < 2 * diameter:
+        raise InputError(
+            f"{spheres} spheres at aspect {aspect:g}: the cell is narrower than two diameters; "
+            "take more spheres or a smaller aspect"
+        )
+    lengths = np.array([width, width, aspect * width])
+    points = np.random.default_rng(seed).random((spheres, 3))
+    position = points[np.argsort(points[:, 2])] * lengths
+    return Sample(position, lengths[:2], np.array([0.0, lengths[2]]), friction=0.0)
+
+
+def random_sample(
+    spheres: int = 500,
+    stress: float = 1e5,
+    seed: int = 1,
+    aspect: float = 2.5,
+    tolerance: float = 1e-4,
+) -> Sample:
+    """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds."""
+    check_stress(stress)
+    sample, _ = minimise(cloud(spheres, aspect, seed), None, tolerance=0.1, max_steps=500)
+    for pressure, limit in ((PEAK, 1e-2), (stress, tolerance)):
+        sample, _ = minimise(sample, pressure, tolerance=limit, max_steps=50_000)
+    return sample
+
+
+def random_network(
+    spheres: int = 500, stress: float = 1e5, seed: int = 1, aspect: float = 2.5
+) -> Network:
+    """The contact network of `random_sample`, for tests, benchmarks and examples."""
+    return random_sample(spheres, stress, seed, aspect).network()
+
+
+def check_stress(stress: float) -> None:
+    """Refuse a target that the law or the walk cannot reach."""
+    if not 10 <= stress <= PEAK:
+        raise InputError(f"stress {stress:g} Pa: outside 10 Pa to {PEAK:g} Pa; give it in Pa")
+
+
+def walk(
+    folder: Path,
+    start: Sample,
+    stresses: Sequence[float],
+    tolerance: float,
+    report: Callable[[str], None],
+) -> list[tuple[float, Path]]:
+    """Pack `start` at the peak, then at each stress, Pa; one sample file for each in `folder`.
+
+    States that are there already are kept, a state under way goes on from its checkpoint, so a
+    killed walk is continued by the same call. Returns each stress with its file.
+    """
+    files = []
+    checkpoint = folder / "checkpoint.sample.h5"
+    sample = start
+    for number, stress in enumerate((PEAK, *stresses)):
+        path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
+        files.append((stress, path))
+        if path.exists():
+            sample = _same_study(read_sample(path), start, path)
+            continue
+        if checkpoint.exists():
+            saved = _same_study(read_sample(checkpoint), start, checkpoint)
+            if saved.study.get("number") == number:
+                sample = saved
+        elif number == 0:
+            sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
+        limit = 1e-2 if number == 0 else tolerance
+        study = start.study | {"number": number, "stress": stress}
+        sample = replace(sample, study=study)
+        watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", report)
+        sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
+        study |= {"residual": rest.residual, "stresses": rest.stress, "steps": rest.steps}
+        sample = replace(sample, study=study | {"seconds": rest.seconds})
+        write_sample(path, sample)
+        checkpoint.unlink(missing_ok=True)
+        report(f"{path.name}: {_line(sample, rest)}")
+    return files
+
+
+class _Checkpoints:
+    """Writes the state under way every two minutes, and says how it goes."""
+
+    def __init__(self, path: Path, label: str, report: Callable[[str], None]) -> None:
+        self.path, self.label, self.report = path, label, report
+        self.last = time.monotonic()
+
+    def __call__(self, sample: Sample, rest: Rest) -> None:
+        if time.monotonic() - self.last > CHECKPOINT_SECONDS:
+            write_sample(self.path, sample)
+            self.last = time.monotonic()
+            self.report(f"{self.label}: {_line(sample, rest)}")
+
+
+def _line(sample: Sample, rest: Rest) -> str:
+    length = float(sample.walls[1] - sample.walls[0])
+    e = void_ratio(len(sample.position), sample.radius, sample.side, length)
+    return (
+        f"e {e:.4f}, stress error {rest.stress_error:.1e}, residual {rest.residual:.1e}, "
+        f"{rest.steps} steps, {rest.seconds:.0f} s"
+    )
+
+
+def _same_study(found: Sample, start: Sample, path: Path) -> Sample:
+    for key, value in start.study.items():
+        if found.study.get(key) != value:
+            raise InputError(
+                f"{path}: belongs to {key} {found.study.get(key)}, not {value}; "
+                "choose another folder"
+            )
+    return found
