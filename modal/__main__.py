@@ -1,4 +1,4 @@
-"""Command line of modal: info, modes, count, wave, response, lattice."""
+"""Command line of modal: pack, relax, info, modes, count, wave, response, lattice."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from modal.lattice import FccCrystal
 from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
+from modal.packing_commands import add_pack, add_relax, pack, relax_sample
 from modal.response import frequency_response, write_response
 from modal.sample import read_packing
 from modal.signals import write_signals
@@ -38,6 +39,8 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--json", action="store_true", help="print one JSON object")
         return command
 
+    add_pack(commands)
+    add_relax(commands)
     network_command("info", "what is in a packing: stresses, density, coordination")
     modes = network_command("modes", "natural frequencies and mode shapes")
     choice = modes.add_mutually_exclusive_group()
@@ -224,6 +227,8 @@ def _print(result: dict[str, Any]) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status, 2 for a user's mistake (one line on stderr)."""
     commands = {
+        "pack": pack,
+        "relax": relax_sample,
         "info": _info,
         "modes": _modes,
         "count": _count,

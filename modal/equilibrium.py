@@ -1,0 +1,230 @@
+"""A sample brought into the balance of its contact law, by Newton steps at a fixed cell.
+
+What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
+Each step solves K q = f with the springs of the contacts and lets the law follow the motion q: a
+Hertzian normal force, and a shear force that turns with the contact and grows by ks times the
+shear displacement. Nothing slides; how near to the friction limit the result is, is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.assembly import stiffness_matrix
+from modal.factor import factorise
+from modal.geometry import Touching, tangents
+from modal.hertz_mindlin import stiffness_tangential
+from modal.layers import force_bearing
+from modal.network import Network
+from modal.sample import Sample
+from modal.storage import InputError
+
+SHIFT = 1e-5
+"""Added to K's diagonal, over its mean: spheres that nothing holds stay in the solve."""
+STEP_CAP = 0.3
+"""Longest displacement in one step, median overlaps; beyond, springs say little of the law."""
+TOLERANCE = 1e-9
+"""Mean net force over mean contact force at which a sample counts as balanced."""
+SLOW = 0.2
+"""A step that leaves more of the residual than this share calls for a new factorisation."""
+
+
+@dataclass
+class Balance:
+    """Residuals of a state: mean and largest net force (and torque over R) over mean N.
+
+    friction_used: largest |shear| / (mu N), over 1 in the `sliding` contacts beyond the limit,
+    which a dynamic run would let slide; steps and factorisations so far.
+    """
+
+    residual: float
+    largest: float
+    friction_used: float
+    sliding: int
+    contacts: int
+    steps: int = 0
+    factorisations: int = 0
+
+
+def net_forces(network: Network) -> np.ndarray:
+    """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
+    n, pair = network.n_particles, ~network.with_wall
+    on_i = network.force_tangential - network.force_normal[:, None] * network.normal
+    torque_i = np.cross(network.lever_i, on_i)
+    torque_j = np.cross(network.lever_j, -on_i)[pair]
+    load = np.empty((n, 6))
+    i, j = network.particle_i, network.particle_j[pair]
+    for axis in range(3):
+        load[:, axis] = np.bincount(i, on_i[:, axis], n) - np.bincount(j, on_i[pair, axis], n)
+        load[:, 3 + axis] = np.bincount(i, torque_i[:, axis], n)
+        load[:, 3 + axis] += np.bincount(j, torque_j[:, axis], n)
+    return load
+
+
+def moved(sample: Sample, network: Network, motion: np.ndarray) -> Sample:
+    """The sample after a small `motion` (n, 6), m and rad, its shear forces as the law has them.
+
+    `network` is that of the sample. A contact that opens forgets its shear force, a new one starts
+    without. Formulas: the law of `modal.tangent`, with finite increments.
+    """
+    position = sample.position + motion[:, :3]
+    # Spheres that leave the cell come back on the other side; their contacts' periods follow.
+    turns = np.floor(position[:, :2] / sample.side).astype(int)
+    position[:, :2] -= turns * sample.side
+    result = replace(sample, position=position)
+    new = result.contacts()
+    shift = network.cell_shift[:, :2].copy()
+    i, j = network.particle_i, network.particle_j
+    pair = j >= 0
+    shift[pair] += turns[j[pair]] - turns[i[pair]]
+    before, after = _matching(Touching(i, j, shift, network.normal, network.overlap), new)
+    normal, was = new.normal[after], network.normal[before]
+    i, j, pair = i[before], j[before], pair[before]
+    motion_j = np.where(pair[:, None], motion[j], 0.0)
+    turning = motion[i, 3:] + motion_j[:, 3:]
+    lever = sample.radius - new.overlap[after] / 2
+    slip = motion_j[:, :3] - motion[i, :3] + lever[:, None] * np.cross(normal, turning)
+    slip -= (slip * normal).sum(axis=1)[:, None] * normal
+    effective = np.where(pair, sample.radius / 2, sample.radius)
+    ks = stiffness_tangential(new.overlap[after], effective, sample.material)
+    force = network.force_tangential[before]
+    rotation = np.cross(was, normal) + (0.5 * (turning * normal).sum(axis=1))[:, None] * normal
+    force = force + np.cross(rotation, force) + ks[:, None] * slip
+    first, second = tangents(normal)
+    shear = np.zeros((len(new.particle_i), 2))
+    shear[after, 0] = (force * first).sum(axis=1)
+    shear[after, 1] = (force * second).sum(axis=1)
+    return replace(result, shear=shear)
+
+
+def _matching(old: Touching, new: Touching) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the contacts that are in both, in `old` and in `new`."""
+    numbers = []
+    for contact in (old, new):
+        column = contact.particle_i.astype(np.int64)
+        # Walls are -1 and -2; periods are small, a sphere reaches few images of another.
+        column = (column << 24) + contact.particle_j + 2
+        for axis in range(2):
+            column = (column << 6) + contact.cell_shift[:, axis] + 32
+        numbers.append(column)
+    _, before, after = np.intersect1d(*numbers, assume_unique=True, return_indices=True)
+    return before, after
+
+
+def balance_of(sample: Sample, network: Network) -> tuple[np.ndarray, Balance]:
+    """Net forces (n, 6) and how far from balance the sample is."""
+    load = net_forces(network)
+    mean = network.force_normal.mean()
+    size = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (load[:, 3:] ** 2).sum(1) / sample.radius**2)
+    shear = np.linalg.norm(network.force_tangential, axis=1)
+    used = shear / (sample.friction * network.force_normal)
+    return load, Balance(
+        residual=float(size.mean() / mean),
+        largest=float(size.max() / mean),
+        friction_used=float(used.max()),
+        sliding=int((used > 1).sum()),
+        contacts=network.n_contacts,
+    )
+
+
+def relax(
+    sample: Sample,
+    *,
+    tolerance: float = TOLERANCE,
+    max_steps: int = 60,
+    watch: Callable[[Balance], None] | None = None,
+) -> tuple[Sample, Balance]:
+    """The sample in balance under its law; raises InputError if it does not come to rest.
+
+    It needs friction: frictionless packings have motions that no spring resists. The tolerance is
+    raised to what round-off of the positions allows. `watch` sees the balance after every step.
+    """
+    if not 0 < sample.friction < np.inf:
+        raise InputError(
+            f"friction {sample.friction:g}: a balance of springs needs friction; "
+            "give a positive one"
+        )
+    sample = _at_rest(sample)
+    network = sample.network()
+    if network.n_contacts == 0:
+        raise InputError("the sample has no contacts; compress it before it is brought to rest")
+    load, state = balance_of(sample, network)
+    length = float(sample.walls[1] - sample.walls[0])
+    floor = 10 * np.finfo(float).eps * length / float(np.median(network.overlap))
+    solve, factorisations, share = None, 0, 1.0
+    for step in range(max_steps + 1):
+        state.steps, state.factorisations = step, factorisations
+        if watch:
+            watch(state)
+        if state.residual <= max(tolerance, floor):
+            return sample, state
+        if solve is None:
+            solve, factorisations = _solver(network), factorisations + 1
+            fresh = True
+        motion = solve(load)
+        # N grows as overlap^1.5, so a step takes 2/3 of the overlap of a sphere that one contact
+        # pushes away; half as much again frees it, and a little more keeps it free.
+        motion[~force_bearing(network)] *= 1.6
+        motion = _capped(motion, sample, network)
+        sample, network, load, new = _descend(sample, network, motion, state)
+        share = new.residual / state.residual
+        if share > 1 - 1e-3 and fresh and step > 5 and state.residual > 1e3 * tolerance:
+            break
+        if share > SLOW:
+            solve = None
+        fresh, state = False, new
+    raise InputError(
+        f"the sample does not come to rest (residual {state.residual:.1e} after {state.steps} "
+        "steps); let its dynamics settle further first"
+    )
+
+
+def _at_rest(sample: Sample) -> Sample:
+    still = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
+    if still.shear is None:
+        return replace(still, shear=np.zeros((len(still.contacts().particle_i), 2)))
+    return still
+
+
+def _solver(network: Network) -> Callable[[np.ndarray], np.ndarray]:
+    """From net forces (n, 6) to the motion (n, 6) that the springs balance them with."""
+    K = stiffness_matrix(network)
+    # Translations and rotations differ in unit, so each has its own mean.
+    means = K.diagonal().reshape(-1, 2, 3).mean(axis=(0, 2))
+    shift = np.tile(np.repeat(SHIFT * means, 3), network.n_particles)
+    solve = _factorised((K + sp.diags(shift)).tocsr())
+    return lambda load: solve(load.ravel()).reshape(-1, 6)
+
+
+def _factorised(matrix: sp.csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
+    """Solve function; PARDISO where it is installed, ten times faster than scipy's SuperLU."""
+    try:
+        import pypardiso
+    except ImportError:
+        return factorise(matrix)[0]
+    upper = sp.triu(matrix, format="csr")
+    solver = pypardiso.PyPardisoSolver(mtype=-2)
+    solver.factorize(upper)
+    return lambda load: solver.solve(upper, load)
+
+
+def _capped(motion: np.ndarray, sample: Sample, network: Network) -> np.ndarray:
+    """Each sphere's motion cut to the cap: only loose ones, which the shift alone holds, go far."""
+    cap = STEP_CAP * float(np.median(network.overlap))
+    size = np.sqrt((motion[:, :3] ** 2).sum(1) + (motion[:, 3:] ** 2).sum(1) * sample.radius**2)
+    return motion * np.minimum(1.0, cap / np.maximum(size, 1e-300))[:, None]
+
+
+def _descend(sample: Sample, network: Network, motion: np.ndarray, state: Balance):
+    """The longest of six halvings of the motion that lowers the residual, or the shortest."""
+    for halving in range(6):
+        tried = moved(sample, network, motion * 0.5**halving)
+        found = tried.network()
+        load, new = balance_of(tried, found)
+        if new.residual < state.residual:
+            break
+    return tried, found, load, new

@@ -1,0 +1,91 @@
+"""The commands that make samples: pack (frictionless chains) and relax (balance of the law)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from modal.equilibrium import TOLERANCE, Balance, relax
+from modal.network import write_network
+from modal.random_packing import ASPECT, WALK, check_stress, cloud, walk
+from modal.sample import read_sample, write_sample
+from modal.storage import InputError, sha256
+
+
+def add_pack(commands: Any) -> None:
+    """The options of `pack`."""
+    text = "pack frictionless spheres from a cloud over 200 MPa to each stress"
+    pack = commands.add_parser("pack", help=text, description=text)
+    pack.add_argument("--spheres", type=int, default=35201, metavar="N")
+    pack.add_argument("--aspect", type=float, default=ASPECT, metavar="A", help="length over width")
+    pack.add_argument("--seed", type=int, default=1, metavar="S")
+    pack.add_argument("--stress", type=float, nargs="+", default=list(WALK), metavar="PA")
+    pack.add_argument(
+        "--tolerance", type=float, default=1e-3, help="mean net force over contact force; 1e-3"
+    )
+    pack.add_argument("--json", action="store_true", help="print one JSON object")
+    pack.add_argument("-o", "--output", required=True, metavar="DIR", help="goes on where it was")
+
+
+def add_relax(commands: Any) -> None:
+    """The options of `relax`."""
+    text = "bring a sample to the balance of its contact law"
+    balance = commands.add_parser("relax", help=text, description=text)
+    balance.add_argument("sample", help="*.sample.h5")
+    balance.add_argument("--friction", type=float, metavar="MU", help="of the wave; as it is")
+    balance.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-9")
+    balance.add_argument("--network", metavar="FILE", help="write the contact network as well")
+    balance.add_argument("--json", action="store_true", help="print one JSON object")
+    balance.add_argument("-o", "--output", required=True, metavar="FILE", help="*.sample.h5")
+
+
+def pack(options: argparse.Namespace) -> dict[str, Any]:
+    """Run or continue a frictionless chain; names of the files that hold its states."""
+    for stress in options.stress:
+        check_stress(stress)
+    if not 0 < options.tolerance < 1:
+        raise InputError(f"--tolerance {options.tolerance:g}: outside 0 to 1; 1e-3 is usual")
+    start = cloud(options.spheres, options.aspect, options.seed)
+    start = replace(
+        start,
+        study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed},
+        provenance={"command": "python -m modal pack", "seed": options.seed},
+    )
+    files = walk(Path(options.output), start, options.stress, options.tolerance, _say)
+    return {"samples": {str(path): stress for stress, path in files}}
+
+
+def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
+    """Bring one sample to rest; its residuals before and after, and its reserve of friction."""
+    sample = read_sample(options.sample)
+    if options.friction is not None:
+        sample = replace(sample, friction=options.friction)
+    if not options.tolerance > 0:
+        raise InputError(f"--tolerance {options.tolerance:g}: must be positive; 1e-9 is usual")
+    history: list[Balance] = []
+
+    def watch(state: Balance) -> None:
+        history.append(replace(state))
+        _say(
+            f"step {state.steps}: residual {state.residual:.1e}, {state.contacts} contacts, "
+            f"{state.sliding} beyond the friction limit"
+        )
+
+    rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
+    rested = replace(
+        rested,
+        study=sample.study | {"residual": state.residual, "mu_wave": sample.friction},
+        provenance=sample.provenance
+        | {"relaxed_by": "python -m modal relax", "parent_sha256": sha256(options.sample)},
+    )
+    write_sample(options.output, rested)
+    if options.network:
+        write_network(options.network, rested.network())
+    return {"residual_before": history[0].residual} | asdict(state)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

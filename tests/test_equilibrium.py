@@ -1,0 +1,132 @@
+"""Balance of the law: against the stiffness, wall forces, rigid motions, and the exact tangent."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.__main__ import main
+from modal.assembly import stiffness_matrix
+from modal.equilibrium import balance_of, moved, net_forces, relax
+from modal.random_packing import random_sample
+from modal.sample import Sample, read_sample, write_sample
+from modal.storage import InputError
+
+RNG = np.random.default_rng(3)
+
+
+@pytest.fixture(scope="module")
+def packed():
+    """150 frictionless spheres, not quite at rest, given friction."""
+    return replace(random_sample(150, 1e6, aspect=1.5, tolerance=1e-3), friction=0.3)
+
+
+@pytest.fixture(scope="module")
+def sheared(packed):
+    """The same at rest after a random shake, so that every contact carries shear."""
+    overlap = np.median(packed.network().overlap)
+    still = replace(packed, shear=np.zeros((packed.network().n_contacts, 2)))
+    shake = RNG.standard_normal((len(packed.position), 6)) * overlap * 0.02
+    shake[:, 3:] /= packed.radius
+    return relax(moved(still, still.network(), shake))[0]
+
+
+def test_rest_is_reached_and_stress_kept(packed):
+    before = packed.network()
+    rested, state = relax(packed)
+    network = rested.network()
+    assert state.residual < 1e-9 < balance_of(packed, before)[1].residual
+    assert balance_of(rested, network)[1].residual == pytest.approx(state.residual)
+    # In balance the two walls carry the same force: their difference is what the spheres lack.
+    wall = [network.force_normal[network.particle_j == code].sum() for code in (-1, -2)]
+    lacking = abs(net_forces(network)[:, 2]).sum()
+    assert abs(wall[0] - wall[1]) <= lacking * (1 + 1e-9) + 1e-12 * wall[0]
+    # Fixed cell, first-order residual 1e-3: the stress may move by the same order.
+    assert network.force_normal.mean() == pytest.approx(before.force_normal.mean(), rel=1e-2)
+
+
+def test_stress_from_contacts_equals_wall_force_per_area(sheared):
+    """Virial theorem: V sigma_zz = sum F_z b_z = wall force times length, exact in balance."""
+    network = sheared.network()
+    force = network.force_tangential - network.force_normal[:, None] * network.normal
+    branch = network.lever_i - network.lever_j
+    virial = -(force * branch)[:, 2].sum()
+    # The branch of a wall contact ends at the contact point, half an overlap beyond the wall.
+    beyond = (network.force_normal * network.overlap)[network.with_wall].sum() / 2
+    wall = network.force_normal[network.particle_j == -2].sum()
+    assert virial == pytest.approx(wall * network.length + beyond, rel=1e-8)
+
+
+def test_forces_change_by_the_full_tangent(sheared):
+    """Central differences of the finite law against the exact tangent of `modal.tangent`."""
+    network = sheared.network()
+    K = stiffness_matrix(network, pre_stress="full")
+    motion = RNG.standard_normal((network.n_particles, 6))
+    motion[:, 3:] /= sheared.radius
+    # A Hertzian force differs from its tangent by (step / overlap)^2 / 24, here < 1e-8; spheres
+    # with much weaker contacts, which may open, are left out.
+    step = 3e-5 * np.median(network.overlap)
+    weak = network.overlap < 0.1 * np.median(network.overlap)
+    ends = []
+    for sign in (1, -1):
+        there = moved(sheared, network, sign * step * motion)
+        ends.append(net_forces(there.network()))
+    found = (ends[0] - ends[1]) / (2 * step)
+    kept = np.ones(network.n_particles, bool)
+    kept[network.particle_i[weak]] = False
+    kept[network.particle_j[weak & ~network.with_wall]] = False
+    assert kept.sum() > 20
+    scale = np.array([1.0] * 3 + [1 / sheared.radius] * 3)
+    expected = -(K @ motion.ravel()).reshape(found.shape)
+    size = np.linalg.norm((expected * scale)[kept])
+    error = np.linalg.norm(((found - expected) * scale)[kept]) / size
+    springs = -(stiffness_matrix(network) @ motion.ravel()).reshape(found.shape)
+    without = np.linalg.norm(((found - springs) * scale)[kept]) / size
+    assert error < 1e-6
+    assert error < 0.01 * without
+
+
+def test_shift_across_the_periods_changes_forces_at_the_walls_only(sheared):
+    motion = np.zeros((len(sheared.position), 6))
+    motion[:, 0], motion[:, 1] = 0.4 * sheared.side[0], -0.3 * sheared.side[1]
+    network = sheared.network()
+    after = moved(sheared, network, motion)
+    found = after.network()
+    assert found.n_contacts == network.n_contacts
+    mean = network.force_normal.mean()
+    # Round-off of a coordinate over an overlap, times the contacts of a sphere.
+    tolerance = 100 * np.finfo(float).eps * network.length / network.overlap.min() * mean
+    inner = np.setdiff1d(np.arange(len(motion)), network.particle_i[network.with_wall])
+    assert abs(net_forces(found) - net_forces(network))[inner].max() < tolerance
+
+
+def test_command_writes_a_sample_at_rest_and_its_network(packed, tmp_path, capsys):
+    write_sample(tmp_path / "a.sample.h5", packed)
+    out, network = tmp_path / "b.sample.h5", tmp_path / "b.network.h5"
+    arguments = ["relax", str(tmp_path / "a.sample.h5"), "--friction", "0.5", "-o", str(out)]
+    assert main([*arguments, "--network", str(network), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["residual"] < 1e-9 < shown["residual_before"]
+    rested = read_sample(out)
+    assert rested.friction == 0.5 and network.exists()
+    assert balance_of(rested, rested.network())[1].residual < 1e-9
+
+
+@pytest.mark.parametrize("fault", ["frictionless", "no contacts", "missing"])
+def test_bad_input_is_one_line(fault, packed, tmp_path, capsys):
+    path = tmp_path / "a.sample.h5"
+    if fault == "frictionless":
+        write_sample(path, replace(packed, friction=0.0))
+    if fault == "no contacts":
+        write_sample(path, Sample(np.array([[1.0, 1, 1]]), np.ones(2) * 2, np.array([0, 2.0]), 0.1))
+    assert main(["relax", str(path), "-o", str(tmp_path / "b.sample.h5")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "b.sample.h5").exists()
+
+
+def test_far_from_rest_is_said(packed):
+    position = packed.position + RNG.standard_normal(packed.position.shape) * 0.2 * packed.radius
+    position[:, :2] %= packed.side
+    with pytest.raises(InputError, match="does not come to rest"):
+        relax(replace(packed, position=position), max_steps=3)
