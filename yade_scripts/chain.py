@@ -49,8 +49,8 @@ COMPACTION_DAMPING, DAMPING = 0.05, 0.2
 MARGIN = 0.1
 STRESS_ERROR, UNBALANCED = 3e-3, 1e-3
 """When a state is reached: relative error of each stress, mean residual over contact force."""
-PATIENCE = 15000
-"""Steps after which a stage that does not settle ends all the same, with what it has."""
+PATIENCE = 6000
+"""Steps after which a jammed packing that does not settle is taken as it is."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 
@@ -144,13 +144,14 @@ def leg(sample):
     stage_of_control, damping, done = stage_control(study["stage"])
     O.engines[-1].damping = damping
     drive(stage_of_control)
+    jammed = study["stage"] not in ("approach", "jam")
     ended, step = False, 0
     while step < LEG and not ended:
         target = getattr(control, "target", 1e5)
         O.dt = compression.time_step(max(target, 1.5 * control.stress.mean()))
         O.run(CHECK, wait=True)
         step += CHECK
-        ended = done() or study["step"] + step >= PATIENCE
+        ended = done() or (jammed and study["step"] + step >= PATIENCE)
         if not np.isfinite(control.stress).all():
             raise InputError(f"{study['stage']}: the stress is not finite; unstable time step")
         if sys.stdout.isatty():
@@ -223,7 +224,7 @@ def main():
         stage = sample.study["stage"]
         sample, ended = leg(sample)
         if ended:
-            if stage not in ("approach", "jam"):
+            if stage in (f"{stress:g}" for stress in STRESSES):
                 sample.study["stress"] = float(stage)
                 write_sample(folder / f"{stage}Pa.sample.h5", sample)
                 print(f"{folder / stage}Pa.sample.h5: written", flush=True)

@@ -102,6 +102,7 @@ def build_scene(sample, *, margin, damping):
         for contact, force in zip(contacts, shear.tolist(), strict=True):
             # The law goes on from the elastic part and copies it to the other.
             contact.phys.shearElastic = contact.phys.shearForce = Vector3(*force)
+        O.step()  # without motion: forces on the spheres now hold the shear forces
     still = np.zeros((n, 3))
     velocity = still if sample.velocity is None else sample.velocity
     spin = still if sample.angular_velocity is None else sample.angular_velocity

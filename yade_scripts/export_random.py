@@ -1,0 +1,95 @@
+"""Contact network of a polished random sample as YADE has it, and its noise; caseNN.network.h5.
+
+    yade-batch cases/random.table yade_scripts/export_random.py
+
+Loads products/caseNN.sample.h5, compares its stresses and its balance with YADE's own forces, and
+lets it run for a while without a wave: what moves by itself is the noise floor of a wave run.
+Environment: WAVE_PRODUCTS.
+"""
+
+import sys
+from pathlib import Path
+
+# Inside YADE __file__ is YADE itself; the script is its first argument.
+sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
+
+import numpy as np
+from yade import O, config
+from yade.utils import readParamsFromTable
+
+from modal.layers import Layers, force_bearing
+from modal.network import read_network, write_network
+from modal.sample import read_sample
+from modal.storage import InputError, sha256
+from yade_scripts import compression
+from yade_scripts.export import contact_network
+from yade_scripts.scene import finish, products_folder
+from yade_scripts.state import build_scene
+
+STRESS_TOLERANCE = 5e-3
+NOISE_STEPS = 1500
+"""Steps of the run without a wave: at 100 kPa some 1.5 ms, twice the time that a wave takes."""
+
+readParamsFromTable(noTableOk=True, unknownOk=True, case=30)
+from yade.params.table import case  # noqa: E402
+
+
+def noise(network):
+    """Largest displacement along z of a layer's mean, and of a force-bearing sphere, m."""
+    n = network.n_particles
+    layers, bearing = Layers(network), force_bearing(network)
+    states = [O.bodies[k].state for k in range(n)]
+    start = np.array([state.pos[2] for state in states])
+    of_layer = of_sphere = 0.0
+    for _ in range(NOISE_STEPS // 100):
+        O.run(100, wait=True)
+        moved = abs(np.array([state.pos[2] for state in states]) - start)
+        of_layer = max(of_layer, float(layers.means(moved).max()))
+        of_sphere = max(of_sphere, float(moved[bearing].max()))
+    return of_layer, of_sphere
+
+
+def main():
+    """Export, unless the network of this very sample is there."""
+    folder = products_folder()
+    sample_path, path = folder / f"case{case:02d}.sample.h5", folder / f"case{case:02d}.network.h5"
+    sample = read_sample(sample_path)
+    parent = sha256(sample_path)
+    if path.exists() and read_network(path).provenance.get("parent_sha256") == parent:
+        print(f"{path}: already there")
+        return
+    n, target = len(sample.position), float(sample.study["stress"])
+    build_scene(sample, margin=0.05, damping=0.0)
+    stresses = compression.principal_stresses(n)
+    if abs(stresses / target - 1).max() > STRESS_TOLERANCE:
+        raise InputError(
+            f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa; walk the chain again"
+        )
+    unbalanced, walls = compression.unbalanced(), compression.wall_stresses(n)
+    network = contact_network(n, sample.study, {})
+    O.dt = compression.time_step(target)
+    of_layer, of_sphere = noise(network)
+    network.study |= {
+        "unbalanced": unbalanced,
+        "stress_xx": stresses[0],
+        "stress_yy": stresses[1],
+        "stress_zz": stresses[2],
+        "stress_source_wall": walls[0],
+        "stress_receiver_wall": walls[1],
+        "noise_layer": of_layer,
+        "noise_sphere": of_sphere,
+    }
+    network.provenance = {
+        "command": "yade_scripts/export_random.py",
+        "versions": f"yade {config.version}, numpy {np.__version__}",
+        "parent": sample_path.name,
+        "parent_sha256": parent,
+    }
+    write_network(path, network)
+    print(
+        f"{path}: {network.n_contacts} contacts, unbalanced {unbalanced:.1e}, noise of a layer "
+        f"{of_layer:.1e} m, of a sphere {of_sphere:.1e} m"
+    )
+
+
+finish(main)
