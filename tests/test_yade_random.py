@@ -1,0 +1,138 @@
+"""A small random packing in YADE, driven by yade-batch: chain, kill and resume, rest, export."""
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal.__main__ import main
+from modal.network import read_network
+from modal.sample import read_sample, sample_of_network
+from modal.signals import read_signals
+
+ROOT = Path(__file__).resolve().parents[1]
+CHAIN = "mu_comp spheres width seed highest\n0.4 400 4.2 1 1e5\n"
+CASES = "case mu_comp mu_wave stress input_frequency fraction passage\n30 0.4 0.5 1e5 1e5 0.2 1.3\n"
+STRESS = 1e5
+
+
+def start(script: str, table: str, folder: Path) -> subprocess.Popen:
+    """Start one script through yade-batch as a user does; the log is folder/script.log."""
+    (folder / f"{script}.table").write_text(table)
+    command = ["yade-batch", "-j", "1", "--job-threads", "1", "--log", f"{folder}/{script}.log"]
+    return subprocess.Popen(
+        [*command, str(folder / f"{script}.table"), str(ROOT / "yade_scripts" / f"{script}.py")],
+        cwd=folder,
+        env=os.environ | {"WAVE_PRODUCTS": str(folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def run(script: str, table: str, folder: Path) -> str:
+    """Run one script to its end; returns its log."""
+    assert start(script, table, folder).wait(timeout=400) == 0
+    return (folder / f"{script}.log").read_text()
+
+
+@pytest.fixture(scope="module")
+def products(tmp_path_factory):
+    """Folder with the small chain's states, and case 30 at rest and exported."""
+    if shutil.which("yade-batch") is None:
+        message = "YADE is missing: apt-get install --no-install-recommends yade python3-h5py"
+        if os.environ.get("CI"):
+            pytest.fail(message)
+        pytest.skip(message)
+    folder = tmp_path_factory.mktemp("random")
+    run("chain", CHAIN, folder)
+    run("rest", CASES, folder)
+    shutil.copy(folder / "case30.rest.sample.h5", folder / "case30.sample.h5")
+    run("export_random", CASES, folder)
+    return folder
+
+
+def test_states_have_their_stress(products):
+    """Stress from contact forces and branches against the force on the walls: in balance, equal.
+
+    The unbalanced part is below 1e-3 of the mean force; the stress error that the servo allows is
+    3e-3 for each direction. The walls, with ten contacts each, may differ by the unbalanced part
+    of the chain of some 40 layers between them.
+    """
+    for stress in (1e3, 1e4, 1e5):
+        sample = read_sample(products / "chain_mu0.4" / f"{stress:g}Pa.sample.h5")
+        found = [sample.study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")]
+        if stress == STRESS:
+            assert found == pytest.approx([stress] * 3, rel=5e-3)
+        assert 0.55 < sample.study["void_ratio"] < 0.8
+        assert 3.0 < sample.study["coordination_number"] < 5.0
+    network = read_network(products / "case30.network.h5")
+    walls = [network.study["stress_source_wall"], network.study["stress_receiver_wall"]]
+    assert walls == pytest.approx([network.study["stress_zz"]] * 2, rel=0.02)
+
+
+def test_no_sphere_misses_its_wall(products):
+    """With boxes as walls a collider can miss contacts; then spheres leave through the wall."""
+    network = read_network(products / "case30.network.h5")
+    z, radius = network.position[:, 2], network.radius[0]
+    low, high = network.wall_position
+    at_wall = set(network.particle_i[network.with_wall].tolist())
+    reaching = np.flatnonzero((z - low < radius) | (high - z < radius))
+    assert set(reaching.tolist()) == at_wall
+    assert ((z > low) & (z < high)).all()
+
+
+def test_network_from_the_compact_form_is_the_exported_one(products):
+    """YADE's overlaps, stiffnesses and forces against those rebuilt from positions and shear."""
+    exported = read_network(products / "case30.network.h5")
+    rebuilt = sample_of_network(exported, 0.5).network()
+    # Round-off of a position, eps times 50 D, over an overlap of 1e-4 R at the smallest.
+    tolerance = np.finfo(float).eps * 100 * exported.radius[0] / exported.overlap.min()
+    for name in ("overlap", "stiffness_normal", "stiffness_tangential", "force_normal"):
+        assert getattr(rebuilt, name) == pytest.approx(getattr(exported, name), rel=10 * tolerance)
+    scale = abs(exported.force_tangential).max()
+    assert rebuilt.force_tangential == pytest.approx(exported.force_tangential, abs=1e-9 * scale)
+
+
+def test_wave_arrives_through_the_random_packing(products):
+    """Every layer moves, the first one as far as the wall does, and the receiver wall feels it."""
+    network, highest = products / "case30.network.h5", products / "case30.highest.modes.h5"
+    assert main(["modes", str(network), "--highest", "1", "-o", str(highest)]) == 0
+    run("wave", CASES, products)
+    signals = read_signals(products / "case30.signals.h5")
+    top = abs(signals.layer_displacement).max(axis=0)
+    assert 0.3 * 5e-9 < top[0] < 2 * 5e-9
+    assert (top > 0).all()
+    assert abs(signals.receiver_stress).max() > 0
+
+
+def test_killed_chain_goes_on_and_ends_the_same(tmp_path, products):
+    """Every leg starts from its file: a chain killed in a leg repeats that leg, bit by bit."""
+    job = start("chain", CHAIN, tmp_path)
+    checkpoint = tmp_path / "chain_mu0.4" / "checkpoint.sample.h5"
+    deadline = time.monotonic() + 120
+    while not checkpoint.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    os.killpg(job.pid, signal.SIGKILL)
+    job.wait()
+    assert not (tmp_path / "chain_mu0.4" / "100000Pa.sample.h5").exists()
+    run("chain", CHAIN, tmp_path)
+    state = read_sample(tmp_path / "chain_mu0.4" / "100000Pa.sample.h5")
+    undisturbed = read_sample(products / "chain_mu0.4" / "100000Pa.sample.h5")
+    assert (state.position == undisturbed.position).all()
+    assert (state.shear == undisturbed.shear).all()
+
+
+def test_checkpoint_of_another_study_is_refused(products):
+    other = CHAIN.replace(" 1 1e5", " 2 1e5")
+    job = start("chain", other, products)
+    job.wait(timeout=60)
+    log = (products / "chain.log").read_text()
+    assert "it belongs to another study (seed is 1, not 2)" in log
+    assert "Traceback" not in log
