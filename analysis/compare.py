@@ -1,4 +1,4 @@
-"""The comparison: each quantity by theory, by eigenmodes, by YADE and as the paper states it."""
+"""The comparison: a quantity by theory, eigenmodes, linear wave, YADE, and as the paper has it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis import dispersion as disp
 from analysis.exact_chain import exact_twin
+from analysis.gain import TRAVELS, gain_factor
 from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency, wavelength
 from analysis.paper import stated
 from analysis.products import Products
@@ -24,8 +25,8 @@ from analysis.velocity import (
 )
 from modal.signals import Signals
 
-COLUMNS = ("theory", "modal", "yade", "paper")
-DEVIATIONS = ("modal/theory %", "yade/theory %", "to paper %")
+COLUMNS = ("theory", "modal", "linear", "yade", "paper")
+DEVIATIONS = ("modal/theory %", "linear/theory %", "yade/theory %", "to paper %")
 HEADER = ("quantity", "unit", *COLUMNS, *DEVIATIONS, "note")
 
 
@@ -51,6 +52,7 @@ class Row:
         numbers = [self.values.get(name) for name in COLUMNS]
         deviations = [
             self.deviation("modal", "theory"),
+            self.deviation("linear", "theory"),
             self.deviation("yade", "theory"),
             self.deviation("yade" if self.values.get("yade") is not None else "modal", "paper"),
         ]
@@ -76,9 +78,9 @@ def compare(case: Products) -> list[Row]:
     put("f_200", "last P resonance", "kHz", theory=omega[-1] / 2e3 / np.pi)
     put("resonances", "number of P resonances", "1", theory=float(chain.layers))
     f_theory = chain.low_pass_frequency
-    note = "theory Eq. 10; modal and YADE: band edge, unbiased"
+    note = "theory Eq. 10; others: band edge, unbiased"
     put("f_low_pass", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
-    note = "theory Eq. 6; modal and YADE: slope at long waves, unbiased"
+    note = "theory Eq. 6; others: slope at long waves, unbiased"
     put("velocity", "V_P, long waves", "m/s", note, theory=chain.velocity)
     diameter = 2 * float(network.radius.mean())
     lam = wavelength(chain.velocity, f_theory) / diameter
@@ -87,8 +89,10 @@ def compare(case: Products) -> list[Row]:
     solid = float((4 / 3 * np.pi * network.radius**3).sum())
     put("void_ratio", "void ratio, wall to wall", "1", yade=void / solid - 1)
     _modal_rows(case, put)
+    _signal_rows(case, case.linear(), "linear", put)
     if case.signals is not None:
-        _signal_rows(case, case.signals, put)
+        _signal_rows(case, case.signals, "yade", put)
+    _gain_rows(case, put)
     return list(rows.values())
 
 
@@ -132,16 +136,17 @@ def _exact_velocity(chain, name: str, frequency: float) -> float:
     return chain.velocity * (np.sin(half) / half if name == "phase" else np.cos(half))
 
 
-def _signal_rows(case: Products, signals: Signals, put) -> None:
+def _signal_rows(case: Products, signals: Signals, producer: str, put) -> None:
     chain = case.chain
     measured = disp.chain_dispersion(signals)
     edge, speed = measured.low_pass_frequency, measured.velocity
-    put("f_low_pass", "", "", yade=edge / 1e3)
-    put("velocity", "", "", yade=speed)
-    put("lambda_over_d", "", "", yade=wavelength(speed, edge) / (2 * case.network.radius.mean()))
+    put("f_low_pass", "", "", **{producer: edge / 1e3})
+    put("velocity", "", "", **{producer: speed})
+    lam = wavelength(speed, edge) / (2 * case.network.radius.mean())
+    put("lambda_over_d", "", "", **{producer: lam})
     rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
     text = "dispersion, RMS deviation from Eq. 9"
-    put("rms", text, "%", "up to kappa l = 0.9 pi", yade=100 * rms)
+    put("rms", text, "%", "up to kappa l = 0.9 pi", **{producer: 100 * rms})
     omega = 2 * np.pi * 5e4
     for name, step in (("phase", None), ("group", 1e-3)):
         kappa = np.arccos(measured.cosine(omega)) / measured.distance
@@ -151,10 +156,10 @@ def _signal_rows(case: Products, signals: Signals, put) -> None:
             near = np.arccos(measured.cosine(omega * (1 + step))) / measured.distance
             value = omega * step / (near - kappa)
         exact = _exact_velocity(chain, name, 5e4)
-        put(name, f"{name} velocity at 50 kHz", "m/s", theory=exact, yade=value)
+        put(name, f"{name} velocity at 50 kHz", "m/s", theory=exact, **{producer: value})
     twin = exact_twin(signals, chain)
     biased = "paper's rule; theory: the rule on exact signals"
-    for column, record in (("theory", twin), ("yade", signals)):
+    for column, record in (("theory", twin), (producer, signals)):
         peak = travel_velocity(record, first_peak_times(record))
         put("first_peak", "V_P, first peaks, layers 50-150", "m/s", biased, **{column: peak})
         arrival = travel_velocity(record, arrival_times(record))
@@ -173,6 +178,19 @@ def _signal_rows(case: Products, signals: Signals, put) -> None:
         if walls is not None:
             value = at_frequency(walls[0], walls[1], 5e4)
             put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: value})
+
+
+def _gain_rows(case: Products, put) -> None:
+    duration = TRAVELS * case.network.length / case.chain.velocity
+    linear = case.linear(duration)
+    records = {"linear": linear, "theory": exact_twin(linear, case.chain), "yade": case.signals}
+    for column, record in records.items():
+        found = None if record is None else gain_factor(record, duration)
+        if found is not None:
+            note = f"receiver over source wall, resolution {found.resolution:.0f} Hz"
+            frequency, height = found.first_maximum()
+            put("gain_f", "gain factor, first maximum", "kHz", note, **{column: frequency / 1e3})
+            put("gain", "gain factor at its first maximum", "1", note, **{column: height})
 
 
 def as_text(rows: Iterable[Row]) -> str:

@@ -11,7 +11,9 @@ from analysis.exact_chain import Chain
 from modal.mode_set import ModeSet, read_modes
 from modal.network import Network, read_network
 from modal.signals import Signals, read_signals
+from modal.source import Pulse
 from modal.storage import InputError
+from modal.wave import propagate
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 
@@ -86,6 +88,23 @@ class Products:
                 f"{self.path('signals')}: fewer than 50 times or 10 particles; record more"
             )
         return signals
+
+    def linear(self, duration: float | None = None) -> Signals:
+        """The linear wave of the network, exact tangent, at the times of the recorded wave.
+
+        With `duration` (s), or where there is no record, every microsecond instead.
+        """
+        recorded, motion, interval = self.signals, Pulse(), 1e-6
+        if recorded is not None:
+            motion = Pulse(recorded.amplitude, recorded.input_frequency)
+        if recorded is not None and duration is None:
+            duration, interval = float(recorded.time[-1]), float(recorded.time[1])
+        if duration is None:
+            duration = self.network.length / self.chain.velocity
+        wave = propagate(
+            self.network, duration, motion=motion, interval=interval, pre_stress="full"
+        )
+        return wave.signals
 
 
 def find(text: str, folder: str | Path) -> Products:

@@ -69,11 +69,26 @@ class Pulse:
         return source_pulse(time, self.amplitude, self.frequency)
 
     def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """The pulse is 1 - cos switched on at 0 and off one period later: two such responses."""
-        on = _driven_from_rest(square, time, self.frequency)
-        return self.amplitude * (
-            on - _driven_from_rest(square, time - 1 / self.frequency, self.frequency)
-        )
+        """While the pulse lasts, and then the free motion that it leaves behind.
+
+        With the period T and Omega T = 2 pi the latter is, in closed form,
+        y = 2 Omega^2 / (Omega^2 - w^2) sin(w T / 2) / w sin(w (t - T / 2)) / w.
+        """
+        period, drive = 1 / self.frequency, 2 * np.pi * self.frequency
+        omega = np.sqrt(np.maximum(square, 0))[:, None]
+        result = np.empty((len(square), len(time)))
+        during = time < period
+        result[:, during] = _driven_from_rest(square, time[during], self.frequency)
+        # Two forms of sin(w T / 2) / (w (Omega^2 - w^2)), each smooth on its side of Omega / 2: as
+        # Omega T / 2 is pi, sin(w T / 2) = -sin((w - Omega) T / 2).
+        low, high = np.minimum(omega, drive / 2), np.maximum(omega, drive / 2)
+        below = np.sinc(low * period / (2 * np.pi)) / (drive**2 - low**2)
+        above = np.sinc((high - drive) * period / (2 * np.pi)) / ((high + drive) * high)
+        left = drive**2 * period * np.where(omega < drive / 2, below, above)
+        late = (time[~during] - period / 2)[None, :]
+        swing = np.sin(omega * late) / np.where(omega > 0, omega, 1.0)
+        result[:, ~during] = left * np.where(omega > 0, swing, late)
+        return self.amplitude * result
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from analysis.gain import gain_factor
 from modal import gallery
 from modal.__main__ import main
 from modal.assembly import mass_diagonal, stiffness_matrix
@@ -70,6 +71,23 @@ def test_gain_of_a_resonant_column():
     for f in inside:
         assert abs(maxima - f).min() < found.resolution
     assert found.gain[0] == pytest.approx(1, abs=1e-2)
+
+
+def test_gain_from_signals_equals_gain_from_the_recurrence():
+    network = gallery.fcc(2, 20)
+    duration = 6e-4
+    signals = propagate(network, duration, interval=1e-7).signals
+    found = gain_factor(signals, duration, highest=3e4)
+    wanted = frequency_response(network, highest=5e4, resolution=found.resolution)
+    # The one has four points a resolution, the other two.
+    assert found.frequency[1::2] == pytest.approx(wanted.frequency[: len(found.frequency[1::2])])
+    # The cut leaves e^-7 of the last reflection, and the gain of a short column rises far above 1.
+    expected = wanted.gain[: len(found.frequency[1::2])]
+    assert found.gain[1::2] == pytest.approx(expected, rel=1e-2)
+    assert gain_factor(signals, 2 * duration) is None
+    frequency, height = found.first_maximum()
+    assert abs(wanted.gain_maxima()[0] - frequency) < 0.2 * found.resolution
+    assert height == pytest.approx(found.gain[:20].max(), rel=0.1)
 
 
 def test_response_on_the_command_line(tmp_path, capsys):
