@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Set up what is missing: YADE and h5py from Debian, and a virtual environment in .venv.
+# Set up what is missing: YADE, and h5py and scipy for its Python, from Debian; a virtual
+# environment in .venv.
 #   ./setup.sh [--extra analysis|test]
 # Does nothing where all is there. As root or with sudo it installs; otherwise it prints the
 # exact command and ends with status 2.
@@ -15,6 +16,8 @@ esac
 packages=()
 [ -x /usr/bin/yade ] || packages+=(yade)
 /usr/bin/python3 -c 'import h5py' 2>/dev/null || packages+=(python3-h5py)
+# The scripts inside YADE find the recorded chain of contacts with scipy's shortest path.
+/usr/bin/python3 -c 'import scipy' 2>/dev/null || packages+=(python3-scipy)
 # An existing virtual environment needs no venv module any more.
 [ -x .venv/bin/python ] || python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv)
 if [ ${#packages[@]} -gt 0 ]; then

@@ -66,7 +66,7 @@ def main():
             f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa; walk the chain again"
         )
     unbalanced, walls = compression.unbalanced(), compression.wall_stresses(n)
-    network = contact_network(n, sample.study, {})
+    network = contact_network(n, sample.study | {"case": str(case)}, {})
     O.dt = compression.time_step(target)
     of_layer, of_sphere = noise(network)
     network.study |= {
