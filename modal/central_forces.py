@@ -16,7 +16,7 @@ try:
 except ImportError:
     numba = None
 
-SKIN = 0.06
+SKIN = 0.1
 """Reach of the list of pairs beyond touch, diameters; a compromise of its length and its life."""
 
 
@@ -30,7 +30,12 @@ class NearPairs:
     def __init__(self, position: np.ndarray, lengths: np.ndarray, diameter: float) -> None:
         self.diameter = diameter
         self.made_at, self.made_lengths = position.copy(), lengths.copy()
-        i, j, shift = periodic_pairs(position, lengths[:2], (1 + SKIN) * diameter)
+        reach = (1 + SKIN) * diameter
+        # With fewer than three cells across, a cell would be its neighbour on both sides.
+        if numba is not None and lengths[:2].min() >= 3 * reach:
+            self.ends, self.shift = _pairs_by_cells(position, lengths, reach)
+            return
+        i, j, shift = periodic_pairs(position, lengths[:2], reach)
         order = np.lexsort((j, i))
         self.ends = np.column_stack([i, j])[order].astype(np.int32)
         self.shift = shift[order, :2].astype(float)
@@ -39,8 +44,52 @@ class NearPairs:
         """Whether no pair outside the list can touch at these positions, (n, 3) m."""
         stretch = lengths / self.made_lengths
         moved = position - self.made_at * stretch
-        largest = np.sqrt((moved**2).sum(axis=1).max(initial=0.0))
+        largest = np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
         return (1 + SKIN) * min(1.0, stretch.min()) - 2 * largest / self.diameter >= 1
+
+
+def _pairs_by_cells(position, lengths, reach):
+    """Ends (k, 2) and periods (k, 2) of pairs at most `reach` apart, sorted by the first end."""
+    n = len(position)
+    count = np.maximum(1, (lengths / reach).astype(np.int64))
+    cell = np.empty((n, 3), np.int64)
+    first = np.full(count.prod(), -1)
+    following = np.empty(n, np.int64)
+    for i in range(n):
+        for axis in range(3):
+            at = int(position[i, axis] / lengths[axis] * count[axis])
+            cell[i, axis] = min(max(at, 0), count[axis] - 1)
+        index = (cell[i, 2] * count[1] + cell[i, 1]) * count[0] + cell[i, 0]
+        following[i], first[index] = first[index], i
+    ends = np.empty((8 * n, 2), np.int32)
+    shift = np.empty((8 * n, 2))
+    found = 0
+    for i in range(n):
+        for c in range(27):
+            x, y = cell[i, 0] + c % 3 - 1, cell[i, 1] + (c // 3) % 3 - 1
+            z = cell[i, 2] + c // 9 - 1
+            if z < 0 or z >= count[2]:
+                continue
+            a, b = x // count[0], y // count[1]
+            j = first[(z * count[1] + y - b * count[1]) * count[0] + x - a * count[0]]
+            while j >= 0:
+                if j > i:
+                    dx = position[j, 0] + a * lengths[0] - position[i, 0]
+                    dy = position[j, 1] + b * lengths[1] - position[i, 1]
+                    dz = position[j, 2] - position[i, 2]
+                    if dx * dx + dy * dy + dz * dz <= reach * reach:
+                        if found == len(ends):
+                            ends = np.concatenate((ends, np.empty_like(ends)))
+                            shift = np.concatenate((shift, np.empty_like(shift)))
+                        ends[found, 0], ends[found, 1] = i, j
+                        shift[found, 0], shift[found, 1] = a, b
+                        found += 1
+                j = following[j]
+    return ends[:found].copy(), shift[:found].copy()
+
+
+if numba is not None:
+    _pairs_by_cells = numba.njit(cache=True)(_pairs_by_cells)
 
 
 def _forces_by_loop(position, force, ends, shift, lengths, radius, modulus):

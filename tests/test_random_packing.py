@@ -1,0 +1,208 @@
+"""Frictionless packings: forces, pairs, energy and stress, seeds, kill and resume, bad input."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal import central_forces
+from modal.__main__ import main
+from modal.central_forces import CentralForces, NearPairs, forces_by_arrays, forces_by_loop
+from modal.geometry import periodic_pairs
+from modal.minimiser import minimise
+from modal.random_packing import cloud, random_network, random_sample
+from modal.sample import read_sample, write_sample
+
+RNG = np.random.default_rng(4)
+
+
+def _crowd(spheres=200, aspect=2.0):
+    sample = cloud(spheres, aspect, 3)
+    return sample, sample.position.copy(), np.array([*sample.side, sample.walls[1]])
+
+
+def test_loop_equals_arrays():
+    sample, position, lengths = _crowd()
+    pairs = NearPairs(position, lengths, 2 * sample.radius)
+    results = []
+    for compute in (forces_by_loop, forces_by_arrays):
+        force = np.zeros_like(position)
+        rest = compute(position, force, pairs.ends, pairs.shift, lengths, sample.radius, 1e10)
+        results.append((force, *rest))
+    assert results[0][-1] == results[1][-1]
+    for one, other in zip(*results, strict=True):
+        # Sums of a thousand terms in another order.
+        assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * np.max(np.abs(other)))
+
+
+def test_cells_find_the_pairs_of_the_tree():
+    sample, position, lengths = _crowd(400)
+    pairs = NearPairs(position, lengths, 2 * sample.radius)
+    reach = (1 + central_forces.SKIN) * 2 * sample.radius
+    i, j, shift = periodic_pairs(position, lengths[:2], reach)
+    expected = set(zip(i, j, *shift[:, :2].T, strict=True))
+    found = list(zip(*pairs.ends.T, *pairs.shift.T, strict=True))
+    assert len(found) == len(expected) and set(found) == expected
+
+
+def test_list_of_pairs_expires_before_a_pair_is_missed():
+    sample, position, lengths = _crowd()
+    diameter = 2 * sample.radius
+    pairs = NearPairs(position, lengths, diameter)
+    moved = position.copy()
+    moved[7, 0] += 0.49 * central_forces.SKIN * diameter
+    assert pairs.holds(moved, lengths)
+    moved[7, 0] += 0.02 * central_forces.SKIN * diameter
+    assert not pairs.holds(moved, lengths)
+    shrink = np.array([1, 1, 1 - 1.01 * central_forces.SKIN / (1 + central_forces.SKIN)])
+    assert not pairs.holds(position * shrink, lengths * shrink)
+
+
+def test_forces_are_the_gradient_of_the_energy():
+    """Central differences of the energy along a random motion, and along each length."""
+    sample, position, lengths = _crowd()
+    forces = CentralForces(sample)
+
+    def energy(position, lengths):
+        return forces.of(position.copy(), lengths).energy
+
+    forces.of(position, lengths)
+    force, virial = forces.force.copy(), forces.virial.copy()
+    motion, step = RNG.standard_normal(position.shape), 1e-6 * sample.radius
+    rise = energy(position + step * motion, lengths) - energy(position - step * motion, lengths)
+    # Error of order (step / overlap)^2 and of the round-off of the energy over the step.
+    assert rise / (2 * step) == pytest.approx(-(force * motion).sum(), rel=1e-5)
+    for axis in range(3):
+        stretch = np.ones(3)
+        stretch[axis] += 1e-6
+        up = energy(position * stretch, lengths * stretch)
+        down = energy(position / stretch, lengths / stretch)
+        # The walls move with the length, so their work is part of the virial.
+        assert (up - down) / (2 * np.log1p(1e-6)) == pytest.approx(-virial[axis], rel=1e-5)
+
+
+def test_minimum_has_the_stress_and_lower_enthalpy():
+    start = cloud(150, 1.5, 5)
+    pressure = 1e7
+
+    def enthalpy(sample):
+        lengths = np.array([*sample.side, sample.walls[1]])
+        return CentralForces(sample).of(sample.position.copy(), lengths).energy + (
+            pressure * lengths.prod()
+        )
+
+    seen = []
+    packed, rest = minimise(
+        start, pressure, tolerance=1e-5, watch=lambda sample, _: seen.append(enthalpy(sample))
+    )
+    assert rest.converged and rest.residual < 1e-5
+    assert rest.stress == pytest.approx([pressure] * 3, rel=1e-3)
+    assert seen[-1] == min(seen) < enthalpy(start)
+    network = packed.network()
+    area = packed.side.prod()
+    for code in (-1, -2):
+        on_wall = network.force_normal[network.particle_j == code].sum()
+        # Walls and contacts carry the same stress, as far as the spheres are in balance.
+        assert on_wall / area == pytest.approx(rest.stress[2], rel=1e-3)
+    inside = (packed.position[:, 2] > 0) & (packed.position[:, 2] < packed.walls[1])
+    assert inside.all() and (packed.position[:, :2] < packed.side).all()
+
+
+def test_same_seed_same_packing_and_another_seed_another():
+    first, again, other = (random_network(60, 1e7, seed, aspect=1.0) for seed in (1, 1, 2))
+    assert np.array_equal(first.position, again.position)
+    assert np.array_equal(first.particle_j, again.particle_j)
+    assert not np.array_equal(first.position, other.position)
+
+
+def test_packings_are_isostatic_or_denser_and_uncrystallised():
+    """Frictionless spheres need six contacts each but for rattlers; a crystal has e 0.35."""
+    sample = random_sample(300, 1e6, aspect=2.0, tolerance=1e-3)
+    network = sample.network()
+    touching = np.bincount(network.particle_i, minlength=300)
+    touching += np.bincount(network.particle_j[~network.with_wall], minlength=300)
+    held = touching >= 4
+    assert touching[held].mean() > 5.8
+    assert held.mean() > 0.9
+    # Random close packing has e 0.56; walls a few diameters apart add some hundredths.
+    assert 0.48 < network.study["void_ratio"] < 0.64
+
+
+def test_higher_pressure_from_the_same_packing_is_denser():
+    sample = random_sample(100, 1e6, aspect=1.0, tolerance=1e-3)
+    loose = sample.network().study["void_ratio"]
+    dense, _ = minimise(sample, 1e7, tolerance=1e-3)
+    assert dense.network().study["void_ratio"] < loose
+
+
+def _pack(folder, *more):
+    arguments = ["--spheres", "80", "--aspect", "1", "--stress", "1e7", "1e6", "-o", str(folder)]
+    return ["pack", *arguments, *more]
+
+
+def test_killed_walk_goes_on(tmp_path, capsys):
+    """SIGKILL after the first state; the second call keeps it and makes the rest."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "modal", *_pack(tmp_path, "--tolerance", "1e-12")],
+        cwd=Path(__file__).parents[1],
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+    peak = tmp_path / "00_200000kPa.sample.h5"
+    deadline = time.monotonic() + 60
+    while not peak.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = peak.read_bytes()
+    assert main([*_pack(tmp_path), "--json"]) == 0
+    assert peak.read_bytes() == before
+    shown = json.loads(capsys.readouterr().out)
+    assert list(shown["samples"].values()) == [2e8, 1e7, 1e6]
+    for path, stress in shown["samples"].items():
+        sample = read_sample(path)
+        assert sample.study["stresses"] == pytest.approx([stress] * 3, rel=2e-3)
+    assert not list(tmp_path.glob("checkpoint*"))
+
+
+def test_walk_starts_from_its_checkpoint(tmp_path):
+    """A checkpoint of the state under way is taken up instead of the cloud."""
+    sample = cloud(80, 1.0, 1)
+    packed, _ = minimise(sample, 2e8, tolerance=1e-4)
+    study = {"spheres": 80, "aspect": 1.0, "seed": 1, "number": 0}
+    write_sample(tmp_path / "checkpoint.sample.h5", replace(packed, study=study))
+    assert main(_pack(tmp_path)) == 0
+    # At rest already: no step was needed.
+    assert read_sample(tmp_path / "00_200000kPa.sample.h5").study["steps"] == 0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--spheres", "3"],
+        ["--aspect", "1e-3"],
+        ["--aspect", "500"],
+        ["--stress", "-5"],
+        ["--stress", "1e12"],
+        ["--tolerance", "2"],
+    ],
+)
+def test_impossible_packings_are_refused_in_one_line(wrong, tmp_path, capsys):
+    assert main(_pack(tmp_path, *wrong)) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_folder_of_another_study_is_refused(tmp_path, capsys):
+    write_sample(
+        tmp_path / "00_200000kPa.sample.h5",
+        replace(cloud(80, 1.0, 2), study={"spheres": 80, "aspect": 1.0, "seed": 2}),
+    )
+    assert main(_pack(tmp_path)) == 2
+    assert "seed" in capsys.readouterr().err
