@@ -5,8 +5,8 @@
 
 Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction` of 2 / omega_max,
 the exact limit of the leapfrog scheme. Environment: WAVE_PRODUCTS, WAVE_FRACTION, WAVE_AMPLITUDE
-(m), WAVE_DURATION (s; default until the wave front reaches the
-receiver wall).
+(m; negative reverses the wall), WAVE_DURATION (s; default until the wave front reaches the
+receiver wall), WAVE_PARTICLES (1 records every particle, not only chain and layers).
 """
 
 import math
@@ -55,6 +55,7 @@ from yade.params.table import case, fraction, input_frequency, mu_wave, passage 
 
 amplitude = float(os.environ.get("WAVE_AMPLITUDE", 2.5e-9))
 fraction = float(os.environ.get("WAVE_FRACTION", fraction))
+every_particle = os.environ.get("WAVE_PARTICLES", "0") == "1"
 
 
 def affine_velocity(network):
@@ -115,7 +116,9 @@ def drive():
         z = np.array([state.pos[2] for state in states]) - start
         records.append((now, here, wall_stress(n), wall_stress(n + 1), *z[chain]))
         layer_records.append(layers.means(z))
-        if not abs(z[chain[0]]) < BLOW_UP * max(amplitude, 1e-9):
+        if every_particle:
+            particle_records.append(z)
+        if not abs(z[chain[0]]) < BLOW_UP * max(abs(amplitude), 1e-9):
             O.pause()
             stable = False
     O.bodies[n].state.vel = (0, 0, (there - here) / O.dt)
@@ -135,7 +138,8 @@ def already_there(path, network_path):
 
 def main():
     """Load, run, write; InputError for what the user can mend."""
-    global n, area, step, every, records, layer_records, chain, layers, states, start
+    global n, area, step, every, records, layer_records, particle_records
+    global chain, layers, states, start
     global balance_steps, stable
     folder = products_folder()
     network_path = folder / f"case{case:02d}.network.h5"
@@ -158,7 +162,7 @@ def main():
     chain, layers = wall_to_wall_chain(network), Layers(network)
     states = [O.bodies[k].state for k in range(n)]
     start = np.array([state.pos[2] for state in states])
-    records, layer_records, step, stable = [], [], 0, True
+    records, layer_records, particle_records, step, stable = [], [], [], 0, True
     O.engines = [*O.engines[:3], PyRunner(command="drive()", iterPeriod=1), O.engines[3]]
     steps = int(math.ceil(duration / O.dt)) + 1
     static = elastic_energy()
@@ -200,6 +204,7 @@ def main():
         network_sha256=sha256(network_path),
         layer_position=layers.position,
         layer_displacement=np.array(layer_records),
+        particle_displacement=np.array(particle_records) if every_particle else None,
     )
     write_signals(path, signals)
     print(f"\r{path}: {steps} steps of {O.dt:.3e} s in {seconds:.0f} s; energy drift {drift:.1e}")
