@@ -1,14 +1,26 @@
-"""The tangent with pre-stress against an incremental force routine, and against invariances."""
+"""The tangent with pre-stress against an incremental force routine, YADE, and invariances."""
 
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import h5py
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from modal import gallery
 from modal.assembly import stiffness_matrix
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.operator import ContactOperator
+from modal.sample import read_sample
 from modal.storage import InputError
 from modal.tangent import asymmetry, contact_tangent
+
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
+"""150 spheres at 100 kPa, compressed with friction 0.4 in YADE and at rest."""
 
 
 def loaded_contacts(seed: int = 0, pairs: int = 4) -> Network:
@@ -148,6 +160,44 @@ def test_crystal_without_shear_forces_stays_symmetric():
     # Relative size of the pre-stress: N / l over kn = overlap / (1.5 l).
     change = abs(normal - stiffness_matrix(network)).max() / network.stiffness_normal.max()
     assert change < 4 * network.overlap.max() / (1.5 * 2 * network.radius[0])
+
+
+def test_every_column_equals_finite_differences_of_yades_forces(tmp_path):
+    """Motions of each of the 150 spheres along and about each axis, 900 columns."""
+    if shutil.which("yade") is None:
+        if os.environ.get("CI"):
+            pytest.fail("YADE is missing: apt-get install --no-install-recommends yade")
+        pytest.skip("YADE is missing")
+    out = tmp_path / "differences.h5"
+    script = str(ROOT / "yade_scripts" / "finite_differences.py")
+    subprocess.run(
+        ["yade", "-n", "-x", "-j1", script, str(SAMPLE), str(out)],
+        timeout=300,
+        check=True,
+        capture_output=True,
+        cwd=tmp_path,
+    )
+    sample = read_sample(SAMPLE)
+    network = sample.network()
+    size = 6 * network.n_particles
+    with h5py.File(out) as file:
+        entries = (file["value"][:], (file["row"][:], file["column"][:]))
+    # Rotations times the radius are displacements: then all entries are N/m.
+    units = sp.diags(np.tile([1, 1, 1] + [1 / sample.radius] * 3, network.n_particles))
+    measured = units @ sp.csr_matrix(entries, shape=(size, size)) @ units
+    apart = {}
+    for kind in ("none", "normal", "full"):
+        K = units @ stiffness_matrix(network, pre_stress=kind) @ units
+        apart[kind] = abs(measured - K).max() / abs(K).max()
+        if kind == "full":
+            columns = sp.linalg.norm(measured - K, axis=0) / sp.linalg.norm(K, axis=0).clip(1e-99)
+    # (h / overlap)^2 / 24 and eps R / h of the script's step h, for the average contact; a weak
+    # contact with a tenth of its overlap has a hundred times the first.
+    assert apart["full"] < 2e-8
+    assert columns.max() < 1e-6
+    # Each term of the pre-stress is seen: overlap / R and friction times that.
+    assert apart["none"] > 1e-4
+    assert 1e-5 < apart["normal"] < apart["none"]
 
 
 def test_unknown_pre_stress_is_refused():
