@@ -87,11 +87,11 @@ def minimise(
                 break
         limit = STEP / np.sqrt(max(forces.mean_stiffness, softest))
         dt = min(max(dt, 0.02 * limit), limit)
-        power = np.vdot(forces.force, velocity) + pull @ drift
+        power = _dot(forces.force, velocity) + pull @ drift
         if power > 0:
             downhill += 1
-            speed = np.sqrt(np.vdot(velocity, velocity) + drift @ drift)
-            size = np.sqrt(np.vdot(forces.force, forces.force) + pull @ pull)
+            speed = np.sqrt(_dot(velocity, velocity) + drift @ drift)
+            size = np.sqrt(_dot(forces.force, forces.force) + pull @ pull)
             velocity *= 1 - mixing
             velocity += (mixing * speed / size) * forces.force
             drift = (1 - mixing) * drift + (mixing * speed / size) * pull
@@ -117,6 +117,11 @@ def minimise(
     position, lengths, reached = best
     reached.steps, reached.seconds = step, time.perf_counter() - start
     return _at(sample, position, lengths), reached
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
+    return float(np.einsum("ij,ij", a, b))
 
 
 def _move(position, lengths, velocity, strain_rate, dt) -> None:
