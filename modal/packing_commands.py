@@ -12,6 +12,7 @@ from modal.equilibrium import TOLERANCE, Balance, relax
 from modal.network import write_network
 from modal.random_packing import ASPECT, WALK, check_stress, cloud, walk
 from modal.sample import read_sample, write_sample
+from modal.statistics import summary
 from modal.storage import InputError, sha256
 
 
@@ -75,16 +76,20 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
         )
 
     rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
+    network = rested.network()
+    measured = summary(network, rested.friction)
     rested = replace(
         rested,
-        study=sample.study | {"residual": state.residual, "mu_wave": sample.friction},
+        study=sample.study | measured | {"residual": state.residual, "mu_wave": rested.friction},
         provenance=sample.provenance
         | {"relaxed_by": "python -m modal relax", "parent_sha256": sha256(options.sample)},
     )
     write_sample(options.output, rested)
     if options.network:
-        write_network(options.network, rested.network())
-    return {"residual_before": history[0].residual} | asdict(state)
+        network.study |= rested.study
+        network.provenance = rested.provenance | {"parent_sha256": sha256(options.output)}
+        write_network(options.network, network)
+    return {"residual_before": history[0].residual} | asdict(state) | measured
 
 
 def _say(text: str) -> None:
