@@ -6,7 +6,8 @@
 Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction` of 2 / omega_max,
 the exact limit of the leapfrog scheme. Environment: WAVE_PRODUCTS, WAVE_FRACTION, WAVE_AMPLITUDE
 (m; negative reverses the wall), WAVE_DURATION (s; default until the wave front reaches the
-receiver wall), WAVE_PARTICLES (1 records every particle, not only chain and layers).
+receiver wall), WAVE_PARTICLES (1 records every particle, not only chain and layers,
+and says which contacts have opened or slipped).
 """
 
 import math
@@ -29,11 +30,14 @@ from modal.network import read_network
 from modal.sample import sample_of_network
 from modal.signals import Signals, read_signals, source_pulse, write_signals
 from modal.storage import InputError, sha256
+from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import finish, products_folder
 from yade_scripts.state import build_scene
 
 RECORDING_INTERVAL = 5e-7
 """Longest interval between records, s: five samples a period at 400 kHz."""
+LOOK_EVERY = 4
+"""Records between two looks at the contacts: they move over some ten microseconds."""
 BLOW_UP = 100.0
 """A displacement of so many amplitudes is no wave but an unstable time step."""
 
@@ -118,6 +122,8 @@ def drive():
         layer_records.append(layers.means(z))
         if every_particle:
             particle_records.append(z)
+            if len(particle_records) % LOOK_EVERY == 0:
+                watch.look()
         if not abs(z[chain[0]]) < BLOW_UP * max(abs(amplitude), 1e-9):
             O.pause()
             stable = False
@@ -139,7 +145,7 @@ def already_there(path, network_path):
 def main():
     """Load, run, write; InputError for what the user can mend."""
     global n, area, step, every, records, layer_records, particle_records
-    global chain, layers, states, start
+    global chain, layers, states, start, watch
     global balance_steps, stable
     folder = products_folder()
     network_path = folder / f"case{case:02d}.network.h5"
@@ -163,6 +169,7 @@ def main():
     states = [O.bodies[k].state for k in range(n)]
     start = np.array([state.pos[2] for state in states])
     records, layer_records, particle_records, step, stable = [], [], [], 0, True
+    watch = ContactWatch() if every_particle else None
     O.engines = [*O.engines[:3], PyRunner(command="drive()", iterPeriod=1), O.engines[3]]
     steps = int(math.ceil(duration / O.dt)) + 1
     static = elastic_energy()
@@ -208,6 +215,8 @@ def main():
     )
     write_signals(path, signals)
     print(f"\r{path}: {steps} steps of {O.dt:.3e} s in {seconds:.0f} s; energy drift {drift:.1e}")
+    if every_particle:
+        print(f"{path}: {watch.report()}")
 
 
 finish(main)
