@@ -18,7 +18,7 @@ from modal.response import frequency_response, write_response
 from modal.sample import read_packing
 from modal.signals import write_signals
 from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
-from modal.statistics import contacts_per_particle, summary
+from modal.statistics import contacts_per_particle, profile, summary, write_profile
 from modal.storage import InputError, sha256
 from modal.tangent import PRE_STRESS
 from modal.wave import propagate
@@ -41,7 +41,8 @@ def _parser() -> argparse.ArgumentParser:
 
     add_pack(commands)
     add_relax(commands)
-    network_command("info", "what is in a packing: stresses, density, coordination")
+    info = network_command("info", "what is in a packing: stresses, density, coordination")
+    info.add_argument("--layers", metavar="FILE", help="write the layers along z, *.csv")
     modes = network_command("modes", "natural frequencies and mode shapes")
     choice = modes.add_mutually_exclusive_group()
     choice.add_argument("--lowest", type=int, metavar="K")
@@ -93,6 +94,8 @@ def _info(options: argparse.Namespace) -> dict[str, Any]:
     network = read_packing(options.network)
     touching = contacts_per_particle(network)
     friction = network.study.get("mu_wave")
+    if options.layers:
+        write_profile(options.layers, profile(network))
     return {
         "particles": network.n_particles,
         "contacts": network.n_contacts,

@@ -9,12 +9,14 @@ sigma_zz is then the same in every layer, and the layers add up to the total exa
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modal.layers import force_bearing
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.order import crystalline
 from modal.storage import InputError
 
 WALL_ZONE = 5.0
@@ -143,6 +145,7 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     standard deviations over the bulk's layers, relative to their mean.
     """
     layers, stress = profile(network), stress_tensor(network)
+    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
     bearing, rattlers = coordination_without_rattlers(network)
     diagonal = np.diag(np.diag(stress))
     solid = float((4 / 3 * np.pi * network.radius**3).sum())
@@ -159,6 +162,13 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     }
     if friction is not None and network.n_contacts > 0:
         result["largest_share_of_friction"] = float(friction_used(network, friction).max())
+    if periodic and np.ptp(network.radius) <= 1e-9 * network.radius.mean():
+        ordered, edges = crystalline(network), layers.edges
+        result["crystalline_share"] = float(ordered.mean())
+        if layers.bulk.any():
+            z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
+            inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
+            result["crystalline_share_of_bulk"] = float(ordered[inside].mean())
     if layers.bulk.any():
         density = 1 / (1 + layers.void_ratio[layers.bulk])
         result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)
@@ -170,3 +180,17 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
         scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
         result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
     return result
+
+
+COLUMNS = "z_m,stress_xx_Pa,stress_yy_Pa,stress_zz_Pa,void_ratio,coordination_number,particles,bulk"
+
+
+def write_profile(path: str | Path, layers: Profile) -> None:
+    """Write the layers as a table, *.csv: the middle of each, then what `Profile` has."""
+    middle = (layers.edges[1:] + layers.edges[:-1]) / 2
+    measured = [middle, *layers.stress.T, layers.void_ratio, layers.coordination]
+    table = np.column_stack([*measured, layers.particles, layers.bulk])
+    try:
+        np.savetxt(path, table, delimiter=",", header=COLUMNS, comments="", fmt="%.9g")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error}); choose another file") from error
