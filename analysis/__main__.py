@@ -1,4 +1,4 @@
-"""Command line of analysis: compare, status, figure, agreement."""
+"""Command line of analysis: compare, status, figure, samples, agreement."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from analysis.compare import as_text, compare, write_table
 from analysis.figures import CROSS_CASE, FIGURES, draw
 from analysis.figures.crystal import power_law, stress_rows
 from analysis.products import Products, find
+from analysis.samples import table
 from analysis.status import status_table
 from modal.network import read_network
 from modal.signals import read_signals
@@ -34,15 +35,19 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--products", default="products", metavar="DIR", help="folder to read")
         return sub
 
-    table = command("compare", "print and write the comparison table, draw the figures")
-    table.add_argument("case", nargs="+", metavar="CASE", help="1 ... 4")
-    table.add_argument("--no-figures", action="store_true", help="only the table")
+    compared = command("compare", "print and write the comparison table, draw the figures")
+    compared.add_argument("case", nargs="+", metavar="CASE", help="1 ... 4")
+    compared.add_argument("--no-figures", action="store_true", help="only the table")
     figure = command("figure", "draw one figure")
     figure.add_argument("name", metavar="NAME", help=", ".join(sorted((*FIGURES, *CROSS_CASE))))
     figure.add_argument("case", nargs="+", metavar="CASE", help="1 ... 4")
-    for sub in (table, figure):
+    for sub in (compared, figure):
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
     command("status", "which cases have which products")
+    text = "table of compact samples: density, contacts, stresses, balance"
+    samples = commands.add_parser("samples", help=text, description=text)
+    samples.add_argument("sample", nargs="+", metavar="FILE", help="*.sample.h5")
+    samples.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
     text = "a DEM run against the linear wave of its network, the difference split by cause"
     agree = commands.add_parser("agreement", help=text, description=text)
     agree.add_argument("network", help="*.network.h5 of the run")
@@ -88,10 +93,13 @@ def _agreement(arguments: argparse.Namespace) -> None:
         within = (z - network.wall_position[0]) * (1 + 1e-9)
     paths = {name: getattr(arguments, name) for name in OTHER_RUNS}
     others = {name: read_signals(path) for name, path in paths.items() if path}
-    text = report(Agreement(network, run, within), **others)
+    _show(report(Agreement(network, run, within), **others), arguments.output)
+
+
+def _show(text: str, output: str | None) -> None:
     print(text, end="")
-    if arguments.output:
-        Path(arguments.output).write_text(text)
+    if output:
+        Path(output).write_text(text)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -106,6 +114,9 @@ def main(argv: list[str] | None = None) -> int:
             return 0
         if arguments.command == "agreement":
             _agreement(arguments)
+            return 0
+        if arguments.command == "samples":
+            _show(table(arguments.sample), arguments.output)
             return 0
         cases = [find(text, arguments.products) for text in arguments.case]
         output = Path(arguments.output)

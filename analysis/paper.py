@@ -1,4 +1,4 @@
-"""Numbers that Otsubo et al. (Granular Matter 19:50, 2017) state in their text for the FCC."""
+"""Numbers that Otsubo et al. (Granular Matter 19:50, 2017) state in their text."""
 
 from __future__ import annotations
 
@@ -26,10 +26,18 @@ STATED = (
     Stated("f_low_pass", (2,), 137.7, "kHz", "section 5.1, Eq. 10"),
     Stated("threshold_2", (2,), 138.1, "kHz", "section 5.1, DEM"),
     Stated("void_ratio", (2,), 0.353, "1", "Fig. 12"),
+    Stated("void_ratio", (6,), 0.544, "1", "Fig. 12"),
+    Stated("void_ratio", (7,), 0.539, "1", "Fig. 13"),
+    Stated("void_ratio", (8,), 0.516, "1", "Fig. 13"),
+    Stated("void_ratio", (22,), 0.646, "1", "Fig. 12"),
+    Stated("void_ratio", (30,), 0.687, "1", "Fig. 12"),
     Stated("lambda_over_d", _ALL, 2**0.5, "1", "section 5.1, Fig. 18"),
     Stated("translations_only", _ALL, 1.0, "1", "section 5.1, Fig. 8"),
     Stated("exponent", _ALL, 1 / 6, "1", "section 2, Fig. 6"),
 )
+
+COORDINATION_AT_1_KPA = {0.0: 5.91, 0.4: 3.84}
+"""Mean coordination number of the random samples at 1 kPa, by mu_comp (section 3)."""
 
 
 def stated(quantity: str, case: int | None) -> float | None:

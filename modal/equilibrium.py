@@ -20,6 +20,7 @@ from modal.layers import force_bearing
 from modal.network import Network
 from modal.operator import ContactOperator
 from modal.sample import Sample
+from modal.statistics import friction_used
 from modal.storage import InputError
 
 SHIFT = 1e-5
@@ -119,16 +120,17 @@ def _matching(old: Touching, new: Touching) -> tuple[np.ndarray, np.ndarray]:
 def balance_of(sample: Sample, network: Network) -> tuple[np.ndarray, Balance]:
     """Net forces (n, 6) and how far from balance the sample is."""
     load = net_forces(network)
+    if network.n_contacts == 0:
+        return load, Balance(0.0, 0.0, 0.0, 0, 0)
     mean = network.force_normal.mean()
     size = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (load[:, 3:] ** 2).sum(1) / sample.radius**2)
-    shear = np.linalg.norm(network.force_tangential, axis=1)
-    used = shear / (sample.friction * network.force_normal)
+    used = friction_used(network, sample.friction)
     return load, Balance(
-        residual=float(size.mean() / mean),
-        largest=float(size.max() / mean),
-        friction_used=float(used.max()),
-        sliding=int((used > 1).sum()),
-        contacts=network.n_contacts,
+        float(size.mean() / mean),
+        float(size.max() / mean),
+        float(used.max()),
+        int((used > 1).sum()),
+        network.n_contacts,
     )
 
 

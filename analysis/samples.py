@@ -1,0 +1,79 @@
+"""Table of compact samples: density, contacts, stresses and balance, measured from each file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from analysis.paper import COORDINATION_AT_1_KPA, stated
+from modal.equilibrium import balance_of
+from modal.sample import read_sample
+from modal.statistics import summary
+
+HEADER = (
+    "sample",
+    "stress, Pa",
+    "mu_comp",
+    "e",
+    "paper",
+    "e of bulk",
+    "Z",
+    "paper",
+    "Z of force-bearing",
+    "rattlers",
+    "stress x, y, z, % off",
+    "walls, % off",
+    "residual / mean force",
+    "contacts beyond friction",
+    "crystalline in bulk, %",
+    "steps",
+    "seconds",
+)
+
+
+def row(path: str | Path) -> list[str]:
+    """One sample as text, in the order of `HEADER`; what its file does not tell stays empty.
+
+    Everything physical is measured from the packing itself; only the target stress, mu_comp and
+    the cost of making it are taken from the file's attributes.
+    """
+    sample = read_sample(path)
+    network = sample.network()
+    found = summary(network, sample.friction)
+    _, balance = balance_of(sample, network)
+    study = sample.study
+    target, mu = float(study.get("stress", np.nan)), float(study.get("mu_comp", np.nan))
+    name = Path(path).name.removesuffix(".sample.h5")
+    case = str(study.get("case", name.removeprefix("case")))
+    paper_e = stated("void_ratio", int(case)) if case.isdigit() else None
+    paper_z = COORDINATION_AT_1_KPA.get(mu) if target == 1e3 else None
+    off = [100 * (value / target - 1) for value in found["stress_pa"] + found["wall_stress_pa"]]
+    cells = [
+        name,
+        _number(target, "g"),
+        _number(mu, "g"),
+        _number(found["void_ratio"], ".4f"),
+        _number(paper_e, ".3f"),
+        _number(found.get("void_ratio_of_bulk"), ".4f"),
+        _number(found["coordination_number"], ".3f"),
+        _number(paper_z, ".2f"),
+        _number(found["coordination_number_without_rattlers"], ".3f"),
+        str(found["rattlers"]),
+        ", ".join(_number(value, "+.2f") for value in off[:3]),
+        ", ".join(_number(value, "+.2f") for value in off[3:]),
+        _number(balance.residual, ".1e"),
+        str(balance.sliding) if sample.friction > 0 else "",
+        _number(100 * found.get("crystalline_share_of_bulk", np.nan), ".1f"),
+    ]
+    return [*cells, *(_number(study.get(name), ".0f") for name in ("steps", "seconds"))]
+
+
+def table(paths: list[str]) -> str:
+    """Markdown table of all samples, in the order given."""
+    rows = [HEADER, ["---"] * len(HEADER), *(row(path) for path in paths)]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None or not np.isfinite(value) else format(float(value), form)
