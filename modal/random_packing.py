@@ -101,19 +101,21 @@ def walk(
         if path.exists():
             sample = _same_study(read_sample(path), start, path)
             continue
+        spent = {"steps": 0, "seconds": 0.0}
         if checkpoint.exists():
             saved = _same_study(read_sample(checkpoint), start, checkpoint)
             if saved.study.get("number") == number:
                 sample = saved
+                spent = {name: saved.study.get(name, 0) for name in spent}
         elif number == 0:
             sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
         limit = PEAK_TOLERANCE if number == 0 else tolerance
         study = start.study | {"number": number, "stress": stress}
         sample = replace(sample, study=study)
-        watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", report)
+        watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", spent, report)
         sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
-        study |= {"residual": rest.residual, "stresses": rest.stress, "steps": rest.steps}
-        sample = replace(sample, study=study | {"seconds": rest.seconds})
+        study |= {"residual": rest.residual, "stresses": rest.stress}
+        sample = replace(sample, study=study | watch.spent(rest))
         write_sample(path, sample)
         checkpoint.unlink(missing_ok=True)
         report(f"{path.name}: {_line(sample, rest)}")
@@ -123,13 +125,23 @@ def walk(
 class _Checkpoints:
     """Writes the state under way every two minutes, and says how it goes."""
 
-    def __init__(self, path: Path, label: str, report: Callable[[str], None]) -> None:
-        self.path, self.label, self.report = path, label, report
+    def __init__(
+        self, path: Path, label: str, before: dict[str, float], report: Callable[[str], None]
+    ) -> None:
+        self.path, self.label, self.before, self.report = path, label, before, report
         self.last = time.monotonic()
+
+    def spent(self, rest: Rest) -> dict[str, float]:
+        """Steps and seconds of this state, those before an interruption included."""
+        return {
+            "steps": self.before["steps"] + rest.steps,
+            "seconds": self.before["seconds"] + rest.seconds,
+        }
 
     def __call__(self, sample: Sample, rest: Rest) -> None:
         if time.monotonic() - self.last > CHECKPOINT_SECONDS:
-            write_sample(self.path, sample)
+            study = sample.study | self.spent(rest)
+            write_sample(self.path, replace(sample, study=study))
             self.last = time.monotonic()
             self.report(f"{self.label}: {_line(sample, rest)}")
 
