@@ -126,11 +126,11 @@ def balance_of(sample: Sample, network: Network) -> tuple[np.ndarray, Balance]:
     size = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (load[:, 3:] ** 2).sum(1) / sample.radius**2)
     used = friction_used(network, sample.friction)
     return load, Balance(
-        float(size.mean() / mean),
-        float(size.max() / mean),
-        float(used.max()),
-        int((used > 1).sum()),
-        network.n_contacts,
+        residual=float(size.mean() / mean),
+        largest=float(size.max() / mean),
+        friction_used=float(used.max()),
+        sliding=int((used > 1).sum()),
+        contacts=network.n_contacts,
     )
 
 
