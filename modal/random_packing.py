@@ -89,8 +89,9 @@ def walk(
 ) -> list[tuple[float, Path]]:
     """Pack `start` at the peak, then at each stress, Pa; one sample file for each in `folder`.
 
-    States that are there already are kept, a state under way goes on from its checkpoint, so a
-    killed walk is continued by the same call. Returns each stress with its file.
+    States that are there already are kept, or brought nearer to rest where their residual exceeds
+    the tolerance; a state under way goes on from its checkpoint, so a killed walk is continued by
+    the same call. Returns each stress with its file.
     """
     files = []
     checkpoint = folder / "checkpoint.sample.h5"
@@ -98,18 +99,18 @@ def walk(
     for number, stress in enumerate((PEAK, *stresses)):
         path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
         files.append((stress, path))
-        if path.exists():
-            sample = _same_study(read_sample(path), start, path)
+        limit = PEAK_TOLERANCE if number == 0 else tolerance
+        done = _saved(path, start, number)
+        if done and done.study.get("residual", np.inf) <= limit:
+            sample = done
             continue
         spent = {"steps": 0, "seconds": 0.0}
-        if checkpoint.exists():
-            saved = _same_study(read_sample(checkpoint), start, checkpoint)
-            if saved.study.get("number") == number:
-                sample = saved
-                spent = {name: saved.study.get(name, 0) for name in spent}
+        under_way = _saved(checkpoint, start, number) or done
+        if under_way:
+            sample = under_way
+            spent = {name: sample.study.get(name, 0) for name in spent}
         elif number == 0:
             sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
-        limit = PEAK_TOLERANCE if number == 0 else tolerance
         study = start.study | {"number": number, "stress": stress}
         sample = replace(sample, study=study)
         watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", spent, report)
@@ -155,11 +156,15 @@ def _line(sample: Sample, rest: Rest) -> str:
     )
 
 
-def _same_study(found: Sample, start: Sample, path: Path) -> Sample:
+def _saved(path: Path, start: Sample, number: int) -> Sample | None:
+    """The sample in `path` if it is state `number`; InputError if it is of another study."""
+    if not path.exists():
+        return None
+    found = read_sample(path)
     for key, value in start.study.items():
         if found.study.get(key) != value:
             raise InputError(
                 f"{path}: belongs to {key} {found.study.get(key)}, not {value}; "
                 "choose another folder"
             )
-    return found
+    return found if found.study.get("number") == number else None

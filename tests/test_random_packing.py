@@ -183,6 +183,15 @@ def test_walk_starts_from_its_checkpoint(tmp_path):
     assert read_sample(tmp_path / "00_200000kPa.sample.h5").study["steps"] == 0
 
 
+def test_smaller_tolerance_deepens_what_is_there(tmp_path):
+    assert main(_pack(tmp_path, "--tolerance", "1e-2")) == 0
+    rough = read_sample(tmp_path / "01_10000kPa.sample.h5").study
+    assert main(_pack(tmp_path, "--tolerance", "1e-4")) == 0
+    fine = read_sample(tmp_path / "01_10000kPa.sample.h5").study
+    assert fine["residual"] <= 1e-4 < rough["residual"]
+    assert fine["steps"] > rough["steps"]
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
