@@ -72,9 +72,9 @@ def frequency_response(
     tolerance: float = 1e-6,
     pre_stress: str = "none",
 ) -> Response:
-    """Response from half a resolution up to `highest` (Hz, default the top of the spectrum).
+    """Response from a quarter of a resolution to `highest` (Hz, default the top of the spectrum).
 
-    Two frequencies per resolution (Hz); `tolerance` bounds what the expansion leaves out relative
+    Four frequencies per resolution (Hz); `tolerance` bounds what the expansion leaves out relative
     to the value on resonance.
     """
     if not (0 < resolution < np.inf and 0 < tolerance < 1):
@@ -86,7 +86,7 @@ def frequency_response(
     highest = np.sqrt(top) / (2 * np.pi) if highest is None else highest
     if not resolution < highest < np.inf:
         raise InputError(f"highest frequency {highest:g} Hz: must exceed the resolution")
-    frequency = np.arange(resolution / 2, highest, resolution / 2)
+    frequency = np.arange(resolution / 4, highest, resolution / 4)
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
     z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1

@@ -11,6 +11,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from analysis.figures import crystal, waves
+from analysis.figures.gain import gain
 from analysis.products import Products
 from modal.storage import InputError
 
@@ -21,6 +22,7 @@ FIGURES: dict[str, tuple[Callable, int, str]] = {
     "space_time": (waves.space_time, 1, "signals"),
     "spectrum_distance": (waves.spectrum_distance, 1, "signals"),
     "dispersion": (waves.dispersion, 1, "network"),
+    "gain": (gain, 2, "network"),
     "natural_frequencies": (crystal.natural_frequencies, 2, "modes"),
     "chi_z": (crystal.chi_z, 1, "modes"),
     "mode_shapes": (crystal.mode_shapes, 6, "modes"),
