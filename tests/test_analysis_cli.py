@@ -7,6 +7,7 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.exact_chain import Chain, chain_signals
+from analysis.figures import FIGURES
 from modal.gallery import fcc
 from modal.mode_set import ModeSet, write_modes
 from modal.network import write_network
@@ -60,7 +61,7 @@ def test_compare_prints_and_writes_everything(products, tmp_path, capsys):
         if line.startswith(str(tmp_path)):
             with open(line, "rb") as file:
                 assert len(file.read(200)) > 100
-    assert len(list(tmp_path.glob("case01.*.png"))) == 7
+    assert len(list(tmp_path.glob("case01.*.png"))) == len(FIGURES)
     assert (tmp_path / "stress_dependence.png").is_file()
 
 
