@@ -3,7 +3,8 @@
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
 Each step solves K q = f with the springs of the contacts and lets the law follow the motion q: a
 Hertzian normal force, and a shear force that turns with the contact and grows by ks times the
-shear displacement. Nothing slides; how near to the friction limit the result is, is reported.
+shear displacement. Nothing slides on the way; shear forces that end beyond the friction limit are
+cut, and the balance is sought anew.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ STEP_CAP = 0.3
 """Longest displacement in one step, median overlaps; beyond, springs say little of the law."""
 TOLERANCE = 1e-9
 """Mean net force over mean contact force at which a sample counts as balanced."""
+YIELD_BELOW = 1e-6
+"""Residual below which shear forces beyond the friction limit are cut."""
+YIELDS = 6
+"""Most times that this is done."""
 SOLVE_TOLERANCE = 1e-2
 """Relative residual of each linear solve; the law bends away from its springs by more."""
 MAX_PRODUCTS = 5000
@@ -144,7 +149,9 @@ def relax(
     """The sample in balance under its law; raises InputError if it does not come to rest.
 
     It needs friction: frictionless packings have motions that no spring resists. The tolerance is
-    raised to what round-off of the positions allows. `watch` sees the balance after every step.
+    raised to what round-off of the positions allows. Contacts beyond the friction limit are few
+    and weak; where `YIELDS` rounds do not clear them, `Balance.sliding` says how many are left.
+    `watch` sees the balance after every step.
     """
     if not 0 < sample.friction < np.inf:
         raise InputError(
@@ -158,12 +165,18 @@ def relax(
     load, state = balance_of(sample, network)
     length = float(sample.walls[1] - sample.walls[0])
     floor = 10 * np.finfo(float).eps * length / float(np.median(network.overlap))
-    share, products = 0.0, 0
+    share, products, yields = 0.0, 0, 0
     for step in range(max_steps + 1):
         state.steps, state.products = step, products
         if watch:
             watch(state)
-        if state.residual <= max(tolerance, floor):
+        balanced = state.residual <= max(tolerance, floor)
+        if state.sliding and yields < YIELDS and (balanced or state.residual < YIELD_BELOW):
+            yields, share = yields + 1, 0.0
+            sample = _yielded(sample, network)
+            network = sample.network()
+            load, state = balance_of(sample, network)
+        elif balanced:
             return sample, state
         if share > 1 - 1e-3 and step > 5 and state.residual > 1e3 * tolerance:
             break
@@ -179,6 +192,18 @@ def relax(
         f"the sample does not come to rest (residual {state.residual:.1e} after {state.steps} "
         "steps); let its dynamics settle further first"
     )
+
+
+def _yielded(sample: Sample, network: Network) -> Sample:
+    """The sample with shear forces beyond the friction limit cut to half of it.
+
+    Loosely held spheres carry them: hardly a thousandth of the mean force, but a dynamic run would
+    let them slide.
+    """
+    limit = sample.friction * network.force_normal
+    size = np.linalg.norm(sample.shear, axis=1)
+    kept = np.where(size > limit, limit / 2 / np.maximum(size, 1e-300), 1.0)
+    return replace(sample, shear=sample.shear * kept[:, None])
 
 
 def _at_rest(sample: Sample) -> Sample:

@@ -48,6 +48,21 @@ def test_rest_is_reached_and_stress_kept(packed):
     assert network.force_normal.mean() == pytest.approx(before.force_normal.mean(), rel=1e-2)
 
 
+def test_shear_beyond_the_limit_is_cut_and_balance_found_again(packed):
+    """With a friction that the shaken packing's shear forces exceed in several contacts."""
+    network = packed.network()
+    still = replace(packed, shear=np.zeros((network.n_contacts, 2)))
+    shake = RNG.standard_normal((len(packed.position), 6)) * np.median(network.overlap) * 0.02
+    shake[:, 3:] /= packed.radius
+    history = []
+    weak = replace(moved(still, network, shake), friction=0.01)
+    rested, state = relax(weak, watch=lambda state: history.append(state.sliding))
+    again = rested.network()
+    assert balance_of(rested, again)[1].residual < 1e-9
+    beyond = np.linalg.norm(again.force_tangential, axis=1) > weak.friction * again.force_normal
+    assert beyond.sum() == state.sliding < max(history) / 2
+
+
 def test_stress_from_contacts_equals_wall_force_per_area(sheared):
     """Virial theorem: V sigma_zz = sum F_z b_z = wall force times length, exact in balance."""
     network = sheared.network()
