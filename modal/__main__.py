@@ -1,4 +1,4 @@
-"""Command line of modal: pack, relax, info, modes, count, wave, response, lattice."""
+"""Command line of modal: pack, relax, info, modes, count, density, wave, response, lattice."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import time
 from typing import Any, NoReturn
 
+from modal.density_command import add_density_options, density
 from modal.lattice import FccCrystal
 from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
@@ -54,6 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     modes.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
     count = network_command("count", "exact number of modes below each frequency")
     count.add_argument("--at", nargs="+", required=True, metavar="HZ")
+    add_density_options(network_command("density", "how all modes are distributed"))
     wave = network_command("wave", "signals of a wave in the linear network")
     wave.add_argument("--amplitude", type=float, default=AMPLITUDE, metavar="A", help="m")
     wave.add_argument("--input-frequency", type=float, default=INPUT_FREQUENCY, metavar="HZ")
@@ -235,6 +237,7 @@ def main(argv: list[str] | None = None) -> int:
         "info": _info,
         "modes": _modes,
         "count": _count,
+        "density": density,
         "wave": _wave,
         "response": _response,
         "lattice": _lattice,

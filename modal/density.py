@@ -1,0 +1,203 @@
+"""Density of states of a whole packing, from products with K alone: kernel polynomials in omega.
+
+With omega = omega_max x every mode counts half at x and half at -x. The density is then even, only
+even Chebyshev polynomials take part, and T_2k(x) = T_k(2 omega^2 / omega_max^2 - 1) follows from
+products with A = M^-1/2 K M^-1/2. So the resolution is the same at low frequency, where an
+expansion in omega^2 loses it (Y. M. Beltukov, C. Fusco, D. A. Parshin, A. Tanguy, Phys. Rev. E 93,
+023006, 2016). The traces of T_2k are estimated with random vectors of signs; the Jackson kernel
+keeps the density positive (A. Weisse, G. Wellein, A. Alvermann, H. Fehske, Rev. Mod. Phys. 78, 275,
+2006, Eqs. 71 and 74). The format "granular-density-of-states", version 1, is defined here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.network import Network
+from modal.operator import ContactOperator
+from modal.progress import progress
+from modal.storage import InputError, atomic_h5, put
+from modal.wave import GROWTH, top_of_spectrum
+
+SCHEMA = "granular-density-of-states"
+VERSION = 1
+FEWEST, MOST = 6, 1000
+"""Random vectors: enough to see their scatter; an end to what a tiny network would ask for."""
+BLOCK = 6
+"""Random vectors that share one pass over the contacts: bounds the memory."""
+FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
+"""Full width at half height of a Gaussian over its standard deviation."""
+WORK = 1e13
+"""Products times degrees of freedom above which a resolution is refused: a day."""
+
+
+@dataclass(frozen=True)
+class DensityOfStates:
+    """What the random vectors have found; evaluate with `density` and `count_below`.
+
+    moments (vectors, 6, N): estimated traces of P_c T_2k(omega / omega_max), k < N, where P_c
+    keeps one component, u_x, u_y, u_z, theta_x, theta_y, theta_z. highest: f of x = 1, Hz.
+    zero_modes (6,): what was split off exactly, at zero. resolution: Hz, the full width at half
+    height that a single mode has at low frequency; it falls as sqrt(1 - x^2) towards the top.
+    """
+
+    moments: np.ndarray
+    highest: float
+    zero_modes: np.ndarray
+    resolution: float
+    products: int
+
+    def density(self, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.
+
+        Returns values and standard errors (nf, 7): the six components, then their sum.
+        """
+        theta = self._angle(frequency)
+        weight = self._jackson()
+        weight[1:] *= 2
+        wave = np.cos(2 * theta[:, None] * np.arange(len(weight))) * weight
+        wave *= 2 / (np.pi * self.highest * np.sin(theta))[:, None]
+        return self._mean_and_error(wave)
+
+    def count_below(self, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Number of modes below frequencies (nf,) in Hz, zero modes included: the integral.
+
+        Returns values and standard errors (nf, 7), as `density`.
+        """
+        theta = self._angle(frequency)
+        order = np.arange(self.moments.shape[2])
+        wave = np.empty((len(theta), len(order)))
+        wave[:, 0] = np.pi / 2 - theta
+        wave[:, 1:] = -np.sin(2 * theta[:, None] * order[1:]) / order[1:]
+        value, error = self._mean_and_error(2 / np.pi * self._jackson() * wave)
+        return value + np.append(self.zero_modes, self.zero_modes.sum()), error
+
+    def grid(self) -> np.ndarray:
+        """Frequencies, Hz, four to a resolution, from zero to just below `highest`."""
+        return np.arange(0, self.highest, self.resolution / 4)
+
+    def _angle(self, frequency: np.ndarray) -> np.ndarray:
+        return np.arccos(np.clip(np.asarray(frequency, float) / self.highest, 0, 1 - 1e-12))
+
+    def _jackson(self) -> np.ndarray:
+        """Shape (N,): damping of the even orders 0, 2, ..., 2N - 2."""
+        orders = 2 * self.moments.shape[2]
+        k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
+        turn = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
+        return turn / (orders + 1)
+
+    def _mean_and_error(self, wave: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        with_sum = np.concatenate([self.moments, self.moments.sum(axis=1, keepdims=True)], axis=1)
+        each = np.einsum("fk,vck->vfc", wave, with_sum, optimize=True)
+        return each.mean(axis=0), each.std(axis=0, ddof=1) / np.sqrt(len(each))
+
+
+def density_of_states(
+    network: Network,
+    *,
+    resolution: float = 2e3,
+    tolerance: float = 1e-3,
+    zero_modes: sp.csc_matrix | None = None,
+    seed: int = 1,
+) -> DensityOfStates:
+    """The distribution of all 6n modes with a full width of `resolution` Hz.
+
+    `tolerance` bounds the standard error of every count in parts of all modes: for vectors of
+    signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. `zero_modes` (6n, z),
+    orthonormal in the mass-scaled degrees of freedom, are split off exactly; without them zero
+    modes appear within one resolution of zero.
+    """
+    if not 0 < resolution < np.inf:
+        raise InputError(f"resolution {resolution:g} Hz: give a positive number of Hz")
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
+    operator = ContactOperator(network, mass_scaled=True)
+    size = operator.shape[0]
+    top, products = top_of_spectrum(operator)
+    if top <= 0:
+        raise InputError("the network has no stiffness; all its modes are at zero")
+    highest = np.sqrt(top) / (2 * np.pi)
+    # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
+    count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
+    vectors = int(np.clip(np.ceil(1 / (2 * tolerance**2 * size)), FEWEST, MOST))
+    if count / 2 * vectors * size > WORK:
+        raise InputError(
+            f"resolution {resolution:g} Hz and tolerance {tolerance:g} need "
+            f"{count / 2 * vectors:.2g} products with K; ask for a coarser one"
+        )
+    signs = np.random.default_rng(seed)
+    moments = np.empty((vectors, 6, count))
+    for first in range(0, vectors, BLOCK):
+        part = slice(first, min(first + BLOCK, vectors))
+        start = signs.integers(0, 2, (size, part.stop - first)) * 2.0 - 1.0
+        if zero_modes is not None:
+            start -= zero_modes @ (zero_modes.T @ start)
+        label = f"density {first // BLOCK + 1}/{-(-vectors // BLOCK)}"
+        moments[part] = _moments(operator, start, top, count, label)
+    at_zero = np.zeros(6)
+    if zero_modes is not None:
+        share = np.asarray(zero_modes.multiply(zero_modes).sum(axis=1)).ravel()
+        at_zero = share.reshape(-1, 6).sum(axis=0)
+    return DensityOfStates(
+        moments, highest, at_zero, resolution, products + vectors * (1 + count // 2)
+    )
+
+
+def _moments(
+    operator: ContactOperator, start: np.ndarray, top: float, count: int, label: str
+) -> np.ndarray:
+    """Shape (vectors, 6, count): <r| P_c T_k(X) |r> for start vectors r (6n, vectors).
+
+    One product gives two moments: tr P_c T_j T_k = tr T_j P_c T_k, and
+    2 T_j T_k = T_(j+k) + T_|j-k|. InputError where the spectrum is not within 0 to `top`.
+    """
+    shape = (-1, 6, start.shape[1])
+
+    def by_component(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.einsum("ncv,ncv->vc", a.reshape(shape), b.reshape(shape))
+
+    moments = np.empty((start.shape[1], 6, count + 2))
+    before, now = start.copy(), -start
+    operator.accumulate(start, now, 2 / top)
+    moments[:, :, 0] = by_component(start, start)
+    moments[:, :, 1] = by_component(start, now)
+    spare = np.empty_like(start)
+    for k in progress(count // 2, label):
+        # Here now = T_(k+1) r and before = T_k r.
+        if k > 0:
+            moments[:, :, 2 * k] = 2 * by_component(before, before) - moments[:, :, 0]
+            moments[:, :, 2 * k + 1] = 2 * by_component(before, now) - moments[:, :, 1]
+        np.multiply(now, 2, out=spare)
+        before += spare
+        np.negative(before, out=before)
+        operator.accumulate(now, before, 4 / top)
+        before, now = now, before
+    last = 2 * (count // 2)
+    moments[:, :, last] = 2 * by_component(before, before) - moments[:, :, 0]
+    if not abs(moments[:, :, last].sum(axis=1)).max() <= GROWTH * 6 * len(start):
+        raise InputError("the recurrence grows: K has a negative direction; no density of states")
+    return moments[:, :, :count]
+
+
+def write_density(path: str | Path, states: DensityOfStates, network_sha256: str = "") -> None:
+    """Write density and counts on `states.grid()` atomically."""
+    frequency = states.grid()
+    density, density_error = states.density(frequency)
+    below, below_error = states.count_below(frequency)
+    with atomic_h5(path) as file:
+        file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
+        file.attrs.update(resolution=states.resolution, vectors=len(states.moments))
+        put(file, "frequency", frequency, "Hz")
+        for name, columns in (
+            ("all", 6),
+            ("translation", slice(0, 3)),
+            ("rotation", slice(3, 6)),
+        ):
+            put(file, f"{name}/density", density[:, columns], "1/Hz")
+            put(file, f"{name}/density_error", density_error[:, columns], "1/Hz")
+            put(file, f"{name}/count_below", below[:, columns], "1")
+            put(file, f"{name}/count_below_error", below_error[:, columns], "1")

@@ -1,0 +1,152 @@
+"""Density of states against dense spectra, component by component, and against its own claims."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
+from scipy.special import ndtr
+
+from modal import gallery
+from modal.__main__ import main
+from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.density import DensityOfStates, density_of_states
+from modal.network import write_network
+from modal.random_packing import random_network
+from modal.storage import InputError
+
+
+@pytest.fixture(scope="module")
+def packing():
+    """Random packing, its exact frequencies (Hz) and its modes as unit vectors."""
+    network = random_network(100, 1e5, seed=3)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    K = stiffness_matrix(network).toarray()
+    square, vector = eigh(scale[:, None] * K * scale)
+    return network, np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vector
+
+
+def smooth_counts(states, exact, share, frequency):
+    """Exact count below each frequency, every mode a Gaussian of the local kernel's width.
+
+    share (modes, c); returns (nf, c). By symmetry each mode counts half at +f and half at -f.
+    """
+    width = states.resolution / np.sqrt(8 * np.log(2))
+    width = width * np.sqrt(1 - (exact / states.highest) ** 2)
+    up = ndtr((frequency[:, None] - exact) / width) - ndtr((-frequency[:, None] - exact) / width)
+    return up @ share
+
+
+def test_counts_of_every_component_against_the_dense_spectrum(packing):
+    network, exact, vector = packing
+    states = density_of_states(network, resolution=4e3, tolerance=2e-3)
+    frequency = np.linspace(1e4, 2.1e5, 12)
+    by_component = (vector.reshape(-1, 6, len(exact)) ** 2).sum(axis=0).T
+    share = np.column_stack([by_component, np.ones(len(exact))])
+    wanted = smooth_counts(states, exact, share, frequency)
+    value, error = states.count_below(frequency)
+    # Five standard errors over 84 numbers; and the Jackson kernel is a Gaussian only to a few
+    # per cent of the modes within a resolution of the cut, here at most 20 of 600.
+    assert (abs(value - wanted) <= 5 * error + 1.0).all()
+    assert value[:, :6].sum(axis=1) == pytest.approx(value[:, 6], rel=1e-12)
+
+
+def test_standard_errors_are_those_seen(packing):
+    """Deviations from the exact counts, in standard errors, have a mean square near one."""
+    network, exact, _ = packing
+    frequency = np.linspace(2e4, 1.9e5, 9)
+    deviations = []
+    for seed in range(12):
+        states = density_of_states(network, resolution=6e3, tolerance=2e-2, seed=seed)
+        value, error = states.count_below(frequency)
+        wanted = smooth_counts(states, exact, np.ones((len(exact), 1)), frequency)[:, 0]
+        deviations.append((value[:, 6] - wanted) / error[:, 6])
+        assert error[:, 6].max() < 2e-2 * len(exact) * 2  # its own estimate may be twice off
+    # 12 seeds, neighbouring frequencies correlated: about 50 independent numbers, with 6 vectors
+    # each the square of Student's t has mean 5/3.
+    assert 0.8 < np.mean(np.square(deviations)) < 3.5
+
+
+def test_density_is_the_derivative_of_the_count_and_positive(packing):
+    states = density_of_states(packing[0], resolution=4e3, tolerance=1e-2)
+    frequency = states.grid()[1:-8]
+    step = 1e-3 * states.resolution
+    slope = states.count_below(frequency + step)[0] - states.count_below(frequency - step)[0]
+    density = states.density(frequency)[0]
+    # Central difference: the relative error is (step / width)^2, some 1e-5 of the largest value.
+    assert density == pytest.approx(slope / (2 * step), rel=1e-3, abs=1e-4 * density.max())
+    assert (density[:, 6] >= -1e-9 * density[:, 6].max()).all()
+    assert states.count_below([states.highest])[0][0, 6] == pytest.approx(600, rel=1e-9)
+
+
+def test_zero_modes_split_off_are_counted_exactly(packing):
+    network, exact, vector = packing
+    zero = exact < 1e-6 * exact[-1]
+    assert zero.any()
+    states = density_of_states(
+        network, resolution=1e3, tolerance=5e-3, zero_modes=sp.csc_matrix(vector[:, zero])
+    )
+    assert states.zero_modes.sum() == pytest.approx(zero.sum(), rel=1e-12)
+    # Nothing but zero modes below half of the lowest elastic frequency, a few resolutions away.
+    gap = exact[~zero][0] / 2
+    value, _ = states.count_below([gap])
+    assert value[0, 6] == pytest.approx(zero.sum(), abs=0.2)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.8])
+def test_width_of_a_single_mode(place):
+    """Half height is reached half a resolution away, less by sqrt(1 - x^2) towards the top."""
+    highest, resolution = 2e5, 4e3
+    count = int(np.ceil(np.pi * np.sqrt(8 * np.log(2)) * highest / resolution / 2))
+    moments = np.cos(2 * np.arange(count) * np.arccos(place)) * np.ones((2, 6, 1)) / 6
+    states = DensityOfStates(moments, highest, np.zeros(6), resolution, 0)
+    half = resolution / 2 * np.sqrt(1 - place**2)
+    centre, side = place * highest, place * highest + half
+    peak, at_half = states.density([centre, side])[0][:, 6]
+    # The Jackson kernel is a Gaussian up to a few per cent.
+    assert at_half == pytest.approx(peak / 2, rel=0.05)
+
+
+def test_crystal_is_isotropic_across_its_square_cell():
+    """A square cell: x and y cannot differ, but for the scatter of the random vectors."""
+    states = density_of_states(gallery.fcc(2, 12), resolution=1e4, tolerance=2e-3)
+    frequency = np.linspace(2e4, 2e5, 10)
+    value, error = states.count_below(frequency)
+    for a, b in ((0, 1), (3, 4)):
+        spread = np.hypot(error[:, a], error[:, b])
+        assert (abs(value[:, a] - value[:, b]) < 5 * spread + 1e-6).all()
+
+
+def test_command_and_file(tmp_path, capsys):
+    network = gallery.fcc(2, 6)
+    path, output = tmp_path / "a.network.h5", tmp_path / "a.density.h5"
+    write_network(path, network)
+    options = ["--resolution", "5e3", "--at", "1e5", "3e5", "--json", "-o", str(output)]
+    assert main(["density", str(path), *options]) == 0
+    result = json.loads(capsys.readouterr().out)
+    # Above the top of the spectrum all modes are counted, without scatter.
+    size = 6 * network.n_particles
+    assert result["estimated_count_below"]["3e5"] == pytest.approx(size, rel=1e-9)
+    assert main(["count", str(path), "--at", "1e5", "--json"]) == 0
+    exact = json.loads(capsys.readouterr().out)["count_below"]["1e5"]
+    # Modes of the crystal come in groups of equal frequency; one group may lie within a width.
+    assert result["estimated_count_below"]["1e5"] == pytest.approx(exact, abs=0.1 * size)
+    with h5py.File(output) as file:
+        parts = file["translation/count_below"][:].sum(axis=1)
+        parts += file["rotation/count_below"][:].sum(axis=1)
+        assert file["all/count_below"][:] == pytest.approx(parts, rel=1e-12)
+        assert file["frequency"].attrs["units"] == "Hz"
+
+
+def test_bad_input():
+    network = gallery.column(3)
+    for wrong in (
+        {"resolution": 0},
+        {"resolution": np.nan},
+        {"tolerance": 2},
+        {"resolution": 1e-9},
+    ):
+        with pytest.raises(InputError):
+            density_of_states(network, **wrong)
