@@ -111,7 +111,7 @@ def walk(
             spent = {name: sample.study.get(name, 0) for name in spent}
         elif number == 0:
             sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
-        study = start.study | {"number": number, "stress": stress}
+        study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0}
         sample = replace(sample, study=study)
         watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", spent, report)
         sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
