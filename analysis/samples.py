@@ -8,8 +8,11 @@ import numpy as np
 
 from analysis.paper import COORDINATION_AT_1_KPA, stated
 from modal.equilibrium import balance_of
+from modal.network import Network
 from modal.sample import read_sample
+from modal.statics import static_velocity
 from modal.statistics import summary
+from modal.storage import InputError
 
 HEADER = (
     "sample",
@@ -27,6 +30,7 @@ HEADER = (
     "residual / mean force",
     "contacts beyond friction",
     "crystalline in bulk, %",
+    "V_P static, m/s",
     "steps",
     "seconds",
 )
@@ -35,15 +39,17 @@ HEADER = (
 def row(path: str | Path) -> list[str]:
     """One sample as text, in the order of `HEADER`; what its file does not tell stays empty.
 
-    Everything physical is measured from the packing itself; only the target stress, mu_comp and
-    the cost of making it are taken from the file's attributes.
+    Everything physical is measured from the packing itself, V_P from the springs' response to a
+    steady push; only the target stress, mu_comp and the cost of making it are the file's word. A
+    sample that says nothing of mu_comp and has not been given mu_wave was made with its friction.
     """
     sample = read_sample(path)
     network = sample.network()
     found = summary(network, sample.friction)
     _, balance = balance_of(sample, network)
     study = sample.study
-    target, mu = float(study.get("stress", np.nan)), float(study.get("mu_comp", np.nan))
+    target = float(study.get("stress", np.nan))
+    mu = float(study.get("mu_comp", np.nan if "mu_wave" in study else sample.friction))
     name = Path(path).name.removesuffix(".sample.h5")
     case = str(study.get("case", name.removeprefix("case")))
     paper_e = stated("void_ratio", int(case)) if case.isdigit() else None
@@ -65,8 +71,16 @@ def row(path: str | Path) -> list[str]:
         _number(balance.residual, ".1e"),
         str(balance.sliding) if sample.friction > 0 else "",
         _number(100 * found.get("crystalline_share_of_bulk", np.nan), ".1f"),
+        _number(_velocity(network), ".1f"),
     ]
     return [*cells, *(_number(study.get(name), ".0f") for name in ("steps", "seconds"))]
+
+
+def _velocity(network: Network) -> float | None:
+    try:
+        return static_velocity(network)[0]
+    except InputError:
+        return None  # too short a packing has no bulk
 
 
 def table(paths: list[str]) -> str:

@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.contact import contact_stiffness
 from modal.geometry import Touching, tangents
 from modal.hertz_mindlin import stiffness_tangential
 from modal.layers import force_bearing
 from modal.network import Network
-from modal.operator import ContactOperator
 from modal.sample import Sample
+from modal.statics import spring_motion
 from modal.statistics import friction_used
 from modal.storage import InputError
 
@@ -36,8 +35,6 @@ YIELDS = 6
 """Most times that this is done."""
 SOLVE_TOLERANCE = 1e-2
 """Relative residual of each linear solve; the law bends away from its springs by more."""
-MAX_PRODUCTS = 5000
-"""Products K u after which a linear solve is taken as it is."""
 
 
 @dataclass
@@ -180,7 +177,7 @@ def relax(
             return sample, state
         if share > 1 - 1e-3 and step > 5 and state.residual > 1e3 * tolerance:
             break
-        motion, spent = _spring_motion(network, load)
+        motion, spent = spring_motion(network, load, SOLVE_TOLERANCE, SHIFT)
         products += spent
         # N grows as overlap^1.5, so a step takes 2/3 of the overlap of a sphere that one contact
         # pushes away; half as much again frees it, and a little more keeps it free.
@@ -211,45 +208,6 @@ def _at_rest(sample: Sample) -> Sample:
     if still.shear is None:
         return replace(still, shear=np.zeros((len(still.contacts().particle_i), 2)))
     return still
-
-
-def _spring_motion(network: Network, load: np.ndarray) -> tuple[np.ndarray, int]:
-    """The motion (n, 6) that the springs balance `load` (n, 6) with, and the products K u spent.
-
-    Conjugate gradients, each sphere's own 6 x 6 block of K as preconditioner: some hundreds of
-    products of a few ms, where a factorisation of 35,201 spheres takes minutes or gigabytes.
-    """
-    blocks = _own_blocks(network)
-    # Translations and rotations differ in unit, so each has its own mean.
-    shift = SHIFT * np.einsum("nii->ni", blocks).reshape(-1, 2, 3).mean(axis=(0, 2)).repeat(3)
-    inverse = np.linalg.inv(blocks + np.diag(shift))
-    operator = ContactOperator(network)
-    motion, rest = np.zeros_like(load), load.copy()
-    eased = np.einsum("nij,nj->ni", inverse, rest)
-    direction, size = eased, np.vdot(rest, eased)
-    goal, products = SOLVE_TOLERANCE**2 * size, 0
-    while size > goal and products < MAX_PRODUCTS:
-        products += 1
-        resisted = operator.apply(direction.ravel()).reshape(load.shape) + shift * direction
-        length = size / np.vdot(direction, resisted)
-        motion += length * direction
-        rest -= length * resisted
-        eased = np.einsum("nij,nj->ni", inverse, rest)
-        before, size = size, np.vdot(rest, eased)
-        direction = eased + (size / before) * direction
-    return motion, products
-
-
-def _own_blocks(network: Network) -> np.ndarray:
-    """Shape (n, 6, 6): K's block of each sphere with itself."""
-    local, n = contact_stiffness(network), network.n_particles
-    j, pair = network.particle_j, ~network.with_wall
-    blocks = np.empty((n, 6, 6))
-    for a in range(6):
-        for b in range(6):
-            blocks[:, a, b] = np.bincount(network.particle_i, local[:, a, b], n)
-            blocks[:, a, b] += np.bincount(j[pair], local[pair, 6 + a, 6 + b], n)
-    return blocks
 
 
 def _capped(motion: np.ndarray, sample: Sample, network: Network) -> np.ndarray:
