@@ -6,9 +6,10 @@
 Writes products/chain_mu0.4/STRESSPa.sample.h5 and, every LEG steps, a checkpoint from which a
 killed chain goes on. Environment: WAVE_PRODUCTS.
 
-Damping is weak during compaction and stronger once the packing is jammed (Otsubo et al. 2017,
-section 2, damp only then). Each leg starts from the file that the leg before has written, so
-that a chain that was killed takes the same steps as one that was not.
+Nothing but friction dissipates until the packing is jammed; damping sets in only then (as in
+Otsubo et al. 2017, section 2): it would make the packing looser. Each leg starts from the file
+that the leg before has written, so that a chain that was killed takes the same steps as one that
+was not.
 """
 
 import math
@@ -44,9 +45,12 @@ HOT = 5e5
 JAMMING_STRESS = 1e4
 """Stress, Pa, under which the agitated spheres come to rest."""
 INERTIAL_NUMBER = 0.01
-COMPACTION_DAMPING, DAMPING = 0.05, 0.2
-"""Local damping until the packing is jammed (weak: it sets how dense it jams), and after."""
+DAMPING = 0.2
+"""Local damping once the packing is jammed; before, only friction dissipates."""
+JAMMED = 3.7
+"""Coordination number of a jammed packing, for mu_comp up to 0.4; agitated spheres have less."""
 MARGIN = 0.1
+JAM_ERROR = 0.1
 STRESS_ERROR, UNBALANCED = 3e-3, 1e-3
 """When a state is reached: relative error of each stress, mean residual over contact force."""
 PATIENCE = 6000
@@ -125,15 +129,15 @@ def stage_control(stage):
     """Control, damping, and the test for the end of a stage."""
     if stage == "approach":
         rate = compression.ConstantRate(spheres, APPROACH_RATE)
-        return rate, COMPACTION_DAMPING, lambda: control.stress.mean() > HOT
+        return rate, 0.0, lambda: control.stress.mean() > HOT
     jam = stage == "jam"
     servo = compression.Servo(spheres, JAMMING_STRESS if jam else float(stage), INERTIAL_NUMBER)
-    # An undamped fluid of spheres has residual forces as large as its contact forces.
-    error, unbalanced = (0.1, 0.1) if jam else (STRESS_ERROR, UNBALANCED)
     return (
         servo,
-        COMPACTION_DAMPING if jam else DAMPING,
-        lambda: servo.error() < error and compression.unbalanced() < unbalanced,
+        0.0 if jam else DAMPING,
+        (lambda: servo.error() < JAM_ERROR and coordination_number() > JAMMED)
+        if jam
+        else (lambda: servo.error() < STRESS_ERROR and compression.unbalanced() < UNBALANCED),
     )
 
 
