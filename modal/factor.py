@@ -1,34 +1,188 @@
-"""Factorisations of K - sigma M: solves for shift-invert, inertia for exact mode counts."""
+"""Factorisations of a shifted, symmetric A - sigma: solves for shift-invert, and inertia.
+
+One interface, four back ends. PARDISO (pypardiso) and CHOLMOD (scikit-sparse) are used where they
+are installed; with scipy alone a definite matrix is factorised as a band along the packing, an
+indefinite one by SuperLU in symmetric mode. Which one is chosen by what is asked and by the
+memory that it will need.
+"""
 
 from __future__ import annotations
 
+import importlib.util
+import os
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
 from modal.storage import InputError
 
+SOLVERS = ("pardiso", "cholmod", "banded", "superlu")
+_MODULES = {"pardiso": "pypardiso", "cholmod": "sksparse"}
+SUPERLU_FILL = 1.4e3
+"""Bytes of a SuperLU factor for each nonzero of a packing's matrix: 12 GB for 9 million."""
 
-def factorise(matrix: sp.csr_matrix) -> tuple[Callable[[np.ndarray], np.ndarray], int | None]:
-    """Solve function and number of negative eigenvalues (inertia) of a symmetric matrix.
 
-    SuperLU in symmetric mode with diagonal pivots: where the row permutation equals the column
-    permutation, U's diagonal holds the D of an L D L^T and its signs are the inertia
-    (Sylvester); otherwise the count is None.
+@dataclass
+class Factor:
+    """A factorised matrix: `solve` (size, k); number of `negative` eigenvalues, None if unknown."""
+
+    solve: Callable[[np.ndarray], np.ndarray]
+    negative: int | None
+    solver: str
+
+
+def available(solver: str) -> bool:
+    """Whether the back end is installed."""
+    module = _MODULES.get(solver)
+    return module is None or importlib.util.find_spec(module) is not None
+
+
+def factorise(matrix: sp.csr_matrix, *, definite: bool, solver: str | None = None) -> Factor:
+    """Factorise a symmetric matrix; `definite` promises that it is positive definite.
+
+    InputError for an unknown or unsuitable `solver`, one that is not installed, an exactly
+    singular matrix, or more memory than the machine has.
     """
+    if solver is None:
+        fast = [name for name in ("cholmod", "pardiso") if available(name)]
+        usable = [name for name in fast if definite or name != "cholmod"]
+        solver = usable[0] if usable else _scipy_choice(matrix, definite)
+    if solver not in SOLVERS:
+        raise InputError(f"--solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
+    if not available(solver):
+        raise InputError(
+            f"--solver {solver}: the package {_MODULES[solver]} is not installed; install it or "
+            "choose banded or superlu"
+        )
+    if not definite and solver in ("cholmod", "banded"):
+        raise InputError(
+            f"--solver {solver}: only for the low end of the spectrum; take pardiso or superlu"
+        )
+    back_end = {
+        "pardiso": _pardiso,
+        "cholmod": _cholmod,
+        "banded": _banded,
+        "superlu": _superlu,
+    }[solver]
+    return back_end(matrix, definite)
+
+
+def _scipy_choice(matrix: sp.csr_matrix, definite: bool) -> str:
+    """Band or SuperLU: the smaller one in memory."""
+    if definite and _band_bytes(matrix)[0] < SUPERLU_FILL * matrix.nnz:
+        return "banded"
+    return "superlu"
+
+
+def memory_at_hand() -> float:
+    """Physical memory that is free, bytes; infinite where the system does not tell."""
+    try:
+        with open("/proc/meminfo") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return 1024.0 * int(line.split()[1])
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (OSError, ValueError):
+        return np.inf
+
+
+def _refuse_above_memory(bytes_needed: float, what: str) -> None:
+    at_hand = memory_at_hand()
+    if bytes_needed > at_hand:
+        raise InputError(
+            f"{what} needs about {bytes_needed / 1e9:.1f} GB, {at_hand / 1e9:.1f} GB are free; "
+            "install pypardiso, which needs a sixth, or take a smaller packing"
+        )
+
+
+def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
+    """MKL PARDISO: Cholesky, or L D L^T with pivots whose signs are the inertia."""
+    from pypardiso import PyPardisoSolver
+    from pypardiso.pardiso_wrapper import PyPardisoError
+
+    upper = sp.triu(matrix, format="csr")
+    upper.sort_indices()
+    solver = PyPardisoSolver(mtype=2 if definite else -2)
+    try:
+        solver.factorize(upper)
+    except PyPardisoError as error:
+        raise InputError(_singular(definite)) from error
+
+    def solve(rhs: np.ndarray) -> np.ndarray:
+        return solver.solve(upper, np.asfortranarray(rhs))
+
+    return Factor(solve, 0 if definite else int(solver.get_iparm(23)), "pardiso")
+
+
+def _cholmod(matrix: sp.csr_matrix, definite: bool) -> Factor:
+    """SuiteSparse CHOLMOD, supernodal."""
+    from sksparse.cholmod import CholmodNotPositiveDefiniteError, cholesky
+
+    try:
+        factor = cholesky(matrix.tocsc(), mode="supernodal")
+        factor(np.ones(matrix.shape[0]))
+    except CholmodNotPositiveDefiniteError as error:
+        raise InputError(_singular(definite)) from error
+    return Factor(factor, 0, "cholmod")
+
+
+def _band_bytes(matrix: sp.csr_matrix) -> tuple[float, np.ndarray, int]:
+    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    coo = matrix.tocoo()
+    width = int(abs(rank[coo.row] - rank[coo.col]).max(initial=0))
+    return 8.0 * (width + 1) * matrix.shape[0], order, width
+
+
+def _banded(matrix: sp.csr_matrix, definite: bool) -> Factor:
+    """LAPACK's band Cholesky in the order that keeps the band of a slender packing narrow."""
+    needed, order, width = _band_bytes(matrix)
+    _refuse_above_memory(needed, "the band of this packing")
+    inner = sp.triu(matrix[order][:, order]).tocoo()
+    band = np.zeros((width + 1, matrix.shape[0]), order="F")
+    band[width + inner.row - inner.col, inner.col] = inner.data
+    try:
+        factor = cholesky_banded(band, overwrite_ab=True, check_finite=False)
+    except np.linalg.LinAlgError as error:
+        raise InputError(_singular(definite)) from error
+
+    def solve(rhs: np.ndarray) -> np.ndarray:
+        result = np.empty_like(rhs)
+        result[order] = cho_solve_banded((factor, False), rhs[order], check_finite=False)
+        return result
+
+    return Factor(solve, 0, "banded")
+
+
+def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
+    """SuperLU in symmetric mode with diagonal pivots.
+
+    Where the row permutation equals the column permutation, U's diagonal holds the D of an
+    L D L^T and its signs are the inertia (Sylvester); otherwise the count is unknown.
+    """
+    _refuse_above_memory(SUPERLU_FILL * matrix.nnz, "SuperLU")
+    options = {"SymmetricMode": True}
     try:
         lu = splu(
-            matrix.tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
         )
     except RuntimeError as error:
-        raise InputError(
-            "K - sigma M is exactly singular at this frequency; ask for a slightly different one"
-        ) from error
+        raise InputError(_singular(definite)) from error
     symmetric = np.array_equal(lu.perm_r, lu.perm_c)
     negative = int((lu.U.diagonal() < 0).sum()) if symmetric else None
-    return lu.solve, negative
+    return Factor(lu.solve, negative, "superlu")
+
+
+def _singular(definite: bool) -> str:
+    if definite:
+        return (
+            "K has a negative direction: the packing is not stable with these springs; ask for "
+            "--between or count, which allow it"
+        )
+    return "K - sigma M is exactly singular at this frequency; ask for a slightly different one"

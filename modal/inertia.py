@@ -1,0 +1,77 @@
+"""Exact number of modes below a frequency, by Sylvester's law, in little memory.
+
+Contacts join neighbours only: in layers of equal distance from one end, counted in contacts, the
+matrix is block-tridiagonal. The inertia of A - sigma is then the sum of those of the Schur
+complements S_1 = A_11, S_k = A_kk - A_k,k-1 S_k-1^-1 A_k-1,k, each factorised with pivots.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from modal.progress import progress
+from modal.storage import InputError
+
+
+def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> np.ndarray:
+    """Shape (n,): distance of each particle, in contacts, from the lowest one of its cluster.
+
+    `height` (n,) is the coordination along the long axis; `dof` rows a particle.
+    """
+    coo = matrix.tocoo()
+    n = len(height)
+    touching = sp.coo_matrix(
+        (np.ones(coo.nnz, np.int8), (coo.row // dof, coo.col // dof)), shape=(n, n)
+    ).tocsr()
+    _, cluster = connected_components(touching, directed=False)
+    layer = np.zeros(n, int)
+    # The layer at the bottom of each cluster is a slab, so that layers stay level.
+    low = np.full(cluster.max() + 1, np.inf)
+    np.minimum.at(low, cluster, height)
+    thickness = np.ptp(height) / max(1.0, (n ** (1 / 3)))
+    first = np.flatnonzero(height <= low[cluster] + thickness / 4)
+    distance = dijkstra(touching, directed=False, indices=first, unweighted=True, min_only=True)
+    reached = np.isfinite(distance)
+    layer[reached] = distance[reached].astype(int)
+    return layer
+
+
+def count_negative(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> int:
+    """Number of negative eigenvalues of a symmetric matrix (dof n, dof n), with `dof` rows each
+    particle; exact but for eigenvalues within round-off of zero. InputError where one is zero."""
+    layer = layers_of_contacts(matrix, dof, height)
+    order = np.argsort(layer, kind="stable")
+    rows = (order[:, None] * dof + np.arange(dof)).ravel()
+    inner = matrix[rows][:, rows].tocsr()
+    ends = np.concatenate([[0], np.cumsum(np.bincount(layer)) * dof])
+    negative, before = 0, None
+    for k in progress(len(ends) - 1, "inertia"):
+        here = slice(ends[k], ends[k + 1])
+        schur = inner[here, here].toarray(order="F")
+        if before is not None:
+            factor, pivots, last = before
+            coupling = inner[last, here].toarray(order="F")
+            used = np.flatnonzero(coupling.any(axis=0))
+            solved, info = dsytrs(factor, pivots, coupling[:, used], lower=1)
+            schur[np.ix_(used, used)] -= inner[here, last][used] @ solved
+        lwork = int(dsytrf_lwork(len(schur), lower=1)[0])
+        factor, pivots, info = dsytrf(schur, lower=1, lwork=lwork, overwrite_a=True)
+        if info > 0:
+            raise InputError(
+                "K - sigma M is exactly singular at this frequency; ask for a different one"
+            )
+        negative += _negative_of_pivots(factor, pivots)
+        before = factor, pivots, here
+    return negative
+
+
+def _negative_of_pivots(factor: np.ndarray, pivots: np.ndarray) -> int:
+    """Negative eigenvalues of the block-diagonal D of LAPACK's lower L D L^T.
+
+    A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.
+    """
+    double = pivots < 0
+    return int((factor.diagonal()[~double] < 0).sum() + double.sum() // 2)
