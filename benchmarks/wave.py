@@ -28,10 +28,11 @@ import numpy as np
 
 from modal import gallery
 from modal.chain import wall_to_wall_chain
+from modal.eigenproblem import Eigenproblem
 from modal.hertz_mindlin import GLASS
 from modal.leapfrog import leapfrog
 from modal.mode_set import write_modes
-from modal.modes import Eigenproblem, extreme_modes
+from modal.modes import highest_modes
 from modal.network import Network, read_network
 from modal.signals import Signals, read_signals
 from modal.source import AMPLITUDE, INPUT_FREQUENCY
@@ -76,7 +77,7 @@ def run_yade(folder: Path, layers: int, duration: float, fraction: float) -> Sig
         )
         if script == "sample_fcc":
             problem = Eigenproblem.of(read_network(folder / "case02.network.h5"))
-            write_modes(folder / "case02.highest.modes.h5", extreme_modes(problem, 1, "highest"))
+            write_modes(folder / "case02.highest.modes.h5", highest_modes(problem, 1))
     return read_signals(folder / "case02.signals.h5")
 
 
@@ -131,7 +132,7 @@ def run_lammps(
 def crystal_rows(layers: int, duration: float, fraction: float) -> list[dict[str, Any]]:
     """Linear, YADE and LAMMPS on one crystal with one time step."""
     network = gallery.fcc(4, layers)
-    highest = extreme_modes(Eigenproblem.of(network), 1, "highest").frequency[-1]
+    highest = highest_modes(Eigenproblem.of(network), 1).frequency[-1]
     # A step that divides the period of the pulse: LAMMPS changes its wall fix between two steps.
     steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
     time_step, every = 1 / (INPUT_FREQUENCY * steps), max(1, steps // 20)

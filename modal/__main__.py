@@ -10,10 +10,14 @@ import time
 from typing import Any, NoReturn
 
 from modal.density_command import add_density_options, density
+from modal.eigenproblem import SMALL, Eigenproblem, slipping
+from modal.factor import SOLVERS
+from modal.inertia import count_below
+from modal.intervals import lowest_modes, modes_between
 from modal.lattice import FccCrystal
 from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
-from modal.modes import Eigenproblem, all_modes, count_below, extreme_modes, modes_between
+from modal.modes import all_modes, highest_modes, memory_of_all
 from modal.packing_commands import add_pack, add_relax, pack, relax_sample
 from modal.response import frequency_response, write_response
 from modal.sample import read_packing
@@ -52,10 +56,13 @@ def _parser() -> argparse.ArgumentParser:
     choice.add_argument("--between", type=float, nargs=2, metavar="HZ")
     choice.add_argument("--all", action="store_true")
     modes.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
+    modes.add_argument("--solver", choices=SOLVERS, help="factorisation; default: the fastest")
+    modes.add_argument("--sliding", choices=("elastic", "slip"), default="elastic")
     modes.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
     count = network_command("count", "exact number of modes below each frequency")
     count.add_argument("--at", nargs="+", required=True, metavar="HZ")
     add_density_options(network_command("density", "how all modes are distributed"))
+    count.add_argument("--solver", choices=("pardiso", "superlu", "layers"))
     wave = network_command("wave", "signals of a wave in the linear network")
     wave.add_argument("--amplitude", type=float, default=AMPLITUDE, metavar="A", help="m")
     wave.add_argument("--input-frequency", type=float, default=INPUT_FREQUENCY, metavar="HZ")
@@ -83,19 +90,20 @@ def _solve(problem: Eigenproblem, options: argparse.Namespace) -> ModeSet:
     if options.all:
         return all_modes(problem)
     if options.highest is not None:
-        return extreme_modes(problem, options.highest, "highest")
+        return highest_modes(problem, options.highest)
     if options.below is not None:
         return modes_between(problem, 0.0, options.below)
     if options.between is not None:
         return modes_between(problem, *options.between)
-    default = min(10, problem.size)
-    return extreme_modes(problem, default if options.lowest is None else options.lowest, "lowest")
+    default = min(10, problem.size - problem.floppy.total)
+    return lowest_modes(problem, default if options.lowest is None else options.lowest)
 
 
 def _info(options: argparse.Namespace) -> dict[str, Any]:
     network = read_packing(options.network)
     touching = contacts_per_particle(network)
     friction = network.study.get("mu_wave")
+    floppy = Eigenproblem.of(network).floppy
     if options.layers:
         write_profile(options.layers, profile(network))
     return {
@@ -106,23 +114,34 @@ def _info(options: argparse.Namespace) -> dict[str, Any]:
         "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
         **summary(network, None if friction is None else float(friction)),
         "degrees_of_freedom": 6 * network.n_particles,
+        "floppy_modes": floppy.total,
+        "floppy_modes_by_kind": floppy.by_kind(),
         "study": {key: str(value) for key, value in network.study.items()},
     }
 
 
 def _modes(options: argparse.Namespace) -> dict[str, Any]:
     network = read_packing(options.network)
-    problem = Eigenproblem.of(network, translations_only=options.translations_only)
+    if options.sliding == "slip":
+        network = slipping(network)
+    problem = Eigenproblem.of(
+        network, translations_only=options.translations_only, solver=options.solver
+    )
+    if options.all and problem.size > SMALL:
+        print(f"all {problem.size} modes: {memory_of_all(problem)}", file=sys.stderr)
     modes = _solve(problem, options)
+    floppy = problem.floppy
+    modes.attributes["floppy_modes"] = floppy.total
     if options.output:
         write_modes(options.output, modes)
-    floor = 1e-6 * abs(modes.frequency).max(initial=0.0)
     return {
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
-        "floppy_modes": int((modes.frequency < floor).sum()),
+        "floppy_modes": floppy.total,
+        "floppy_modes_by_kind": floppy.by_kind(),
         "degrees_of_freedom": problem.size,
         "certified": bool(modes.attributes["certified"]),
+        "missing": int(modes.attributes.get("missing", 0)),
         "solver": modes.attributes["solver"],
         "p_wave_resonances": 0
         if modes.resonance_frequency is None
@@ -131,7 +150,7 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _count(options: argparse.Namespace) -> dict[str, Any]:
-    problem = Eigenproblem.of(read_packing(options.network))
+    problem = Eigenproblem.of(read_packing(options.network), solver=options.solver)
     counts = {}
     for typed in options.at:
         try:
@@ -139,7 +158,11 @@ def _count(options: argparse.Namespace) -> dict[str, Any]:
         except ValueError:
             raise InputError(f"--at {typed}: not a number; give frequencies in Hz") from None
         counts[typed] = count_below(problem, frequency)
-    return {"count_below": counts, "degrees_of_freedom": problem.size}
+    return {
+        "count_below": counts,
+        "floppy_modes": problem.floppy.total,
+        "degrees_of_freedom": problem.size,
+    }
 
 
 def _wave(options: argparse.Namespace) -> dict[str, Any]:

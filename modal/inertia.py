@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import eigh
 from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from modal.eigenproblem import SMALL, Eigenproblem
+from modal.factor import available, factorise
 from modal.progress import progress
 from modal.storage import InputError
 
@@ -75,3 +78,29 @@ def _negative_of_pivots(factor: np.ndarray, pivots: np.ndarray) -> int:
     """
     double = pivots < 0
     return int((factor.diagonal()[~double] < 0).sum() + double.sum() // 2)
+
+
+def count_below(problem: Eigenproblem, frequency: float) -> int:
+    """Exact number of modes below `frequency` (Hz), zero-energy modes included.
+
+    The inertia of K - omega^2 M (Sylvester's law): from PARDISO's pivots where it is installed,
+    else layer by layer in little memory; or the dense spectrum of a small network.
+    """
+    if not np.isfinite(frequency):
+        raise InputError(f"{frequency} is not a frequency; give a number of Hz")
+    square = (2 * np.pi * frequency) ** 2
+    if frequency <= 0:
+        return 0
+    if problem.size <= SMALL:
+        values = eigh(problem.scaled.toarray(), eigvals_only=True)
+        return int((values < square).sum())
+    solver = problem.solver or ("pardiso" if available("pardiso") else None)
+    if solver in ("pardiso", "superlu"):
+        negative = factorise(problem.shifted(square), definite=False, solver=solver).negative
+        if negative is None:
+            raise InputError(
+                f"the factorisation at {frequency:g} Hz had to pivot, its count is not certain; "
+                "ask at a slightly different frequency"
+            )
+        return negative
+    return count_negative(problem.shifted(square), problem.dof, problem.network.position[:, 2])

@@ -11,9 +11,11 @@ from scipy.linalg import eigh_tridiagonal
 from modal import gallery, modes
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.contact import contact_kinematics, contact_springs
+from modal.eigenproblem import Eigenproblem, frequency_of
 from modal.hertz_mindlin import stiffness_normal
+from modal.inertia import count_below
+from modal.intervals import lowest_modes, modes_between
 from modal.lattice import FccCrystal, dispersion
-from modal.modes import Eigenproblem
 from modal.storage import InputError
 
 
@@ -127,16 +129,16 @@ def test_broken_symmetry_is_noticed():
 
 def test_sparse_solver_and_counts_equal_the_dense_spectrum():
     problem = Eigenproblem.of(gallery.fcc(4, 10))
-    dense = modes.frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
-    lowest = modes.extreme_modes(problem, 20, "lowest")
+    dense = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
+    lowest = lowest_modes(problem, 20)
     assert lowest.attributes["certified"]
     assert lowest.frequency == pytest.approx(dense[:20], rel=1e-8)
     assert lowest.residual.max() < 1e-10
-    highest = modes.extreme_modes(problem, 5, "highest")
+    highest = modes.highest_modes(problem, 5)
     assert highest.frequency == pytest.approx(dense[-5:], rel=1e-10)
     for frequency in (5e4, 1.2e5, 2.0e5):
-        assert modes.count_below(problem, frequency) == (dense < frequency).sum()
-    inside = modes.modes_between(problem, 2e4, 4e4)
+        assert count_below(problem, frequency) == (dense < frequency).sum()
+    inside = modes_between(problem, 2e4, 4e4)
     expected = dense[(dense >= 2e4) & (dense < 4e4)]
     assert inside.frequency == pytest.approx(expected, rel=1e-8)
 
@@ -144,7 +146,7 @@ def test_sparse_solver_and_counts_equal_the_dense_spectrum():
 def test_without_rotations_the_top_is_the_low_pass_frequency():
     """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
     problem = Eigenproblem.of(gallery.fcc(4, 60), translations_only=True)
-    top = modes.extreme_modes(problem, 1, "highest").frequency[0]
+    top = modes.highest_modes(problem, 1).frequency[0]
     assert top == pytest.approx(FccCrystal(1e5).low_pass_frequency, rel=5e-3)
 
 
@@ -159,6 +161,6 @@ def test_velocity_and_low_pass_grow_with_stress_to_the_power_one_sixth():
 def test_interval_and_number_are_checked():
     problem = Eigenproblem.of(gallery.column(3))
     with pytest.raises(InputError, match="empty"):
-        modes.modes_between(problem, 5.0, 1.0)
+        modes_between(problem, 5.0, 1.0)
     with pytest.raises(InputError, match="degrees of freedom"):
-        modes.extreme_modes(problem, 19, "lowest")
+        lowest_modes(problem, 19)

@@ -8,8 +8,8 @@ import pytest
 from modal import gallery
 from modal.__main__ import main
 from modal.assembly import mass_diagonal
+from modal.eigenproblem import Eigenproblem
 from modal.leapfrog import leapfrog
-from modal.modes import Eigenproblem
 from modal.network import SOURCE_WALL, write_network
 from modal.operator import ContactOperator
 from modal.receivers import wall_pattern

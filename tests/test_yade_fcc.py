@@ -10,7 +10,8 @@ import pytest
 
 from modal import gallery
 from modal.__main__ import main
-from modal.modes import Eigenproblem, all_modes
+from modal.eigenproblem import Eigenproblem
+from modal.modes import all_modes
 from modal.network import read_network
 from modal.signals import read_signals, source_pulse
 from modal.source import Pulse

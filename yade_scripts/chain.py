@@ -53,8 +53,9 @@ MARGIN = 0.1
 JAM_ERROR = 0.1
 STRESS_ERROR, UNBALANCED = 3e-3, 1e-3
 """When a state is reached: relative error of each stress, mean residual over contact force."""
-PATIENCE = 6000
-"""Steps after which a jammed packing that does not settle is taken as it is."""
+JAM_PATIENCE, PATIENCE = 9000, 6000
+"""Steps after which damping sets in although spheres are still agitated, and after which a packing
+that does not settle is taken as it is."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 
@@ -149,14 +150,14 @@ def leg(sample):
     stage_of_control, damping, done = stage_control(study["stage"])
     O.engines[-1].damping = damping
     drive(stage_of_control)
-    jammed = study["stage"] not in ("approach", "jam")
+    patience = {"approach": math.inf, "jam": JAM_PATIENCE}.get(study["stage"], PATIENCE)
     ended, step = False, 0
     while step < LEG and not ended:
         target = getattr(control, "target", 1e5)
         O.dt = compression.time_step(max(target, 1.5 * control.stress.mean()))
         O.run(CHECK, wait=True)
         step += CHECK
-        ended = done() or (jammed and study["step"] + step >= PATIENCE)
+        ended = done() or study["step"] + step >= patience
         if not np.isfinite(control.stress).all():
             raise InputError(f"{study['stage']}: the stress is not finite; unstable time step")
         if sys.stdout.isatty():

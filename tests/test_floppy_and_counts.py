@@ -1,0 +1,246 @@
+"""Zero modes found by structure, exact counts, and every factorisation, against dense spectra."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal import gallery
+from modal.__main__ import main
+from modal.eigenproblem import Eigenproblem, frequency_of, slipping
+from modal.factor import SOLVERS, available, factorise
+from modal.inertia import count_below, count_negative
+from modal.intervals import lowest_modes, modes_between
+from modal.modes import all_modes
+from modal.network import Network, write_network
+from modal.storage import InputError
+
+PER_CONTACT = [
+    "particle_i",
+    "particle_j",
+    "normal",
+    "lever_i",
+    "lever_j",
+    "stiffness_normal",
+    "stiffness_tangential",
+    "force_normal",
+    "force_tangential",
+    "overlap",
+    "sliding",
+    "cell_shift",
+]
+
+
+def with_contacts(network: Network, keep: np.ndarray) -> Network:
+    """The network with some of its contacts (indices or booleans)."""
+    return replace(network, **{name: getattr(network, name)[keep] for name in PER_CONTACT})
+
+
+def diluted(share: float, seed: int, layers: int = 6) -> Network:
+    """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
+    network = gallery.fcc(4, layers)
+    return with_contacts(network, np.random.default_rng(seed).random(network.n_contacts) > share)
+
+
+def dense_squares(problem: Eigenproblem) -> np.ndarray:
+    """All omega^2, ascending, by a dense solver."""
+    return np.linalg.eigvalsh(problem.scaled.toarray())
+
+
+def zero_modes(problem: Eigenproblem) -> int:
+    """Rank deficiency of the dense matrix; round-off is some 1e-14 of the largest eigenvalue."""
+    square = dense_squares(problem)
+    return int((square < 1e-11 * square[-1]).sum())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.6])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_floppy_modes_of_a_diluted_crystal(share, seed):
+    """Structure gives exact zero modes, orthonormal, and (these parts are small) all of them."""
+    problem = Eigenproblem.of(diluted(share, seed))
+    basis = problem.floppy.basis
+    scale = problem.scaled.diagonal().max()
+    assert abs((problem.scaled @ basis).toarray()).max(initial=0.0) < 1e-11 * scale
+    gram = (basis.T @ basis).toarray()
+    assert gram == pytest.approx(np.eye(len(gram)), abs=1e-10)
+    assert problem.floppy.total == zero_modes(problem)
+    assert sum(problem.floppy.by_kind().values()) == problem.floppy.total
+
+
+def test_each_kind_is_named():
+    """A free sphere has six zero modes, one on one contact three, one on two contacts one."""
+    network = gallery.column(4)
+    i, j = network.particle_i, network.particle_j
+    free = with_contacts(network, (i != 3) & (j != 3))
+    kinds = Eigenproblem.of(free).floppy.by_kind()
+    assert kinds["free_particles"] == 6
+    # Sphere 2 hangs on one contact. 0 and 1 turn about the axis, 2 about its contact point, and
+    # the whole hanging column swings about the wall: dense rank says how many.
+    assert sum(kinds.values()) == zero_modes(Eigenproblem.of(free))
+    single = with_contacts(network, np.flatnonzero(j == -1))
+    assert Eigenproblem.of(single).floppy.by_kind() == {
+        "free_particles": 18,
+        "loose_clusters": 0,
+        "hinged": 3,
+        "spinning": 0,
+    }
+
+
+@pytest.mark.parametrize("periodic", ["x and y", "x", "none"])
+def test_cluster_without_walls_moves_as_a_whole(periodic):
+    """Three translations; of the rotations a period leaves one about its own axis, or none."""
+    network = gallery.fcc(4, 5)
+    inside = network.particle_j >= 0
+    if periodic != "x and y":
+        inside &= network.cell_shift[:, 1] == 0
+    if periodic == "none":
+        inside &= network.cell_shift[:, 0] == 0
+    problem = Eigenproblem.of(with_contacts(network, inside))
+    assert problem.floppy.loose_clusters == {"x and y": 3, "x": 4, "none": 6}[periodic]
+    assert problem.floppy.total == zero_modes(problem)
+
+
+def test_without_tangential_springs_every_sphere_spins():
+    network = replace(gallery.fcc(3, 5), sliding=np.ones(gallery.fcc(3, 5).n_contacts, bool))
+    problem = Eigenproblem.of(slipping(network))
+    assert problem.floppy.spinning == 3 * network.n_particles
+    assert problem.floppy.total == zero_modes(problem)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4])
+def test_counts_are_exact(share):
+    """Inertia, layer by layer and by a sparse factorisation, against the dense spectrum."""
+    network = diluted(share, 7)
+    problem = Eigenproblem.of(network)
+    frequency = frequency_of(dense_squares(problem))
+    for hz in (1.0, 3e4, 7.7e4, 1.3e5, 2.5e5):
+        expected = int((frequency < hz).sum())
+        shifted = problem.shifted((2 * np.pi * hz) ** 2)
+        assert count_negative(shifted, 6, network.position[:, 2]) == expected
+        assert count_below(problem, hz) == expected
+        for solver in ("pardiso", "superlu"):
+            if available(solver):
+                found = factorise(shifted, definite=False, solver=solver).negative
+                assert found in (expected, None)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_lowest_modes_by_every_factorisation(solver):
+    if not available(solver):
+        pytest.skip(f"{solver} is not installed")
+    problem = Eigenproblem.of(diluted(0.35, 4, layers=8), solver=solver)
+    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    lowest = lowest_modes(problem, 40)
+    assert lowest.attributes["certified"]
+    # omega^2 is known to eps times the largest one; f to that over 2 (f / f_max)^2.
+    tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
+    assert lowest.frequency == pytest.approx(elastic[:40], rel=tolerance)
+    assert lowest.residual.max() < 1e-10
+
+
+def test_intervals_are_cut_and_complete(monkeypatch):
+    """Slices of at most 40 modes give the same list as the dense solver, each one once."""
+    monkeypatch.setattr("modal.intervals.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.intervals.SLICE", 40)
+    problem = Eigenproblem.of(diluted(0.35, 5, layers=7))
+    frequency = frequency_of(dense_squares(problem))
+    elastic = frequency[problem.floppy.total :]
+    # Ends in the middle of gaps, away from the round-off of any frequency.
+    middle = (elastic[1:] + elastic[:-1]) / 2
+    for low, high in ((0.0, middle[130]), (middle[100], middle[190])):
+        found = modes_between(problem, low, high)
+        expected = elastic[(elastic >= low) & (elastic < high)]
+        assert found.attributes["certified"]
+        assert found.frequency == pytest.approx(expected, rel=1e-8)
+
+
+def test_degenerate_spectrum_is_complete():
+    """Uncoupled copies: 100 columns of two spheres, each frequency at least a hundredfold."""
+    single = gallery.column(2)
+    copies = 100
+    many = {}
+    for name in PER_CONTACT:
+        data = getattr(single, name)
+        many[name] = np.concatenate([data] * copies)
+    ids = np.repeat(np.arange(copies) * 2, single.n_contacts)
+    many["particle_i"] = many["particle_i"] + ids
+    many["particle_j"] = np.where(
+        many["particle_j"] >= 0, many["particle_j"] + ids, many["particle_j"]
+    )
+    spheres = {
+        name: np.concatenate([getattr(single, name)] * copies)
+        for name in ("position", "radius", "mass", "inertia")
+    }
+    problem = Eigenproblem.of(replace(single, **many, **spheres))
+    expected = frequency_of(dense_squares(problem))
+    assert problem.floppy.total == int((expected < 1.0).sum())
+    elastic = expected[problem.floppy.total :]
+    lowest = lowest_modes(problem, 120)
+    assert lowest.frequency == pytest.approx(elastic[:120], rel=1e-7)
+    assert lowest.attributes["certified"]
+
+
+def test_stiffness_contrast_of_a_million():
+    """Contacts a million times softer among stiff ones: counts exact, residuals reached."""
+    network = gallery.fcc(4, 8)
+    soft = np.random.default_rng(3).random(network.n_contacts) < 0.3
+    for name in ("stiffness_normal", "stiffness_tangential"):
+        getattr(network, name)[soft] *= 1e-6
+    problem = Eigenproblem.of(network)
+    frequency = frequency_of(dense_squares(problem))
+    for hz in (10.0, 100.0, 1e4, 1e5):
+        assert count_below(problem, hz) == int((frequency < hz).sum())
+    lowest = lowest_modes(problem, 30)
+    assert lowest.attributes["certified"]
+    assert lowest.residual.max() < 1e-10
+
+
+def test_order_of_particles_and_contacts_does_not_matter():
+    network = diluted(0.4, 6, layers=8)
+    random = np.random.default_rng(8)
+    rank = random.permutation(network.n_particles)
+    order = np.argsort(rank)
+    mixed = with_contacts(network, random.permutation(network.n_contacts))
+    names = ("position", "radius", "mass", "inertia")
+    mixed = replace(
+        mixed,
+        **{name: getattr(network, name)[order] for name in names},
+        particle_i=rank[mixed.particle_i],
+        particle_j=np.where(mixed.particle_j >= 0, rank[mixed.particle_j], mixed.particle_j),
+    )
+    problem, other = Eigenproblem.of(network), Eigenproblem.of(mixed)
+    assert problem.floppy.by_kind() == other.floppy.by_kind()
+    found, again = lowest_modes(problem, 40), lowest_modes(other, 40)
+    assert again.frequency == pytest.approx(found.frequency, rel=1e-8)
+
+
+def test_all_modes_contain_the_zero_modes():
+    problem = Eigenproblem.of(diluted(0.5, 9))
+    everything = all_modes(problem).frequency
+    assert len(everything) == problem.size
+    assert int((everything < 1e-4 * everything[-1]).sum()) == problem.floppy.total
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--lowest", "9999"], "modes asked"),
+        (["--between", "200", "100"], "is empty"),
+        (["--solver", "magic"], "invalid choice"),
+        (["--below", "nan"], "is empty"),
+    ],
+)
+def test_bad_requests_get_one_line(tmp_path, capsys, arguments, message):
+    path = tmp_path / "x.network.h5"
+    write_network(path, gallery.fcc(3, 6))
+    assert main(["modes", str(path), *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+
+
+def test_too_little_memory_is_refused(monkeypatch):
+    monkeypatch.setattr("modal.factor.memory_at_hand", lambda: 1e3)
+    problem = Eigenproblem.of(gallery.fcc(4, 10), solver="banded")
+    with pytest.raises(InputError, match=r"needs about .* GB"):
+        lowest_modes(problem, 5)
