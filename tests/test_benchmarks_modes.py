@@ -1,0 +1,43 @@
+"""Samples of other sizes that the benchmarks make, and their fitted exponents."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.modes_scaling import draw, exponent, resized
+from modal import gallery
+from modal.assembly import stiffness_matrix
+from modal.network import validate
+
+
+def test_lower_part_keeps_its_stiffness():
+    """What is cut off is held fast, so K of the part is a block of K of the whole."""
+    whole = gallery.fcc(2, 10)
+    # The cut must also turn contacts whose first particle is above it.
+    i, j, pair = whole.particle_i.copy(), whole.particle_j.copy(), ~whole.with_wall
+    pair[::2] = False
+    whole.particle_i[pair], whole.particle_j[pair] = j[pair], i[pair]
+    whole.normal[pair] *= -1
+    whole.lever_i[pair], whole.lever_j[pair] = whole.lever_j[pair], whole.lever_i[pair]
+    whole.cell_shift[pair] *= -1
+    part = resized(whole, 20)
+    validate(part)
+    kept = np.sort(np.argsort(whole.position[:, 2], kind="stable")[:20])
+    rows = (6 * kept[:, None] + np.arange(6)).ravel()
+    wanted = stiffness_matrix(whole)[rows][:, rows]
+    assert abs(stiffness_matrix(part) - wanted).max() <= 1e-12 * abs(wanted).max()
+
+
+def test_larger_samples_are_copies():
+    assert resized(gallery.fcc(2, 10), 240).n_particles == 240
+
+
+def test_exponent_and_figure(tmp_path):
+    rows = [
+        {"curve": "a", "x": x, "seconds": 1e-6 * x**1.5, "peak_gb": None} for x in (10, 100, 1000)
+    ]
+    assert exponent(rows, "seconds") == pytest.approx(1.5)
+    assert exponent(rows, "peak_gb") is None
+    draw(rows, tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 0
