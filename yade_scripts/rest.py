@@ -4,8 +4,8 @@
 
 The friction of all contacts is raised from mu_comp to mu_wave, so that sliding is no longer in
 the way (Otsubo et al. 2017, section 2), and the spheres settle in a fixed cell with damping; the
-rest is for `modal relax`. The
-chain's state, products/chain_mu0.4/STRESSPa.sample.h5, stays as it is. Environment: WAVE_PRODUCTS.
+rest is for `modal relax`. The chain's state, products/chain_mu0.4/STRESSPa.sample.h5, stays as it
+is. Environment: WAVE_PRODUCTS.
 """
 
 import sys
