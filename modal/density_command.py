@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.density import density_of_states, write_density
+from modal.eigenproblem import Eigenproblem
 from modal.sample import read_packing
 from modal.storage import InputError, sha256
 
@@ -32,7 +33,13 @@ def density(options: argparse.Namespace) -> dict[str, Any]:
     except ValueError:
         raise InputError(f"--at {' '.join(options.at)}: give frequencies in Hz") from None
     network = read_packing(options.network)
-    states = density_of_states(network, resolution=options.resolution, tolerance=options.tolerance)
+    floppy = Eigenproblem.of(network).floppy
+    states = density_of_states(
+        network,
+        resolution=options.resolution,
+        tolerance=options.tolerance,
+        zero_modes=floppy.basis,
+    )
     if options.output:
         write_density(options.output, states, sha256(options.network))
     frequency = states.grid()
@@ -49,5 +56,6 @@ def density(options: argparse.Namespace) -> dict[str, Any]:
         },
         "estimated_count_below": dict(zip(options.at, value[:, -1].tolist(), strict=True)),
         "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
+        "floppy_modes": floppy.total,
         "degrees_of_freedom": size,
     }
