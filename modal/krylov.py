@@ -31,18 +31,21 @@ def start_block(size: int, width: int) -> np.ndarray:
 
 
 def _orthonormal(block: np.ndarray, basis: np.ndarray, held: Held) -> tuple:
-    """Q, R of the block after the basis and the held-out modes are taken away, to round-off.
+    """Q, V^T block and R of block = V (V^T block) + Q R, the held-out modes taken away.
 
-    Where nothing is left of a column, Q goes on in a direction that round-off chose; taken away
-    again from it, the basis stays orthogonal, and a degenerate frequency shows more of its modes.
+    Twice is enough to be orthogonal to round-off. Where nothing is left of a column, Q goes on in
+    a direction that round-off chose, and a degenerate frequency shows more of its modes.
     """
-    block = held.out_of(block)
-    block = block - basis @ (basis.T @ block)
-    first, coupling = qr(block, mode="economic", check_finite=False)
-    first = held.out_of(first)
-    first = first - basis @ (basis.T @ first)
-    second, again = qr(first, mode="economic", check_finite=False)
-    return second, again @ coupling
+    within = np.zeros((basis.shape[1], block.shape[1]))
+    coupling = np.eye(block.shape[1])
+    for _ in range(2):
+        block = held.out_of(block)
+        inside = basis.T @ block
+        block = block - basis @ inside
+        within += inside @ coupling
+        block, factor = qr(block, mode="economic", check_finite=False)
+        coupling = factor @ coupling
+    return block, within, coupling
 
 
 @dataclass
@@ -94,18 +97,20 @@ def modes_nearest(
     projected = np.zeros((limit + width, limit + width))
     basis[:, :width] = _orthonormal(start_block(size, width), basis[:, :0], held)[0]
     dimension = width
-    for _ in progress(limit // width, "Lanczos"):
+    for step in progress(limit // width, "Lanczos"):
         last = slice(dimension - width, dimension)
-        image = solve(basis[:, last])
-        projected[:dimension, last] = basis[:, :dimension].T @ image
-        projected[last, :dimension] = projected[:dimension, last].T
-        block, coupling = _orthonormal(image, basis[:, :dimension], held)
-        inverse, vector = eigh(projected[:dimension, :dimension], check_finite=False)
-        chosen = np.argsort(-abs(inverse), kind="stable")[:count]
-        residual = np.linalg.norm(coupling @ vector[-width:, chosen], axis=0)
-        converged = residual <= TOLERANCE * abs(inverse[chosen])
-        if (dimension >= count and converged.all()) or dimension + width > limit:
-            break
+        block, within, coupling = _orthonormal(solve(basis[:, last]), basis[:, :dimension], held)
+        projected[:dimension, last] = within
+        projected[last, :dimension] = within.T
+        full = dimension + width > limit
+        # The small eigenproblem is not free: look every fourth time, and at the end.
+        if dimension >= count and (step % 4 == 3 or full):
+            inverse, vector = eigh(projected[:dimension, :dimension], check_finite=False)
+            chosen = np.argsort(-abs(inverse), kind="stable")[:count]
+            residual = np.linalg.norm(coupling @ vector[-width:, chosen], axis=0)
+            converged = residual <= TOLERANCE * abs(inverse[chosen])
+            if converged.all() or full:
+                break
         basis[:, dimension : dimension + width] = block
         dimension += width
     square = sigma + 1 / inverse[chosen]
