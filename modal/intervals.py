@@ -71,17 +71,19 @@ class Search:
     """
 
     def __init__(self, problem: Eigenproblem, sigma: float, *, definite: bool) -> None:
-        self.problem, self.sigma = problem, sigma
-        matrix = problem.shifted(sigma)
-        self.factor = factorise(matrix, definite=definite, solver=problem.solver)
+        self.problem, self.sigma, self.definite = problem, sigma, definite
+        self.solver = ""
         self.square = np.empty(0)
         self.vector = np.empty((problem.size, 0))
         self.solves = 0
 
     def ask(self, count: int) -> bool:
-        """Search `count` more; whether any converged."""
+        """Search `count` more; whether any converged. The factor is not kept: a count needs room."""
+        matrix = self.problem.shifted(self.sigma)
+        factor = factorise(matrix, definite=self.definite, solver=self.problem.solver)
+        self.solver = factor.solver
         held = Held(self.problem.floppy.basis, self.vector)
-        near = modes_nearest(self.factor.solve, self.problem.size, count, self.sigma, held)
+        near = modes_nearest(factor.solve, self.problem.size, count, self.sigma, held)
         self.solves += near.solves
         self.square = np.concatenate([self.square, near.square[near.converged]])
         self.vector = np.concatenate([self.vector, near.vector[:, near.converged]], axis=1)
@@ -92,7 +94,7 @@ class Search:
         order = np.argsort(self.square)
         frequency = frequency_of(self.square[order])
         order = order[(frequency >= low) & (frequency < high)]
-        solver = f"lanczos {self.factor.solver}, {self.solves} solves"
+        solver = f"lanczos {self.solver}, {self.solves} solves"
         return found_modes(
             self.problem, self.square[order], self.vector[:, order], interval, solver
         )
