@@ -29,11 +29,15 @@ SUPERLU_FILL = 1.4e3
 
 @dataclass
 class Factor:
-    """A factorised matrix: `solve` (size, k); number of `negative` eigenvalues, None if unknown."""
+    """A factorised matrix: `solve` (size, k); number of `negative` eigenvalues, None if unknown.
+
+    `release` gives back memory that a back end holds outside of Python; no solve after it.
+    """
 
     solve: Callable[[np.ndarray], np.ndarray]
     negative: int | None
     solver: str
+    release: Callable[[], None] = lambda: None
 
 
 def available(solver: str) -> bool:
@@ -116,7 +120,11 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     def solve(rhs: np.ndarray) -> np.ndarray:
         return solver.solve(upper, np.asfortranarray(rhs))
 
-    return Factor(solve, 0 if definite else int(solver.get_iparm(23)), "pardiso")
+    def release() -> None:
+        solver.free_memory(everything=True)
+
+    negative = 0 if definite else int(solver.get_iparm(23))
+    return Factor(solve, negative, "pardiso", release)
 
 
 def _cholmod(matrix: sp.csr_matrix, definite: bool) -> Factor:

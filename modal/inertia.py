@@ -96,7 +96,9 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
         return int((values < square).sum())
     solver = problem.solver or ("pardiso" if available("pardiso") else None)
     if solver in ("pardiso", "superlu"):
-        negative = factorise(problem.shifted(square), definite=False, solver=solver).negative
+        factor = factorise(problem.shifted(square), definite=False, solver=solver)
+        negative = factor.negative
+        factor.release()
         if negative is None:
             raise InputError(
                 f"the factorisation at {frequency:g} Hz had to pivot, its count is not certain; "

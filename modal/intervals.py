@@ -78,12 +78,13 @@ class Search:
         self.solves = 0
 
     def ask(self, count: int) -> bool:
-        """Search `count` more; whether any converged. The factor is not kept: a count needs room."""
+        """Search `count` more; whether any converged. A count needs the factor's memory."""
         matrix = self.problem.shifted(self.sigma)
         factor = factorise(matrix, definite=self.definite, solver=self.problem.solver)
         self.solver = factor.solver
         held = Held(self.problem.floppy.basis, self.vector)
         near = modes_nearest(factor.solve, self.problem.size, count, self.sigma, held)
+        factor.release()
         self.solves += near.solves
         self.square = np.concatenate([self.square, near.square[near.converged]])
         self.vector = np.concatenate([self.vector, near.vector[:, near.converged]], axis=1)
