@@ -229,5 +229,5 @@ class ContactOperator(LinearOperator):
 
     def _adjoint(self) -> ContactOperator:
         if self.pre_stress == "full":
-            raise NotImplementedError("the full tangent is not symmetric; take the matrix")
+            raise InputError("the full tangent is not symmetric: for its transpose take the matrix")
         return self
