@@ -22,6 +22,7 @@ from modal.eigenproblem import (
 )
 from modal.krylov import start_block
 from modal.mode_set import ModeSet
+from modal.operator import ContactOperator
 from modal.resonance import chi_z, particle_motion, planar_resonances, rotation_share
 from modal.storage import InputError
 from modal.symmetry import LateralTranslations, lateral_translations, symmetry_blocks
@@ -103,7 +104,8 @@ def highest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     if problem.size <= SMALL or count > problem.size // 4:
         return subset(all_modes(problem), slice(problem.size - count, None), f"highest {count}")
     v0 = start_block(problem.size, 1)[:, 0]
-    square, vector = eigsh(problem.scaled, k=count, which="LA", v0=v0, tol=1e-13)
+    product = ContactOperator(problem.network, translations_only=problem.dof == 3, mass_scaled=True)
+    square, vector = eigsh(product, k=count, which="LA", v0=v0, tol=1e-11)
     order = np.argsort(square)
     modes = found_modes(problem, square[order], vector[:, order], f"highest {count}", "arpack")
     modes.attributes["certified"] = False
