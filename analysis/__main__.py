@@ -1,4 +1,4 @@
-"""Command line of analysis: compare, status, figure, samples, agreement."""
+"""Command line of analysis: report, compare, status, figure, structure, samples, agreement."""
 
 from __future__ import annotations
 
@@ -11,14 +11,32 @@ import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.compare import as_text, compare, write_table
-from analysis.figures import CROSS_CASE, FIGURES, draw
-from analysis.figures.crystal import power_law, stress_rows
+from analysis.figures import FIGURES, draw
+from analysis.measures import Measures
+from analysis.picture import read_picture
 from analysis.products import Products, find
+from analysis.render import save
+from analysis.report import report as write_report
 from analysis.samples import table
 from analysis.status import status_table
+from analysis.stress import power_law, stress_rows
+from analysis.structure_factor import structure_factor, write_structure
+from analysis.tables import tables
 from modal.network import read_network
 from modal.signals import read_signals
-from modal.storage import InputError
+from modal.storage import InputError, sha256
+
+COMPARED = (
+    "signals",
+    "space_time",
+    "spectrum_distance",
+    "dispersion",
+    "gain",
+    "natural_frequencies",
+    "chi_z",
+    "mode_shapes",
+)
+"""Figures of `compare`, one of each for every case."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -35,14 +53,18 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--products", default="products", metavar="DIR", help="folder to read")
         return sub
 
+    reported = command("report", "one HTML page: tables, figures, deviations, provenance")
     compared = command("compare", "print and write the comparison table, draw the figures")
-    compared.add_argument("case", nargs="+", metavar="CASE", help="1 ... 4")
     compared.add_argument("--no-figures", action="store_true", help="only the table")
-    figure = command("figure", "draw one figure")
-    figure.add_argument("name", metavar="NAME", help=", ".join(sorted((*FIGURES, *CROSS_CASE))))
-    figure.add_argument("case", nargs="+", metavar="CASE", help="1 ... 4")
-    for sub in (compared, figure):
+    figure = command("figure", "draw one figure of the cases, or again from its own CSV")
+    figure.add_argument("name", metavar="NAME", help="a CSV file, or " + ", ".join(FIGURES))
+    for sub, count in ((reported, "+"), (compared, "+"), (figure, "*")):
+        sub.add_argument("case", nargs=count, metavar="CASE", help="1 ... 32")
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
+    spatial = command("structure", "dynamic structure factor of all modes, *.structure.h5")
+    spatial.add_argument("case", nargs="+", metavar="CASE", help="1 ... 32")
+    text = "Hz, the width of a single mode; 1000"
+    spatial.add_argument("--resolution", type=float, default=1e3, metavar="HZ", help=text)
     command("status", "which cases have which products")
     text = "table of compact samples: density, contacts, stresses, balance"
     samples = commands.add_parser("samples", help=text, description=text)
@@ -69,8 +91,7 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
                 print(f"note: {case.path(kind)} is absent; what needs it is left empty")
         paths = write_table(rows, output / f"{case.name}.comparison")
         if figures:
-            for name in FIGURES:
-                paths += draw(name, [case], output, missing_ok=True)
+            paths += _figures(COMPARED, [Measures(case)], output, f"{case.name}.")
         print("\n".join(str(path) for path in paths))
     if len(cases) > 1:
         columns = stress_rows(cases)
@@ -78,9 +99,60 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
             exponent = power_law(columns["stress_Pa"], columns[f"velocity_{name}_m_per_s"])
             if np.isfinite(exponent):
                 print(f"exponent of V_P against stress, {name}: {exponent:.5f} (paper: 1/6)")
-    if figures and len(cases) > 1:
-        for name in CROSS_CASE:
-            print("\n".join(str(path) for path in draw(name, cases, output, missing_ok=True)))
+        if figures:
+            measured = [Measures(case) for case in cases]
+            paths = _figures(("stress_dependence",), measured, output, "")
+            print("\n".join(str(path) for path in paths))
+
+
+def _figures(
+    names: tuple[str, ...], cases: list[Measures], output: Path, prefix: str
+) -> list[Path]:
+    """Draw what the products allow."""
+    paths = []
+    for name in names:
+        try:
+            paths += draw(name, cases, output / f"{prefix}{name}")
+        except InputError as error:
+            print(f"note: no figure {name}: {error}")
+    return paths
+
+
+def _figure(name: str, cases: list[Measures], output: Path) -> None:
+    if name.endswith(".csv"):
+        if cases:
+            raise InputError("a figure's CSV holds its cases already; leave CASE out")
+        paths = save(read_picture(name), output / Path(name).stem)
+    elif cases:
+        paths = draw(name, cases, output / ".".join([*(m.case.name for m in cases), name]))
+    else:
+        raise InputError("no case given; name at least one, or the CSV file of a figure")
+    print("\n".join(str(path) for path in paths))
+
+
+def _report(cases: list[Measures], output: Path, argv: list[str]) -> None:
+    for table_ in tables(cases).values():
+        print(f"{table_.title}\n{table_.text()}\n")
+    print(write_report(cases, output, ["python", "-m", "analysis", *argv])[0])
+
+
+def _structure(cases: list[Products], resolution: float) -> None:
+    for case in cases:
+        network = case.network
+        layers = int(network.length / (2 * network.radius.mean()))
+        # Every order at long waves, then as many as keep the step of kappa at a tenth of kappa.
+        orders = np.unique(np.round(1.1 ** np.arange(0, np.log(layers) / np.log(1.1))))
+        orders = np.union1d(np.arange(1, 31), orders)
+        orders = orders[orders <= layers].astype(int)
+        highest = 1.5 * layers / (2 * case.passage)
+        path = case.path("structure")
+        found = structure_factor(network, orders, resolution, highest)
+        write_structure(path, found, _digest(case))
+        print(path)
+
+
+def _digest(case: Products) -> str:
+    return sha256(next(case.path(k) for k in ("network", "sample") if case.has(k)))
 
 
 def _agreement(arguments: argparse.Namespace) -> None:
@@ -119,13 +191,18 @@ def main(argv: list[str] | None = None) -> int:
             _show(table(arguments.sample), arguments.output)
             return 0
         cases = [find(text, arguments.products) for text in arguments.case]
+        if arguments.command == "structure":
+            _structure(cases, arguments.resolution)
+            return 0
         output = Path(arguments.output)
         try:
             output.mkdir(parents=True, exist_ok=True)
             if arguments.command == "compare":
                 _compare(cases, output, not arguments.no_figures)
+            elif arguments.command == "report":
+                _report([Measures(case) for case in cases], output, argv or sys.argv[1:])
             else:
-                print("\n".join(str(p) for p in draw(arguments.name, cases, output)))
+                _figure(arguments.name, [Measures(case) for case in cases], output)
         except OSError as error:
             raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
     except InputError as error:

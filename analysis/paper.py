@@ -20,6 +20,9 @@ _ALL = (1, 2, 3, 4)
 STATED = (
     Stated("f_min", (2,), 0.7534, "kHz", "section 3"),
     Stated("f_max", (2,), 211.2, "kHz", "section 3"),
+    Stated("f_max", (6,), 216.1, "kHz", "section 3"),
+    Stated("f_max", (30,), 214.1, "kHz", "section 3"),
+    Stated("threshold_2", (6,), 21.9, "kHz", "section 5.1, DEM"),
     Stated("f_1", (2,), 1.06, "kHz", "Fig. 10"),
     Stated("f_200", (2,), 137.6, "kHz", "Fig. 10"),
     Stated("resonances", _ALL, 200, "1", "section 3"),
@@ -35,6 +38,14 @@ STATED = (
     Stated("translations_only", _ALL, 1.0, "1", "section 5.1, Fig. 8"),
     Stated("exponent", _ALL, 1 / 6, "1", "section 2, Fig. 6"),
 )
+
+RANGES = {
+    ("lambda_over_d", False): (7.0, 18.0),
+    ("lambda_over_d_1", False): (5.0, 12.0),
+    ("gain_maximum", False): (1.0, float("inf")),
+    ("gain_maximum", True): (1.0, float("inf")),
+}
+"""Ranges by quantity and whether they are of crystals (sections 5.1, Fig. 18; 5.2, Fig. 19)."""
 
 COORDINATION_AT_1_KPA = {0.0: 5.91, 0.4: 3.84}
 """Mean coordination number of the random samples at 1 kPa, by mu_comp (section 3)."""

@@ -7,15 +7,27 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
+from analysis.effective_medium import of_contacts
 from analysis.exact_chain import Chain
+from analysis.structure_factor import StructureFactor, read_structure
+from modal.density import SCHEMA as DENSITY_SCHEMA
+from modal.density import VERSION as DENSITY_VERSION
 from modal.mode_set import ModeSet, read_modes
-from modal.network import Network, read_network
+from modal.network import Network
+from modal.sample import read_packing
 from modal.signals import Signals, read_signals
 from modal.source import Pulse
-from modal.storage import InputError
+from modal.storage import InputError, get, open_h5
 from modal.wave import propagate
 
 KINDS = ("network", "modes", "translations.modes", "signals")
+"""What `status` lists: made by ./run_cases.sh."""
+EXTRA_KINDS = ("sample", "structure", "density")
+"""Read where they are there: compact sample, structure factor, density of states."""
+PASSAGES, GAIN_PASSAGES = 1.3, 6.0
+"""Records of the linear wave, in passages from wall to wall of the affine wave."""
 
 
 def case_name(text: str) -> str:
@@ -49,11 +61,12 @@ class Products:
     @cached_property
     def network(self) -> Network:
         """Contact network; without it nothing can be said about a case."""
-        if not self.has("network"):
-            raise InputError(
-                f"{self.path('network')}: no such file; run the case first, or give --products DIR"
-            )
-        return read_network(self.path("network"))
+        for kind in ("network", "sample"):
+            if self.has(kind):
+                return read_packing(self.path(kind))
+        raise InputError(
+            f"{self.path('network')}: no such file; run the case first, or give --products DIR"
+        )
 
     @cached_property
     def chain(self) -> Chain:
@@ -65,6 +78,27 @@ class Products:
                 "choose an FCC case, 1 to 4"
             )
         return chain
+
+    @cached_property
+    def is_crystal(self) -> bool:
+        """Whether the case has a theory: cases 1 to 4."""
+        return self.number <= 4
+
+    @property
+    def diameter(self) -> float:
+        """Mean diameter, m."""
+        return 2 * float(self.network.radius.mean())
+
+    @property
+    def stress(self) -> float:
+        """Stress, Pa, as the network's study states it; NaN if it does not."""
+        return float(self.network.study.get("stress", np.nan))
+
+    @cached_property
+    def label(self) -> str:
+        """Short name for legends: what it is, and under which stress."""
+        kind = "FCC" if self.is_crystal else "random"
+        return f"{kind}, {self.stress / 1e3:g} kPa (case {self.number})"
 
     @cached_property
     def modes(self) -> ModeSet | None:
@@ -88,6 +122,57 @@ class Products:
                 f"{self.path('signals')}: fewer than 50 times or 10 particles; record more"
             )
         return signals
+
+    @cached_property
+    def structure(self) -> StructureFactor | None:
+        """Dynamic structure factor, from `python -m analysis structure`."""
+        return read_structure(self.path("structure")) if self.has("structure") else None
+
+    @cached_property
+    def density(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Frequency (Hz), modes per Hz and modes below, of the whole spectrum; zero modes in it."""
+        if not self.has("density"):
+            return None
+        with open_h5(self.path("density"), DENSITY_SCHEMA, DENSITY_VERSION) as file:
+            frequency = get(file, "frequency", "f", (None,))
+            density = get(file, "all/density", "f", frequency.shape)
+            return frequency, density, get(file, "all/count_below", "f", frequency.shape)
+
+    @cached_property
+    def passage(self) -> float:
+        """Time from wall to wall, s, of a wave that strains the packing evenly; no wave is faster."""
+        return self.network.length / of_contacts(self.network).velocity
+
+    @cached_property
+    def wave(self) -> Signals:
+        """The linear wave of the springs, every particle recorded, from wall to wall and back a bit.
+
+        The pulse is that of the recorded run, or the study's.
+        """
+        return propagate(
+            self.network,
+            1.5 * PASSAGES * self.passage,
+            motion=self._motion,
+            interval=2e-6,
+            particles=True,
+        ).signals
+
+    @cached_property
+    def long_wave(self) -> Signals:
+        """The same over `GAIN_PASSAGES`, for the gain factor."""
+        return propagate(
+            self.network, GAIN_PASSAGES * self.passage, motion=self._motion, interval=2e-6
+        ).signals
+
+    @property
+    def record(self) -> Signals:
+        """What YADE recorded, or the linear wave where it has not run."""
+        return self.signals or self.wave
+
+    @property
+    def _motion(self) -> Pulse:
+        seen = self.signals
+        return Pulse(seen.amplitude, seen.input_frequency) if seen else Pulse()
 
     def linear(self, duration: float | None = None) -> Signals:
         """The linear wave of the network, exact tangent, at the times of the recorded wave.

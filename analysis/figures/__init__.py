@@ -1,67 +1,69 @@
-"""Figures: each function draws into given Axes and returns the numbers that it shows."""
+"""The figures: each a function from measured cases to a picture, drawn and tabulated."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
-from itertools import zip_longest
+from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
-from matplotlib.figure import Figure
-
-from analysis.figures import crystal, waves
-from analysis.figures.gain import gain
-from analysis.products import Products
+from analysis.figures import modes, packing, spectra, velocities, waves
+from analysis.measures import Measures
+from analysis.picture import Picture
+from analysis.render import save
 from modal.storage import InputError
 
-STYLE = Path(__file__).with_name("paper.mplstyle")
-# name: (function, rows of axes, product that it needs)
-FIGURES: dict[str, tuple[Callable, int, str]] = {
-    "signals": (waves.signals, 3, "signals"),
-    "space_time": (waves.space_time, 1, "signals"),
-    "spectrum_distance": (waves.spectrum_distance, 1, "signals"),
-    "dispersion": (waves.dispersion, 1, "network"),
-    "gain": (gain, 2, "network"),
-    "natural_frequencies": (crystal.natural_frequencies, 2, "modes"),
-    "chi_z": (crystal.chi_z, 1, "modes"),
-    "mode_shapes": (crystal.mode_shapes, 6, "modes"),
+
+@dataclass(frozen=True)
+class Entry:
+    """A figure: its numbers in the paper, the function, and whether it lays cases side by side."""
+
+    number: str
+    function: Callable[[list[Measures]], Picture]
+    crystals_only: bool = False
+
+    @property
+    def caption(self) -> str:
+        """First line of the function's docstring."""
+        return (self.function.__doc__ or "").strip().splitlines()[0]
+
+
+FIGURES: dict[str, Entry] = {
+    "samples": Entry("1", packing.samples),
+    "source": Entry("2", packing.source),
+    "signals": Entry("3", waves.signals),
+    "signals_stress": Entry("4", waves.signals_stress),
+    "space_time": Entry("5", waves.space_time),
+    "velocity_cases": Entry("6", velocities.velocity_cases),
+    "natural_frequencies": Entry("7", modes.natural_frequencies),
+    "highest_frequency": Entry("8", modes.highest_frequency),
+    "chi_z": Entry("9", modes.chi_z),
+    "mode_shapes": Entry("10", modes.mode_shapes),
+    "velocity_frequency": Entry("11", velocities.velocity_frequency),
+    "spectrum_distance": Entry("12, 13", waves.spectrum_distance),
+    "dispersion": Entry("14, 15", spectra.dispersion),
+    "low_pass_cases": Entry("16", velocities.low_pass_cases),
+    "velocity_low_pass": Entry("17", velocities.velocity_low_pass),
+    "wavelength_cases": Entry("18", velocities.wavelength_cases),
+    "gain": Entry("19", spectra.gain),
+    "low_pass_chains": Entry("", waves.low_pass_chains),
+    "structure": Entry("", spectra.structure),
+    "stress_dependence": Entry("", velocities.stress_dependence, crystals_only=True),
 }
-CROSS_CASE = {"stress_dependence": (crystal.stress_dependence, 2, "network")}
 
 
-def draw(name: str, cases: list[Products], output: Path, *, missing_ok: bool = False) -> list[Path]:
-    """Draw a figure of each case, or one of all; returns the PNG and CSV files written."""
-    if name not in FIGURES and name not in CROSS_CASE:
-        known = ", ".join(sorted((*FIGURES, *CROSS_CASE)))
+def picture(name: str, cases: list[Measures]) -> Picture:
+    """One figure of the given cases; InputError where its name or a product is missing."""
+    if name not in FIGURES:
+        known = ", ".join(FIGURES)
         raise InputError(f"{name!r} is not a figure; choose one of {known}")
-    function, rows, needs = (FIGURES | CROSS_CASE)[name]
-    missing = [case for case in cases if not case.has(needs)]
-    if missing:
-        if missing_ok:
-            return []
-        raise InputError(f"{missing[0].path(needs)}: no such file; make it before figure {name}")
-    if name in CROSS_CASE:
-        return write_figure(function, cases, rows, output / name)
-    paths = []
-    for case in cases:
-        paths += write_figure(function, case, rows, output / f"{case.name}.{name}")
-    return paths
+    entry = FIGURES[name]
+    if entry.crystals_only:
+        cases = [m for m in cases if m.case.is_crystal]
+        if not cases:
+            raise InputError(f"figure {name} is of crystals; give one of the cases 1 to 4")
+    return entry.function(cases)
 
 
-def write_figure(function: Callable, subject: object, rows: int, stem: Path) -> list[Path]:
-    """Draw `function(axes, subject)` and write stem.png and stem.csv."""
-    with matplotlib.rc_context(fname=STYLE):
-        width, height = matplotlib.rcParams["figure.figsize"]
-        figure = Figure(figsize=(width, height if rows == 1 else 1.1 + 1.55 * rows))
-        axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
-        columns = function(axes if rows > 1 else axes[0], subject)
-        png = stem.with_name(stem.name + ".png")
-        figure.savefig(png)
-    table = stem.with_name(stem.name + ".csv")
-    with open(table, "w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for line in zip_longest(*columns.values(), fillvalue=""):
-            writer.writerow(x if isinstance(x, str) else f"{x:.8g}" for x in line)
-    return [png, table]
+def draw(name: str, cases: list[Measures], stem: Path) -> list[Path]:
+    """Draw one figure; returns the PNG and CSV files written."""
+    return save(picture(name, cases), stem)

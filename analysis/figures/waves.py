@@ -1,120 +1,137 @@
-"""Figures of a wave run: signals, space-time, spectrum against distance, dispersion."""
+"""Figures 3 to 5, 12, 13: signals over time and distance, and their spectra over distance."""
 
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from analysis import dispersion as disp
 from analysis.exact_chain import exact_twin
-from analysis.lowpass import spectrum_with_distance, threshold_frequency
+from analysis.measures import Measures
+from analysis.picture import Panel, Picture
 from analysis.products import Products
-from modal.lattice import dispersion as eq_9
+from modal.signals import Signals
 
-Columns = dict[str, np.ndarray]
-
-
-def signals(axes: np.ndarray, case: Products) -> Columns:
-    """Displacement at 10, 50 and 100 diameters from the source wall, beside the exact chain."""
-    record = case.signals
-    twin = exact_twin(record, case.chain)
-    diameter = 2 * float(case.network.radius.mean())
-    depth = (record.chain_position - case.network.wall_position[0]) / diameter
-    columns = {"time_ms": 1e3 * record.time}
-    for ax, wanted in zip(axes, (10, 50, 100), strict=True):
-        n = int(np.argmin(np.abs(depth - wanted)))
-        u = 1e9 * record.chain_displacement[:, n]
-        ax.plot(columns["time_ms"], u, label=record.producer, color="0.55", lw=2.2, ls="-")
-        columns[f"u_{wanted}D_nm"] = u
-        if twin.chain_displacement.shape[1] == len(depth):
-            exact = 1e9 * twin.chain_displacement[:, n]
-            ax.plot(columns["time_ms"], exact, label="exact chain", color="k", ls="--", lw=0.9)
-            columns[f"u_{wanted}D_exact_nm"] = exact
-        ax.set_ylabel("$u_z$ (nm)")
-        ax.set_title(f"{depth[n]:.1f} D from the source wall", fontsize=9, loc="left")
-    axes[0].legend(loc="upper right")
-    axes[-1].set_xlabel("time (ms)")
-    return columns
+POINTS = 300
+"""Most points of a curve or of a side of a map."""
 
 
-def space_time(ax: Axes, case: Products) -> Columns:
-    """Displacement over distance and time, with the line of the long-wave velocity."""
-    record = case.signals
-    z = 1e3 * (record.chain_position - case.network.wall_position[0])
-    step = max(1, len(record.time) // 800)
-    t = 1e3 * record.time[::step]
-    u = 1e9 * record.chain_displacement[::step]
-    top = np.abs(u).max()
-    mesh = ax.pcolormesh(z, t, u, cmap="RdGy_r", vmin=-top, vmax=top, rasterized=True)
-    ax.figure.colorbar(mesh, ax=ax, label="$u_z$ (nm)")
-    line = 1e3 * z / (1e3 * case.chain.velocity)
-    ax.plot(z, line, color="k", ls="--", label="$V_P$ of Eq. 6")
-    ax.set(xlabel="distance from the source wall (mm)", ylabel="time (ms)", ylim=(t[0], t[-1]))
-    ax.legend(loc="upper left")
-    return {"distance_mm": z, "long_wave_arrival_ms": line}
+def _thin(count: int) -> slice:
+    return slice(None, None, max(1, count // POINTS))
 
 
-def spectrum_distance(ax: Axes, case: Products) -> Columns:
-    """Spectral amplitude of the chain over distance, with the threshold frequencies."""
-    record = case.signals
-    z = 1e3 * (record.chain_position - case.network.wall_position[0])
-    frequency, amplitude = spectrum_with_distance(record)
-    keep = frequency < 1.5 * case.chain.low_pass_frequency
-    f = frequency[keep] / 1e3
-    shade = 20 * np.log10(np.maximum(amplitude[keep], 1e-3))
-    mesh = ax.pcolormesh(z, f, shade, rasterized=True)
-    ax.figure.colorbar(mesh, ax=ax, label="amplitude (dB of the maximum)")
-    columns = {"distance_mm": z}
-    for percent, style in ((2, "-"), (1, ":")):
-        edge = threshold_frequency(frequency, amplitude, percent / 100) / 1e3
-        ax.plot(z, edge, color="#c05000", ls=style, label=f"{percent} % threshold")
-        columns[f"f_low_pass_{percent}pct_kHz"] = edge
-    ax.axhline(case.chain.low_pass_frequency / 1e3, color="#0060a8", ls="--", label="Eq. 10")
-    ax.set(xlabel="distance from the source wall (mm)", ylabel="frequency (kHz)", ylim=(0, f[-1]))
-    ax.grid(False)
-    ax.legend(loc="lower left")
-    return columns
+def _signal(panel: Panel, case: Products, wanted: float) -> None:
+    """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
+    record = case.record
+    depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
+    n = int(np.argmin(abs(depth - wanted)))
+    keep = _thin(len(record.time) // 2)
+    time = 1e3 * record.time[keep]
+    label = f"{record.producer}"
+    panel.line(time, 1e9 * record.chain_displacement[keep, n], label, color="0.6", lw=2.2)
+    other: Signals | None = None
+    if case.is_crystal:
+        other, label = exact_twin(record, case.chain), "exact chain"
+    elif record.producer == "yade":
+        other, label = case.wave, "linear"
+    if other is not None:
+        inside = other.time <= record.time[-1]
+        at = other.chain_particle if case.is_crystal else np.asarray(other.chain_particle)
+        m = n if case.is_crystal else int(np.flatnonzero(at == record.chain_particle[n])[0])
+        u = 1e9 * other.chain_displacement[inside, m]
+        keep = _thin(len(u) // 2)
+        panel.line(1e3 * other.time[inside][keep], u[keep], label, color="k", ls="--", lw=0.9)
+    panel.title = f"{case.label}: {depth[n]:.0f} D from the source wall"
 
 
-def dispersion(ax: Axes, case: Products) -> Columns:
-    """Frequency over wavenumber: f-k map, its unbiased ridge, resonances and Eq. 9."""
-    chain, record, modes = case.chain, case.signals, case.modes
-    kappa = np.linspace(0, 1, 101) * np.pi / chain.distance
-    theory = eq_9(kappa, chain.stiffness, chain.mass, chain.distance) / (2e3 * np.pi)
-    columns = {"kappa_per_m": kappa, "theory_kHz": theory}
-    if record is not None:
-        f, k, amplitude = disp.fk_map(record)
-        keep = f < 1.15e3 * theory.max()
-        shade = 20 * np.log10(np.maximum(amplitude[keep], 1e-3))
-        mesh = ax.pcolormesh(k, f[keep] / 1e3, shade, rasterized=True, alpha=0.6)
-        ax.figure.colorbar(mesh, ax=ax, label=f"f-k amplitude, {record.producer} (dB)")
-    ax.plot(kappa, theory, color="k", ls="-", label="theory (Eq. 9)")
-    if modes is not None and modes.resonance_frequency is not None:
-        f_r, k_r = modes.resonance_frequency / 1e3, modes.resonance_wavenumber
-        ax.plot(
-            k_r[4::10],
-            f_r[4::10],
-            "o",
-            mfc="w",
-            color="#0060a8",
-            ms=4.5,
-            label="resonances (every tenth)",
-        )
-        columns |= {"resonance_kappa_per_m": k_r, "resonance_kHz": f_r}
-    if record is not None:
-        ridge = disp.chain_dispersion(record).omega(kappa) / (2e3 * np.pi)
-        inside = kappa <= 0.98 * kappa[-1]
-        ax.plot(
-            kappa[inside],
-            ridge[inside],
-            color="#c05000",
-            ls="--",
-            lw=2,
-            label=f"{record.producer}, damped transform",
-        )
-        columns["signals_kHz"] = ridge
-    ax.set(xlabel=r"wavenumber $\kappa$ (rad/m)", ylabel="frequency (kHz)")
-    ax.set(xlim=(0, kappa[-1]), ylim=(0, 1.12 * theory.max()))
-    ax.grid(False)
-    ax.legend(loc="lower right")
-    return columns
+def signals(cases: list[Measures]) -> Picture:
+    """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
+    panels = []
+    for measured in cases:
+        for wanted in (10, 50, 100):
+            panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper left")
+            _signal(panel, measured.case, wanted)
+            panels.append(panel)
+    return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
+
+
+def signals_stress(cases: list[Measures]) -> Picture:
+    """Fig. 4: displacement at 50 D from the source wall, all stresses one below the other."""
+    panels = []
+    for measured in sorted(cases, key=lambda m: m.case.stress):
+        panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper left")
+        _signal(panel, measured.case, 50)
+        panels.append(panel)
+    return Picture(panels, shape=(5.5, 0.5 + 1.9 * len(panels)))
+
+
+def space_time(cases: list[Measures]) -> Picture:
+    """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
+    panels = []
+    for measured in cases:
+        record, case = measured.case.record, measured.case
+        z = 1e3 * (record.chain_position - case.network.wall_position[0])
+        step, every = _thin(len(record.time)), _thin(2 * len(z))
+        u = 1e9 * record.chain_displacement[step][:, every]
+        top = float(f"{np.percentile(abs(u), 99.9):.3g}")
+        panel = Panel(
+            "distance from the source wall (mm)", "time (ms)", title=case.label,
+            colour_label="$u_z$ (nm)", legend="upper left",
+        )  # fmt: skip
+        panel.map(z[every], 1e3 * record.time[step], u, cmap="RdGy_r", vmin=-top, vmax=top)
+        line = z / measured.long_wave.value
+        seen = line < 1e3 * record.time[-1]
+        panel.line(z[seen], line[seen], "long-wave $V_P$", color="k", ls="--")
+        panels.append(panel)
+    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+
+
+def spectrum_distance(cases: list[Measures]) -> Picture:
+    """Figs. 12 and 13: spectral amplitude over distance (layer means), thresholds and plateau."""
+    panels = []
+    for measured in cases:
+        case = measured.case
+        distance, found = measured.thresholds
+        wave = case.wave
+        u = wave.chain_displacement if case.is_crystal else wave.layer_displacement
+        top = 0.55 * measured.highest if not case.is_crystal else 0.8 * measured.highest
+        frequency = np.linspace(0, top, 200)
+        amplitude = abs(np.exp(-2j * np.pi * frequency[:, None] * wave.time) @ u)
+        shade = 20 * np.log10(np.maximum(amplitude / amplitude.max(), 1e-3))
+        every = _thin(2 * len(distance))
+        panel = Panel(
+            "distance from the source wall (mm)", "frequency (kHz)", title=case.label,
+            colour_label="amplitude (dB)", legend="lower left", ylim=(0, top / 1e3),
+        )  # fmt: skip
+        panel.map(1e3 * distance[every], frequency / 1e3, shade[:, every], cmap="gray_r")
+        for row, plateau, text, style in zip(
+            found, measured.low_pass, ("2 %", "1 %"), ("-", ":"), strict=True
+        ):
+            panel.line(1e3 * distance, row / 1e3, f"{text} threshold", color="#c05000", ls=style)
+            ends = 1e3 * np.array([plateau.start, plateau.end])
+            panel.line(
+                ends, [plateau.value / 1e3] * 2, f"plateau {text}", color="#0060a8", ls=style, lw=3
+            )
+        panels.append(panel)
+    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+
+
+def low_pass_chains(cases: list[Measures]) -> Picture:
+    """Beyond the paper: f_low-pass (2 %) of every particle against that of the layers."""
+    panels = []
+    for measured in cases:
+        case = measured.case
+        distance, found = measured.particle_thresholds
+        edges = np.linspace(0, case.network.length, 41)
+        middle = 0.5e3 * (edges[1:] + edges[:-1])
+        with np.errstate(all="ignore"):
+            groups = [found[0][(distance >= a) & (distance < b)] for a, b in zip(edges, edges[1:])]  # noqa: B905
+            groups = [g[np.isfinite(g)] for g in groups]
+            low, mid, high = np.array(
+                [np.percentile(g, (16, 50, 84)) if len(g) > 2 else [np.nan] * 3 for g in groups]
+            ).T
+        panel = Panel("distance from the source wall (mm)", "$f_{low-pass}$ (kHz)", case.label)
+        panel.add("band", middle, low / 1e3, high / 1e3, "particles, 16-84 %", color="0.8")
+        panel.line(middle, mid / 1e3, "particles, median", color="k", ls="--")
+        z, layers = measured.thresholds
+        panel.line(1e3 * z, layers[0] / 1e3, "layer means", color="#c05000")
+        panels.append(panel)
+    return Picture(panels, columns=2 if len(panels) > 1 else 1)

@@ -1,0 +1,94 @@
+"""The coherent wave: wave number, attenuation, velocities over frequency from means of layers.
+
+Means over slabs average away most of what disorder scatters. Under a window exp(-eta t) the
+transform U(z, s), s = eta - i omega, of a wave that runs one way is U exp(i q z), Re q = kappa the
+wave number, Im q the decay; the ratio of neighbouring layers gives exp(i q l), by least squares over a stretch
+that the reflected wave reaches only after the record's end. The window's own share of Im q,
+eta over the group velocity, is taken off; to first order in eta it leaves kappa as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.signals import Signals
+
+DECAY = 4.0
+"""eta T: the cut at the record's end is damped to e^-4; a reflection comes later than half of it."""
+STRETCH = (0.1, 0.6)
+"""Part of the length that is used: behind the source wall's own field, ahead of the reflection."""
+COHERENCE = 0.9
+"""Least correlation of neighbouring layers for which a wave number is given."""
+
+
+@dataclass(frozen=True)
+class Coherent:
+    """frequency (nf,) Hz; wavenumber, attenuation (nf,) 1/m; NaN where no coherent wave is left."""
+
+    frequency: np.ndarray
+    wavenumber: np.ndarray
+    attenuation: np.ndarray
+
+    @property
+    def phase_velocity(self) -> np.ndarray:
+        """omega / kappa (nf,), m/s."""
+        return 2 * np.pi * self.frequency / self.wavenumber
+
+    @property
+    def group_velocity(self) -> np.ndarray:
+        """d omega / d kappa (nf,), m/s, by central differences."""
+        return np.gradient(2 * np.pi * self.frequency) / np.gradient(self.wavenumber)
+
+    def at(self, frequency: float, values: np.ndarray) -> float:
+        """`values` (nf,) at one frequency, Hz; NaN where there is no coherent wave."""
+        known = np.isfinite(values)
+        if not known.any() or not self.frequency[known][0] <= frequency:
+            return np.nan
+        return float(np.interp(frequency, self.frequency[known], values[known], right=np.nan))
+
+
+def coherent_wave(
+    signals: Signals,
+    length: float,
+    *,
+    highest: float | None = None,
+    points: int = 120,
+    decay: float = DECAY,
+) -> Coherent:
+    """Wave number of a record in a sample of `length` (m), to `highest` Hz (the whole pulse).
+
+    Layer means where the record has them, else the chain, whose distances must then be equal.
+    """
+    z, u = signals.chain_position, signals.chain_displacement
+    if signals.layer_displacement is not None:
+        z, u = signals.layer_position, signals.layer_displacement
+    depth = (z - z[0]) / length
+    part = np.flatnonzero((depth >= STRETCH[0]) & (depth <= STRETCH[1]))
+    nan = np.full(points, np.nan)
+    time = signals.time
+    duration = time[-1] - time[0]
+    highest = highest or 2 * signals.input_frequency
+    frequency = np.linspace(highest / points, highest, points)
+    if len(part) < 3:
+        return Coherent(frequency, nan, nan)
+    z, u = z[part], u[:, part]
+    eta = decay / duration
+    kernel = np.exp((2j * np.pi * frequency[:, None] - eta) * time)
+    field = kernel @ u
+    before, after = field[:, :-1], field[:, 1:]
+    distance = float(np.mean(np.diff(z)))
+    # Layers are not quite equally far apart: each step is turned back to the mean distance.
+    excess, kappa = np.diff(z) - distance, np.zeros(points)
+    for _ in range(4):
+        product = before.conj() * after * np.exp(-1j * kappa[:, None] * excess)
+        product = product.sum(axis=1)
+        q = -1j * np.log(product / (abs(before) ** 2).sum(axis=1)) / distance
+        kappa = q.real
+    power = np.sqrt((abs(before) ** 2).sum(axis=1) * (abs(after) ** 2).sum(axis=1))
+    slowness = np.gradient(kappa, 2 * np.pi * frequency)
+    lost = (abs(product) < COHERENCE * power) | (slowness <= 0)
+    wave = np.array([kappa, q.imag - eta * slowness])
+    wave[:, np.logical_or.accumulate(lost)] = np.nan
+    return Coherent(frequency, *wave)

@@ -1,0 +1,81 @@
+"""Effective medium theory: stiffness and velocities if every sphere followed the mean strain.
+
+Exact for the FCC crystal along [001]; an upper bound for a random packing, whose spheres relax from
+the mean strain (Otsubo et al. 2017, section 2, refs. 16 and 22).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.hertz_mindlin import GLASS, Material, overlap_of_force, stiffness_normal
+from modal.hertz_mindlin import stiffness_tangential as tangential
+from modal.layers import force_bearing
+from modal.network import Network
+from modal.storage import InputError
+
+
+@dataclass(frozen=True)
+class EffectiveMedium:
+    """P-wave modulus, Pa, density, kg/m^3, and velocity, m/s, along z."""
+
+    modulus: float
+    density: float
+
+    @property
+    def velocity(self) -> float:
+        """V_P, m/s."""
+        return float(np.sqrt(self.modulus / self.density))
+
+
+def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
+    """Mean strain imposed on the very contacts of a packing, `margin` diameters from the walls.
+
+    With spheres that neither relax nor turn, M = sum over contacts of
+    (kn n_z^4 + kt (n_z^2 - n_z^4)) l^2 over the volume, a contact counting by the part of its
+    branch that lies inside. The density is that of the force-bearing spheres, from the slope of their
+    number over z, which a crystal's layers do not disturb. InputError if nothing is inside.
+    """
+    zone = margin * 2 * float(network.radius.mean())
+    low, high = network.wall_position + np.array([zone, -zone])
+    bearing = force_bearing(network)
+    z = np.sort(network.position[bearing, 2])
+    inside = (z > low) & (z < high)
+    pair = ~network.with_wall
+    branch = (network.lever_i - network.lever_j)[pair]
+    start = network.position[network.particle_i[pair], 2]
+    ends = np.sort(np.column_stack([start, start + branch[:, 2]]), axis=1)
+    span = np.maximum(ends[:, 1] - ends[:, 0], 1e-12 * network.radius.mean())
+    part = np.clip(np.minimum(ends[:, 1], high) - np.maximum(ends[:, 0], low), 0, None) / span
+    if inside.sum() < 2 or not part.any():
+        raise InputError("the packing is too short for its bulk; take a longer one")
+    nz2 = network.normal[pair, 2] ** 2
+    kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
+    local = (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
+    area = float(np.prod(network.cell_size[:2]))
+    per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
+    density = float(network.mass.mean()) * per_length / area
+    return EffectiveMedium(float(part @ local / (area * (high - low))), float(density))
+
+
+def of_means(
+    void_ratio: float,
+    coordination: float,
+    stress: float,
+    radius: float,
+    material: Material = GLASS,
+) -> EffectiveMedium:
+    """Random isotropic packing of equal spheres, known by its means alone, stress in Pa.
+
+    Every contact carries the mean force N = 4 pi R^2 (1 + e) stress / Z; then
+    M = Z (3 kn + 2 kt) / (10 pi R (1 + e)), the P-wave modulus of the isotropic average
+    (<n_z^4> = 1/5, <n_z^2> - <n_z^4> = 2/15).
+    """
+    force = 4 * np.pi * radius**2 * (1 + void_ratio) * stress / coordination
+    overlap = overlap_of_force(force, radius / 2, material)
+    kn = stiffness_normal(overlap, radius / 2, material)
+    kt = tangential(overlap, radius / 2, material)
+    modulus = coordination * (3 * kn + 2 * kt) / (10 * np.pi * radius * (1 + void_ratio))
+    return EffectiveMedium(float(modulus), material.density / (1 + void_ratio))

@@ -1,0 +1,53 @@
+"""Figures 1 and 2: what the packing looks like, and what the source wall does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.measures import Measures
+from analysis.picture import Panel, Picture
+from modal.statistics import contacts_per_particle
+
+MAX_DISCS = 2500
+
+
+def samples(cases: list[Measures]) -> Picture:
+    """Fig. 1: spheres of a slab one diameter thick, coloured by their coordination number."""
+    panels = []
+    for measured in cases:
+        case = measured.case
+        network, d = case.network, case.diameter
+        y, middle = network.position[:, 1], 0.5 * float(network.cell_size[1])
+        near = np.argsort(abs((y % network.cell_size[1]) - middle))
+        chosen = near[abs((y[near] % network.cell_size[1]) - middle) < 0.5 * d][:MAX_DISCS]
+        x = network.position[chosen, 0] % network.cell_size[0]
+        z = network.position[chosen, 2] - network.wall_position[0]
+        number = contacts_per_particle(network)[chosen]
+        panel = Panel(
+            "distance from the source wall (mm)", "x (mm)", title=case.label, equal=True,
+            colour_label="contacts", xlim=(0, 1e3 * network.length),
+            ylim=(-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d),
+        )  # fmt: skip
+        style = {"diameter": 1e3 * d, "cmap": "viridis", "clim": (0, 12)}
+        panel.add("spheres", 1e3 * z, 1e3 * x, number, **style)
+        panels.append(panel)
+    return Picture(panels, shape=(10, 1.0 + 1.3 * len(panels)))
+
+
+def source(cases: list[Measures]) -> Picture:
+    """Fig. 2: displacement of the source wall and its spectrum, for each pulse among the cases."""
+    left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
+    right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
+    pulses = sorted({(m.case.wave.input_frequency, m.case.wave.amplitude) for m in cases})
+    for (input_frequency, amplitude), style in zip(pulses, ("-", "--", ":"), strict=False):
+        time = np.linspace(0, 2e-5, 401)
+        inside = time * input_frequency < 1
+        u = amplitude * (1 - np.cos(2 * np.pi * input_frequency * time)) * inside
+        frequency = np.linspace(0, 5e5, 501)
+        fine = np.linspace(0, 1 / input_frequency, 2001)
+        pulse = 1 - np.cos(2 * np.pi * input_frequency * fine)
+        spectrum = abs(np.exp(-2j * np.pi * frequency[:, None] * fine) @ pulse)
+        label = f"{input_frequency / 1e3:g} kHz"
+        left.line(1e6 * time, 1e9 * u, label, ls=style, color="k")
+        right.line(frequency / 1e3, spectrum / spectrum.max(), label, ls=style, color="k")
+    return Picture([left, right], columns=2)

@@ -1,0 +1,135 @@
+"""Figures 6, 11, 16 to 18: velocities and the low-pass frequency, over cases and over frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.measures import Measures
+from analysis.picture import Panel, Picture
+from analysis.stress import power_law, stress_rows
+from analysis.velocity import mode_velocities, wall_velocity
+
+MARKERS = {"FCC": "s", "random": "o"}
+
+
+def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
+    """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
+    found: dict[str, list[Measures]] = {}
+    for m in sorted(cases, key=lambda m: m.case.stress):
+        friction = m.case.network.study.get("mu_comp", np.nan)
+        name = "FCC" if m.case.is_crystal else f"random, mu_comp {float(friction):g}"
+        found.setdefault(name, []).append(m)
+    return found
+
+
+def _points(panel: Panel, name: str, x, y, label: str) -> None:
+    marker, colour = MARKERS[name.split(",")[0]], "k" if name == "FCC" else "#c05000"
+    panel.line(x, y, label, marker=marker, mfc="none", color=colour, ls="none")
+
+
+def velocity_cases(cases: list[Measures]) -> Picture:
+    """Fig. 6: V_P (first peaks, dL/dt) against void ratio and stress, with fitted exponents."""
+    left = Panel("void ratio", "$V_P$, first peaks (m/s)")
+    right = Panel("stress (kPa)", "$V_P$ (m/s)", xscale="log", yscale="log")
+    for name, members in groups(cases).items():
+        stress = np.array([m.case.stress for m in members])
+        peak = np.array([m.first_peak.value for m in members])
+        _points(left, name, [m.void_ratio for m in members], peak, name)
+        exponent = power_law(stress, peak)
+        text = f"{name}: b = {exponent:.4f}" if np.isfinite(exponent) else name
+        _points(right, name, stress / 1e3, peak, text)
+        if len(members) > 1:
+            scale = np.exp(np.mean(np.log(peak) - exponent * np.log(stress)))
+            right.line(stress / 1e3, scale * stress**exponent, color="0.5", lw=0.8)
+    return Picture([left, right], columns=2)
+
+
+def velocity_frequency(cases: list[Measures]) -> Picture:
+    """Fig. 11: phase and group velocity: walls, coherent wave of the layers, modes; and dL/dt."""
+    panels = []
+    for m in cases:
+        case = m.case
+        top = 0.9 * m.low_pass[0].value
+        panel = Panel(
+            "frequency (kHz)", "velocity (m/s)", case.label, legend="lower left",
+            ylim=(0, 1.25 * m.long_wave.value), xlim=(0, top / 1e3),
+        )  # fmt: skip
+        walls = wall_velocity(case.wave, case.network.length)
+        if walls is not None:
+            f, phase, group, _ = walls
+            keep = (f > 0.3 * m.low_frequency) & (f < top)
+            panel.line(f[keep] / 1e3, phase[keep], "phase, walls", color="0.6")
+            panel.line(f[keep] / 1e3, group[keep], "group, walls", color="0.6", ls=":")
+        wave = m.coherent
+        keep = wave.frequency < top
+        f = wave.frequency[keep] / 1e3
+        panel.line(f, wave.phase_velocity[keep], "phase, layers", color="k")
+        panel.line(f, wave.group_velocity[keep], "group, layers", color="k", ls=":")
+        f_r, kappa = m.resonances
+        if len(f_r) > 2:
+            keep = f_r < top
+            phase, group = mode_velocities(f_r[keep], kappa[keep])
+            every = slice(None, None, max(1, len(phase) // 25))
+            style = {"ls": "none", "mfc": "none", "color": "#0060a8", "ms": 5}
+            panel.line(f_r[keep][every] / 1e3, phase[every], "phase, modes", marker="o", **style)
+            panel.line(f_r[keep][every] / 1e3, group[every], "group, modes", marker="v", **style)
+        panel.add("hline", [0], [m.first_peak.value], None, "first peaks", color="#c05000", ls="--")
+        panels.append(panel)
+    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+
+
+def low_pass_cases(cases: list[Measures]) -> Picture:
+    """Fig. 16: f_low-pass of all cases against void ratio and stress, 2 % rule with its error."""
+    left = Panel("void ratio", "$f_{low-pass}$, 2 % (kHz)", yscale="log")
+    right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", xscale="log", yscale="log")
+    for name, members in groups(cases).items():
+        stress = np.array([m.case.stress for m in members]) / 1e3
+        two, one = (np.array([m.low_pass[k].value for m in members]) / 1e3 for k in (0, 1))
+        _points(left, name, [m.void_ratio for m in members], two, name)
+        _points(right, name, stress, two, f"{name}, 2 %")
+        right.line(stress, one, f"{name}, 1 %", marker="+", ls="none", color="0.4")
+    return Picture([left, right], columns=2)
+
+
+def velocity_low_pass(cases: list[Measures]) -> Picture:
+    """Fig. 17: f_low-pass against V_P; slope of the line through each group (log-log)."""
+    panel = Panel("$V_P$, first peaks (m/s)", "$f_{low-pass}$, 2 % (kHz)", "")
+    panel.xscale = panel.yscale = "log"
+    for name, members in groups(cases).items():
+        v = np.array([m.first_peak.value for m in members])
+        f = np.array([m.low_pass[0].value for m in members]) / 1e3
+        slope = power_law(v, f)
+        text = f"{name}: slope {slope:.2f}" if np.isfinite(slope) else name
+        _points(panel, name, v, f, text)
+    return Picture([panel])
+
+
+def wavelength_cases(cases: list[Measures]) -> Picture:
+    """Fig. 18: lambda_low-pass / D against void ratio, 2 % and 1 % rule."""
+    panel = Panel("void ratio", r"$\lambda_{low-pass}/D$", yscale="log")
+    for name, members in groups(cases).items():
+        e = [m.void_ratio for m in members]
+        for k, text, marker in ((0, "2 %", MARKERS[name.split(",")[0]]), (1, "1 %", "+")):
+            value = [m.wavelength_at(m.low_pass[k].value) / m.case.diameter for m in members]
+            panel.line(e, value, f"{name}, {text}", marker=marker, mfc="none", ls="none", color="k")
+    panel.add("hline", [0], [2**0.5], None, r"FCC theory, $\sqrt{2}$", color="0.5", ls=":")
+    return Picture([panel])
+
+
+def stress_dependence(cases: list[Measures]) -> Picture:
+    """Long-wave velocity and band edge of the crystals: theory, modes, signals, with exponents."""
+    left = Panel("stress (kPa)", "$V_P$, long waves (m/s)", xscale="log", yscale="log")
+    right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", xscale="log", yscale="log")
+    columns = stress_rows([m.case for m in cases if m.case.is_crystal])
+    stress = columns["stress_Pa"]
+    for name, marker, size in (("theory", "s", 9), ("modal", "o", 6), ("yade", "x", 6)):
+        for panel, key, scale in (
+            (left, f"velocity_{name}_m_per_s", 1),
+            (right, f"f_low_pass_{name}_Hz", 1e-3),
+        ):
+            value = scale * columns[key]
+            exponent = power_law(stress, value)
+            text = f"{name}: b = {exponent:.4f}" if np.isfinite(exponent) else name
+            style = {"marker": marker, "mfc": "none", "ls": "none", "color": "k", "ms": size}
+            panel.line(stress / 1e3, value, text, **style)
+    return Picture([left, right], columns=2)

@@ -1,0 +1,144 @@
+"""A figure as data: panels of series, written to one CSV from which alone it is drawn again.
+
+The CSV begins with lines `# {...}`, JSON: one for the picture, one for each panel and each series
+(labels, units in the axis labels, line styles). Then come the numbers, a row a point: panel,
+series, x, y, z. Numbers are rounded to seven digits before anything is drawn, so the file holds all
+that the picture shows, and drawing it again gives the same picture.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from modal.storage import InputError
+
+KINDS = ("line", "map", "spheres", "band", "vline", "hline")
+DIGITS = 7
+
+
+@dataclass
+class Series:
+    """One curve, point set, map or band of a panel.
+
+    kind: `line` (points joined or not, by `style`); `map`, z over a regular grid of x and y;
+    `spheres`, discs at x, y coloured by z; `band` between y and z; `vline`, `hline`, at each x or
+    y. `style` goes to Matplotlib as it is.
+    """
+
+    kind: str
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray | None = None
+    label: str = ""
+    style: dict = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
+        self.x, self.y = (_rounded(values) for values in (self.x, self.y))
+        self.z = None if self.z is None else _rounded(self.z)
+
+
+@dataclass
+class Panel:
+    """Axes: labels with units, limits and scales, and what is drawn in them."""
+
+    xlabel: str
+    ylabel: str
+    title: str = ""
+    xlim: tuple[float, float] | None = None
+    ylim: tuple[float, float] | None = None
+    xscale: str = "linear"
+    yscale: str = "linear"
+    colour_label: str = ""
+    legend: str = "best"
+    equal: bool = False
+    series: list[Series] = field(default_factory=list)
+
+    def add(self, kind: str, x, y, z=None, label: str = "", **style) -> None:
+        """Append a series."""
+        self.series.append(Series(kind, x, y, z, label, style))
+
+    def line(self, x, y, label: str = "", **style) -> None:
+        """Append a curve; `marker` and `ls="none"` for points."""
+        self.add("line", x, y, None, label, **style)
+
+    def map(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, **style) -> None:
+        """Append a map: z (ny, nx) over x (nx,) and y (ny,)."""
+        grid_x, grid_y = np.meshgrid(x, y)
+        self.add("map", grid_x.ravel(), grid_y.ravel(), np.ravel(z), **style)
+
+
+@dataclass
+class Picture:
+    """Panels, row by row in `columns` columns; `shape` is width and height in inches."""
+
+    panels: list[Panel]
+    columns: int = 1
+    shape: tuple[float, float] | None = None
+
+
+def write_picture(path: Path, picture: Picture) -> None:
+    """Write the CSV."""
+    with open(path, "w", newline="") as file:
+        head = {"columns": picture.columns, "shape": picture.shape}
+        file.write("# " + json.dumps({"picture": head}) + "\n")
+        for panel in picture.panels:
+            bare = Panel(**{**vars(panel), "series": []})
+            file.write("# " + json.dumps({"panel": asdict(bare)}) + "\n")
+            for series in panel.series:
+                facts = {"kind": series.kind, "label": series.label, "style": series.style}
+                file.write("# " + json.dumps({"series": facts}) + "\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("panel", "series", "x", "y", "z"))
+        writer.writerows(_rows(picture))
+
+
+def _rows(picture: Picture) -> Iterator[tuple[str, ...]]:
+    for p, panel in enumerate(picture.panels):
+        for s, series in enumerate(panel.series):
+            z = series.z
+            for k in range(len(series.x)):
+                third = "" if z is None else _text(z[k])
+                yield str(p), str(s), _text(series.x[k]), _text(series.y[k]), third
+
+
+def read_picture(path: str | Path) -> Picture:
+    """The picture that a CSV holds; InputError if it is not one."""
+    try:
+        lines = Path(path).read_text().splitlines()
+        heads = [json.loads(line[2:]) for line in lines if line.startswith("# ")]
+        rows = list(csv.reader(line for line in lines if not line.startswith("# ")))[1:]
+        points: dict[tuple[int, int], list[list[str]]] = {}
+        for p, s, *values in rows:
+            points.setdefault((int(p), int(s)), []).append(values)
+        picture = Picture([], **heads[0]["picture"])
+        for head in heads[1:]:
+            if "panel" in head:
+                picture.panels.append(Panel(**head["panel"]))
+                continue
+            panel = picture.panels[-1]
+            own = points.get((len(picture.panels) - 1, len(panel.series)), [])
+            x, y = ([float(row[k]) for row in own] for k in (0, 1))
+            z = [float(row[2]) for row in own] if own and own[0][2] else None
+            panel.series.append(Series(x=x, y=y, z=z, **head["series"]))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error}); check the name") from error
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise InputError(f"{path}: not the CSV of a figure ({error}); draw it again") from error
+    return picture
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    array = np.atleast_1d(np.asarray(values, float)).ravel()
+    return np.array([float(f"{value:.{DIGITS}g}") for value in array])
+
+
+def _text(value: float) -> str:
+    return f"{value:.{DIGITS}g}"

@@ -1,0 +1,93 @@
+"""From a picture's data to Matplotlib's Axes, and to PNG and CSV files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+
+from analysis.picture import Panel, Picture, Series, write_picture
+
+STYLE = Path(__file__).with_name("figures") / "paper.mplstyle"
+
+
+def draw_panel(ax: Axes, panel: Panel) -> None:
+    """Draw one panel into given Axes."""
+    ax.set_xscale(panel.xscale)
+    ax.set_yscale(panel.yscale)
+    for series in panel.series:
+        _draw_series(ax, series, panel.colour_label)
+    ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel)
+    if panel.title:
+        ax.set_title(panel.title, loc="left")
+    if panel.xlim:
+        ax.set_xlim(panel.xlim)
+    if panel.ylim:
+        ax.set_ylim(panel.ylim)
+    if panel.equal:
+        ax.set_aspect("equal")
+    if any(series.kind in ("map", "spheres") for series in panel.series):
+        ax.grid(False)
+    if any(series.label for series in panel.series):
+        ax.legend(loc=panel.legend)
+
+
+def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
+    x, y, z, style = series.x, series.y, series.z, dict(series.style)
+    label = series.label or None
+    if series.kind == "line":
+        ax.plot(x, y, label=label, **style)
+    elif series.kind == "band":
+        ax.fill_between(x, y, z, label=label, **style)
+    elif series.kind in ("vline", "hline"):
+        draw = ax.axvline if series.kind == "vline" else ax.axhline
+        for k, place in enumerate(x if series.kind == "vline" else y):
+            draw(place, label=label if k == 0 else None, **style)
+    elif series.kind == "map":
+        nx = len(np.unique(x))
+        grid = [values.reshape(-1, nx) for values in (x, y, z)]
+        mesh = ax.pcolormesh(*grid, rasterized=True, **style)
+        ax.figure.colorbar(mesh, ax=ax, label=colour_label)
+    else:
+        size = np.full(len(x), style.pop("diameter"))
+        discs = EllipseCollection(
+            size, size, 0 * size, offsets=np.column_stack([x, y]), units="xy",
+            transOffset=ax.transData, lw=0.2, edgecolor="k", **style,
+        )  # fmt: skip
+        discs.set_array(z)
+        ax.add_collection(discs)
+        ax.autoscale_view()
+        ax.figure.colorbar(discs, ax=ax, label=colour_label)
+
+
+def to_figure(picture: Picture) -> Figure:
+    """The whole figure; call inside `rc_context(fname=STYLE)`."""
+    columns = min(picture.columns, len(picture.panels))
+    rows = -(-len(picture.panels) // columns)
+    width, height = matplotlib.rcParams["figure.figsize"]
+    shape = picture.shape or (width * (1 if columns == 1 else 1.55), max(height, 2.3 * rows + 0.6))
+    figure = Figure(figsize=shape)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, panel in zip(axes, picture.panels, strict=False):
+        draw_panel(ax, panel)
+    for ax in axes[len(picture.panels) :]:
+        ax.remove()
+    return figure
+
+
+def save_png(picture: Picture, path: Path) -> Path:
+    """Draw the picture and save it."""
+    with matplotlib.rc_context(fname=STYLE):
+        to_figure(picture).savefig(path)
+    return path
+
+
+def save(picture: Picture, stem: Path) -> list[Path]:
+    """Write stem.png and stem.csv; returns their paths."""
+    table = stem.with_name(stem.name + ".csv")
+    write_picture(table, picture)
+    return [save_png(picture, stem.with_name(stem.name + ".png")), table]

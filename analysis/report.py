@@ -1,0 +1,101 @@
+"""The report: one HTML page without references to anything outside it, and its single files."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import shlex
+from pathlib import Path
+
+import matplotlib
+import numpy
+import scipy
+
+from analysis.figures import FIGURES, picture
+from analysis.measures import Measures
+from analysis.picture import write_picture
+from analysis.products import EXTRA_KINDS, KINDS
+from analysis.render import save_png
+from analysis.tables import Table, tables
+from modal.storage import InputError, sha256
+
+CSS = (
+    "body{font:15px/1.45 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#111}"
+    "table{border-collapse:collapse;font-size:13px}td,th{border:1px solid #999;padding:2px 6px}"
+    "td{text-align:right}td:first-child,th{text-align:left}img{max-width:100%}"
+    ".wide{overflow-x:auto}figure{margin:1.5em 0}code{font-size:12px}"
+)
+
+
+def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path]:
+    """Write index.html, and every table and figure as files of their own; returns the paths."""
+    paths, body = [], []
+    for name, table in tables(cases).items():
+        paths += table.write(output / name)
+        body.append(f"<h2>{html.escape(table.title)}</h2>{_table(table)}")
+    absent = []
+    body.append("<h2>Figures</h2>")
+    for name, entry in FIGURES.items():
+        try:
+            drawn = picture(name, cases)
+        except InputError as error:
+            absent.append(f"{name}: {error}")
+            continue
+        stem = output / name
+        write_picture(stem.with_name(f"{name}.csv"), drawn)
+        png = save_png(drawn, stem.with_name(f"{name}.png"))
+        paths += [png, stem.with_name(f"{name}.csv")]
+        body.append(_figure(png, f"{entry.number and f'Figure {entry.number}. '}", entry.caption))
+    if absent:
+        items = "".join(f"<li>{html.escape(_without_folder(text, cases))}</li>" for text in absent)
+        body.append(f"<h2>Not drawn</h2><ul>{items}</ul>")
+    provenance = _provenance(cases)
+    body.append(f"<h2>Provenance</h2>{_table(provenance)}")
+    page = output / "index.html"
+    title = "Waves in sphere packings: " + ", ".join(m.case.name for m in cases)
+    text = io.StringIO()
+    text.write(f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>")
+    text.write(f"<style>{CSS}</style><h1>{title}</h1>")
+    text.write(
+        "<p>After Otsubo, O'Sullivan, Hanley and Sim, Granular Matter 19:50 (2017). Values with ± "
+        "carry their standard error; a plateau's is half the quartile distance of its values.</p>"
+        f"<p>Made by <code>{html.escape(shlex.join(command))}</code> with numpy "
+        f"{numpy.__version__}, scipy {scipy.__version__}, matplotlib {matplotlib.__version__}.</p>"
+    )
+    text.write("".join(body))
+    page.write_text(text.getvalue())
+    return [page, *paths]
+
+
+def _without_folder(text: str, cases: list[Measures]) -> str:
+    return text.replace(f"{cases[0].case.folder}/", "")
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{html.escape(cell)}" for cell in table.header)
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in row) for row in table.rows
+    )
+    return f"<div class=wide><table><tr>{head}{rows}</table></div>"
+
+
+def _figure(png: Path, number: str, caption: str) -> str:
+    data = base64.b64encode(png.read_bytes()).decode()
+    text = html.escape(number + caption)
+    return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text} <code>{png.stem}.csv</code></figcaption></figure>'  # noqa: E501
+
+
+def _provenance(cases: list[Measures]) -> Table:
+    """Every file that was read, its digest, and how it was made as far as it says."""
+    rows = []
+    for m in cases:
+        made = m.case.network.provenance
+        for kind in (*KINDS, *EXTRA_KINDS):
+            path = m.case.path(kind)
+            if path.is_file():
+                how = str(made.get("command", "")) if kind in ("network", "sample") else ""
+                rows.append([path.name, sha256(path)[:16], how])
+        if m.case.signals is None:
+            rows.append(["", "", f"{m.case.name}: no record of a DEM run; linear wave instead"])
+    return Table("Provenance", ["file", "SHA-256, first 16 digits", "command"], rows)
