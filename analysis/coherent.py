@@ -2,9 +2,9 @@
 
 Means over slabs average away most of what disorder scatters. Under a window exp(-eta t) the
 transform U(z, s), s = eta - i omega, of a wave that runs one way is U exp(i q z), Re q = kappa the
-wave number, Im q the decay; the ratio of neighbouring layers gives exp(i q l), by least squares over a stretch
-that the reflected wave reaches only after the record's end. The window's own share of Im q,
-eta over the group velocity, is taken off; to first order in eta it leaves kappa as it is.
+wave number, Im q the decay; the ratio of neighbouring layers gives exp(i q l), by least squares
+over a stretch ahead of the reflected wave. The window's own share of Im q, eta over the group
+velocity, is taken off; to first order in eta it leaves kappa as it is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from modal.signals import Signals
 
 DECAY = 4.0
-"""eta T: the cut at the record's end is damped to e^-4; a reflection comes later than half of it."""
+"""eta T: the cut at the record's end is damped to e^-4."""
 STRETCH = (0.1, 0.6)
 """Part of the length that is used: behind the source wall's own field, ahead of the reflection."""
 COHERENCE = 0.9

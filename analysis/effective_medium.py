@@ -35,8 +35,8 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
 
     With spheres that neither relax nor turn, M = sum over contacts of
     (kn n_z^4 + kt (n_z^2 - n_z^4)) l^2 over the volume, a contact counting by the part of its
-    branch that lies inside. The density is that of the force-bearing spheres, from the slope of their
-    number over z, which a crystal's layers do not disturb. InputError if nothing is inside.
+    branch that lies inside. The density is that of the force-bearing spheres, from the slope of
+    their number over z, which a crystal's layers do not disturb. InputError if nothing is inside.
     """
     zone = margin * 2 * float(network.radius.mean())
     low, high = network.wall_position + np.array([zone, -zone])

@@ -63,9 +63,9 @@ def flattest(
 
     Of all stretches of `width` between `first` and `last` the one in which the values change least:
     the least difference of the medians of its two halves, plus half its quartile distance. NaN
-    where no stretch fits; values that are NaN do not count. Nearer than some diameters the wall's own field counts; farther than half
-    of what the record reaches, it ends before the slow high frequencies have come, so callers give
-    `first` and `last` accordingly.
+    where no stretch fits; values that are NaN do not count. Nearer than some diameters the wall's
+    own field counts; farther than half of what the record reaches, it ends before the slow high
+    frequencies have come: `first` and `last` keep off both.
     """
     order = np.argsort(distance)
     order = order[np.isfinite(np.asarray(values)[order])]
@@ -90,9 +90,9 @@ def threshold_curves(
 ) -> np.ndarray:
     """The threshold rule for every column of `displacement` (nt, p); shape (thresholds, p), Hz.
 
-    NaN where the amplitude is still above the threshold at `highest`. Spectra to `highest` (Hz), four frequencies a record length. The last fifth of the record fades
-    out by a half cosine: a cut in the middle of a motion spreads over all frequencies as 1 / f and
-    would lie above the threshold.
+    NaN where the amplitude is still above the threshold at `highest` (Hz). Four frequencies a
+    record length. The last fifth of the record fades out by a half cosine: a cut in the middle of a
+    motion spreads over all frequencies as 1 / f and would lie above the threshold.
     """
     step = float(time[1] - time[0])
     frequency = np.arange(0, min(highest, 0.5 / step), 1 / (4 * len(time) * step))

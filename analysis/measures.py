@@ -1,4 +1,4 @@
-"""What the paper's Table 1 and 2 state of a case, measured from its files; estimates with errors."""
+"""What the paper's Tables 1 and 2 state of a case, measured from its files, with errors."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Measures:
 
     @cached_property
     def resonances(self) -> tuple[np.ndarray, np.ndarray]:
-        """f_r (Hz) and kappa_r (1/m): pure modes of a crystal, else the structure factor's ridge."""
+        """f_r (Hz), kappa_r (1/m): pure modes of a crystal, else the structure factor's ridge."""
         modes, structure = self.case.modes, self.case.structure
         if modes is not None and modes.resonance_frequency is not None and self.case.is_crystal:
             return modes.resonance_frequency, modes.resonance_wavenumber
@@ -127,7 +127,7 @@ class Measures:
 
     @cached_property
     def modal(self) -> Estimate:
-        """V_P, m/s: slope of the modal dispersion; omega = V kappa (1 + b kappa^2), r = 2 ... 10."""
+        """V_P, m/s: slope of the modes' omega = V kappa (1 + b kappa^2), r = 2 ... 10."""
         f, kappa = self.resonances
         modes = self.case.modes
         if self.case.is_crystal and modes is not None and modes.resonance_shape is not None:
@@ -149,7 +149,7 @@ class Measures:
 
     @property
     def highest(self) -> float:
-        """To which frequency spectra are looked at, Hz: 0.7 or 0.4 V_P / D (a crystal's edge: 0.45)."""
+        """Spectra are looked at up to 0.7 V_P / D of a crystal (edge: 0.45), 0.4 of others, Hz."""
         return (0.7 if self.case.is_crystal else 0.4) * self.long_wave.value / self.case.diameter
 
     @cached_property
@@ -224,6 +224,8 @@ class Measures:
 
     @cached_property
     def gain(self) -> Gain | None:
-        """Gain factor of the linear wave, to 20 kHz."""
+        """Gain factor from the response file, else of the linear wave, to 20 kHz."""
+        if self.case.response is not None:
+            return Gain(*self.case.response)
         record = self.case.long_wave
         return gain_factor(record, float(record.time[-1]))

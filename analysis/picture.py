@@ -71,7 +71,7 @@ class Panel:
 
     def map(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, **style) -> None:
         """Append a map: z (ny, nx) over x (nx,) and y (ny,)."""
-        grid_x, grid_y = np.meshgrid(x, y)
+        grid_x, grid_y = np.meshgrid(_rounded(x), _rounded(y))
         self.add("map", grid_x.ravel(), grid_y.ravel(), np.ravel(z), **style)
 
 

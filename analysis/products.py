@@ -16,6 +16,8 @@ from modal.density import SCHEMA as DENSITY_SCHEMA
 from modal.density import VERSION as DENSITY_VERSION
 from modal.mode_set import ModeSet, read_modes
 from modal.network import Network
+from modal.response import SCHEMA as RESPONSE_SCHEMA
+from modal.response import VERSION as RESPONSE_VERSION
 from modal.sample import read_packing
 from modal.signals import Signals, read_signals
 from modal.source import Pulse
@@ -24,7 +26,7 @@ from modal.wave import propagate
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
-EXTRA_KINDS = ("sample", "structure", "density")
+EXTRA_KINDS = ("sample", "structure", "density", "response")
 """Read where they are there: compact sample, structure factor, density of states."""
 PASSAGES, GAIN_PASSAGES = 1.3, 6.0
 """Records of the linear wave, in passages from wall to wall of the affine wave."""
@@ -139,13 +141,28 @@ class Products:
             return frequency, density, get(file, "all/count_below", "f", frequency.shape)
 
     @cached_property
+    def response(self) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """Frequency (Hz), gain and resolution (Hz) from `python -m modal response`."""
+        if not self.has("response"):
+            return None
+        with open_h5(self.path("response"), RESPONSE_SCHEMA, RESPONSE_VERSION) as file:
+            frequency = get(file, "frequency", "f", (None,))
+            gain = get(file, "gain", "f", frequency.shape)
+            return frequency, gain, float(file.attrs["resolution"])
+
+    @cached_property
     def passage(self) -> float:
-        """Time from wall to wall, s, of a wave that strains the packing evenly; no wave is faster."""
+        """Time from wall to wall, s, of a wave that strains the packing evenly: none is faster."""
         return self.network.length / of_contacts(self.network).velocity
+
+    @property
+    def interval(self) -> float:
+        """Between records of the linear wave, s: two samples at 1.25 V / D, above all modes."""
+        return 0.4 * self.diameter * self.passage / self.network.length
 
     @cached_property
     def wave(self) -> Signals:
-        """The linear wave of the springs, every particle recorded, from wall to wall and back a bit.
+        """The linear wave of the springs, every particle recorded, from wall to wall and back.
 
         The pulse is that of the recorded run, or the study's.
         """
@@ -153,7 +170,7 @@ class Products:
             self.network,
             1.5 * PASSAGES * self.passage,
             motion=self._motion,
-            interval=2e-6,
+            interval=self.interval,
             particles=True,
         ).signals
 
@@ -161,7 +178,7 @@ class Products:
     def long_wave(self) -> Signals:
         """The same over `GAIN_PASSAGES`, for the gain factor."""
         return propagate(
-            self.network, GAIN_PASSAGES * self.passage, motion=self._motion, interval=2e-6
+            self.network, GAIN_PASSAGES * self.passage, motion=self._motion, interval=self.interval
         ).signals
 
     @property

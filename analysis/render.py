@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, MaxNLocator, NullFormatter
 
 from analysis.picture import Panel, Picture, Series, write_picture
 
@@ -21,6 +22,12 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     ax.set_yscale(panel.yscale)
     for series in panel.series:
         _draw_series(ax, series, panel.colour_label)
+    for axis, scale in ((ax.xaxis, panel.xscale), (ax.yaxis, panel.yscale)):
+        low, high = sorted(axis.get_view_interval())
+        if scale == "log" and high < 10 * low:  # no power of ten inside: plain numbers, few of them
+            axis.set_major_locator(MaxNLocator(5))
+            axis.set_major_formatter(FormatStrFormatter("%g"))
+            axis.set_minor_formatter(NullFormatter())
     ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel)
     if panel.title:
         ax.set_title(panel.title, loc="left")
@@ -48,7 +55,7 @@ def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
         for k, place in enumerate(x if series.kind == "vline" else y):
             draw(place, label=label if k == 0 else None, **style)
     elif series.kind == "map":
-        nx = len(np.unique(x))
+        nx = int(np.argmax(y != y[0])) or len(x)  # rows of constant y
         grid = [values.reshape(-1, nx) for values in (x, y, z)]
         mesh = ax.pcolormesh(*grid, rasterized=True, **style)
         ax.figure.colorbar(mesh, ax=ax, label=colour_label)

@@ -1,8 +1,8 @@
-"""Dynamic structure factor: how much of a standing wave of wave number kappa lies at each frequency.
+"""Dynamic structure factor: how much of a standing wave lies at each frequency.
 
 S_r(f) = sum_i <e_r|i>^2 delta(f - f_i), over all modes i of the packing, where e_r is the pattern
 sin(pi r z / L) of every force-bearing sphere, normalised in the mass. Its ridge over kappa_r is the
-dispersion relation of a random packing far beyond the modes that can be told by eye, and the ridge's
+dispersion relation of a random packing far beyond the modes that can be told by eye, and its
 width is the rate at which disorder scatters the wave. No mode is computed: S_r is the expansion of
 the delta function in Chebyshev polynomials of the operator (kernel polynomials: Weisse et al., Rev.
 Mod. Phys. 78, 275, 2006), in omega as in `modal.density`. "granular-structure-factor", version 1.
@@ -69,7 +69,7 @@ class StructureFactor:
 
 
 def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
-    """Shape (6n, R): sin(pi r z / L) along z of the force-bearing spheres, scaled by M^1/2, unit."""
+    """Shape (6n, R): sin(pi r z / L) along z of force-bearing spheres, scaled by M^1/2, unit."""
     bearing = force_bearing(network)
     if not bearing.any():
         raise InputError("no particle has two contacts; such a packing carries no wave")

@@ -104,9 +104,7 @@ def mode_shapes(cases: list[Measures]) -> Picture:
         for r in sorted({min(r, len(shapes)) for r in (1, 2, 5, 10, 50, 200)}):
             shape = shapes[r - 1] / abs(shapes[r - 1]).max()
             title = f"{m.case.label}: r = {r}, {modes.resonance_frequency[r - 1] / 1e3:.4g} kHz"
-            panel = Panel(
-                "distance from the source wall (mm)", "$u_z$ (-)", title, ylim=(-1.2, 1.2)
-            )
+            panel = Panel("distance from source wall (mm)", "$u_z$ (-)", title, ylim=(-1.2, 1.2))
             sign = np.sign(shape[np.argmax(abs(shape) > 1e-3)]) or 1
             panel.line(z, sign * shape, color="k", marker=".", ms=2, lw=0.6)
             panels.append(panel)

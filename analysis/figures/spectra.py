@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from analysis import dispersion as disp
-from analysis.gain import gain_factor
 from analysis.measures import Measures
 from analysis.picture import Panel, Picture
 from modal.lattice import dispersion as eq_9
@@ -71,7 +70,7 @@ def structure(cases: list[Measures]) -> Picture:
         if found is None:
             continue
         peak, width = found.ridge()
-        f, top = found.frequency, 1.5 * np.nanmax(peak[: max(1, len(peak) // 2)])
+        f, top = found.frequency, 1.2 * np.nanmax(peak)
         rows = np.flatnonzero(f < top)
         rows = rows[:: max(1, len(rows) // 200)]
         shade = found.power[:, rows] / found.power[:, rows].max(axis=1, keepdims=True)
@@ -108,7 +107,7 @@ def structure(cases: list[Measures]) -> Picture:
 
 
 def gain(cases: list[Measures]) -> Picture:
-    """Fig. 19: receiver over source stress of the linear wave, with the resonances; YADE's beside."""
+    """Fig. 19: receiver over source stress of the linear wave, with the resonances."""
     panels = []
     for m in cases:
         found = m.gain
@@ -120,11 +119,6 @@ def gain(cases: list[Measures]) -> Picture:
         panel.xlim = (0, top / 1e3)
         keep = found.frequency < top
         panel.line(found.frequency[keep] / 1e3, found.gain[keep], "linear", color="k")
-        record = m.case.signals
-        if record is not None and record.time[-1] > 0.5 * m.case.long_wave.time[-1]:
-            seen = gain_factor(record, float(record.time[-1]))
-            keep = seen.frequency < top
-            panel.line(seen.frequency[keep] / 1e3, seen.gain[keep], record.producer, ls="--")
         f_r, _ = m.resonances
         f_r = f_r[f_r < top]
         if len(f_r):

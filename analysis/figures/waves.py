@@ -10,8 +10,8 @@ from analysis.picture import Panel, Picture
 from analysis.products import Products
 from modal.signals import Signals
 
-POINTS = 300
-"""Most points of a curve or of a side of a map."""
+POINTS = 150
+"""Least points of a curve, and about as many on a side of a map."""
 
 
 def _thin(count: int) -> slice:
@@ -39,7 +39,7 @@ def _signal(panel: Panel, case: Products, wanted: float) -> None:
         u = 1e9 * other.chain_displacement[inside, m]
         keep = _thin(len(u) // 2)
         panel.line(1e3 * other.time[inside][keep], u[keep], label, color="k", ls="--", lw=0.9)
-    panel.title = f"{case.label}: {depth[n]:.0f} D from the source wall"
+    panel.title = f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source"
 
 
 def signals(cases: list[Measures]) -> Picture:
@@ -47,7 +47,7 @@ def signals(cases: list[Measures]) -> Picture:
     panels = []
     for measured in cases:
         for wanted in (10, 50, 100):
-            panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper left")
+            panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper right")
             _signal(panel, measured.case, wanted)
             panels.append(panel)
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
@@ -57,7 +57,7 @@ def signals_stress(cases: list[Measures]) -> Picture:
     """Fig. 4: displacement at 50 D from the source wall, all stresses one below the other."""
     panels = []
     for measured in sorted(cases, key=lambda m: m.case.stress):
-        panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper left")
+        panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper right")
         _signal(panel, measured.case, 50)
         panels.append(panel)
     return Picture(panels, shape=(5.5, 0.5 + 1.9 * len(panels)))
@@ -70,13 +70,14 @@ def space_time(cases: list[Measures]) -> Picture:
         record, case = measured.case.record, measured.case
         z = 1e3 * (record.chain_position - case.network.wall_position[0])
         step, every = _thin(len(record.time)), _thin(2 * len(z))
-        u = 1e9 * record.chain_displacement[step][:, every]
+        order = np.argsort(z)[every]  # a chain may step back
+        u = 1e9 * record.chain_displacement[step][:, order]
         top = float(f"{np.percentile(abs(u), 99.9):.3g}")
         panel = Panel(
             "distance from the source wall (mm)", "time (ms)", title=case.label,
             colour_label="$u_z$ (nm)", legend="upper left",
         )  # fmt: skip
-        panel.map(z[every], 1e3 * record.time[step], u, cmap="RdGy_r", vmin=-top, vmax=top)
+        panel.map(z[order], 1e3 * record.time[step], u, cmap="gray_r", vmin=-top, vmax=top)
         line = z / measured.long_wave.value
         seen = line < 1e3 * record.time[-1]
         panel.line(z[seen], line[seen], "long-wave $V_P$", color="k", ls="--")

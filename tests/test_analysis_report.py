@@ -1,0 +1,178 @@
+"""Report, figures from their CSV, structure factor, effective medium, coherent wave, plateau."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from analysis.__main__ import main
+from analysis.coherent import coherent_wave
+from analysis.effective_medium import of_contacts, of_means
+from analysis.exact_chain import Chain, chain_signals
+from analysis.figures import FIGURES
+from analysis.lowpass import flattest, threshold_curves
+from analysis.picture import Panel, Picture, read_picture, write_picture
+from analysis.structure_factor import (
+    read_structure,
+    standing_waves,
+    structure_factor,
+    write_structure,
+)
+from modal.assembly import mass_diagonal
+from modal.gallery import fcc
+from modal.lattice import FccCrystal
+from modal.network import write_network
+from modal.operator import ContactOperator
+from modal.random_packing import random_network
+from modal.signals import write_signals
+from modal.storage import InputError
+
+CHAIN = Chain.of_crystal(FccCrystal(1e5))
+LENGTH = 200 * CHAIN.distance
+
+
+@pytest.fixture(scope="module")
+def packing():
+    return random_network(150, 1e5, seed=3)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The report of one crystal without modes, by the command line."""
+    folder, output = tmp_path_factory.mktemp("products"), tmp_path_factory.mktemp("report")
+    network = fcc(1, 200)
+    chain = Chain.of_network(network)
+    signals = chain_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
+    write_network(folder / "case02.network.h5", network)
+    write_signals(folder / "case02.signals.h5", signals)
+    assert main(["report", "2", "--products", str(folder), "-o", str(output)]) == 0
+    return output
+
+
+def test_page_is_self_contained(made):
+    page = (made / "index.html").read_text()
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert "SHA-256" in page and str(made) in page
+    drawn = {path.stem for path in made.glob("*.png")}
+    for name in FIGURES:  # drawn, or named with the reason
+        assert name in drawn or f"<li>{name}: " in page
+    assert page.count("<img") == len(drawn) >= 12
+
+
+def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
+    for png in sorted(made.glob("*.png")):
+        assert main(["figure", str(png.with_suffix(".csv")), "-o", str(tmp_path)]) == 0
+        assert (tmp_path / png.name).read_bytes() == png.read_bytes(), png.name
+
+
+def test_picture_survives_its_file(tmp_path):
+    panel = Panel("x (m)", "y (s)", 'a, "b"', xlim=(0, 1), yscale="log")
+    panel.line([1 / 3, np.nan], [2, 3], "line", ls="--")
+    panel.map(np.linspace(0, 1, 4), np.array([1.0, 2.0]), np.arange(8.0), cmap="gray")
+    write_picture(tmp_path / "a.csv", Picture([panel], columns=2))
+    write_picture(tmp_path / "b.csv", read_picture(tmp_path / "a.csv"))
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+    (tmp_path / "c.csv").write_text("not,a,figure\n")
+    with pytest.raises(InputError, match="not the CSV of a figure"):
+        read_picture(tmp_path / "c.csv")
+
+
+def test_mean_strain_is_exact_for_the_crystal():
+    assert of_contacts(fcc(2, 30)).velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
+
+
+def test_mean_field_of_means_has_the_crystals_bulk_scaling():
+    """V_P grows as stress^(1/6) at fixed geometry: Hertz."""
+    low, high = (of_means(0.55, 6.0, p, 1.27e-3).velocity for p in (1e5, 6.4e6))
+    assert high / low == pytest.approx(64 ** (1 / 6), rel=1e-12)
+
+
+def test_structure_factor_against_the_modes(packing, tmp_path):
+    """Moments of the frequency over S_r are sums over the modes of a dense solution."""
+    orders = np.array([1, 2, 5])
+    found = structure_factor(packing, orders, resolution=2e3)
+    operator = ContactOperator(packing, mass_scaled=True)
+    square, vector = np.linalg.eigh(operator.apply(np.eye(operator.shape[0])))
+    weight = (vector.T @ standing_waves(packing, orders)) ** 2
+    frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
+    step = found.frequency[1] - found.frequency[0]
+    assert found.power.min() > -1e-9
+    for n in range(len(orders)):
+        # Share of the modes between two frequencies, which lie between points of the grid, blurred
+        # by the same near-Gaussian: the sum of its distribution functions. The kernel is not quite
+        # a Gaussian, hence 1.5 %.
+        sigma = found.resolution / 2.3548
+        for low, high in ((10200, 30200), (30200, 80200), (80200, 150200)):
+            inside = ndtr((high - frequency) / sigma) - ndtr((low - frequency) / sigma)
+            part = found.power[n, (found.frequency > low) & (found.frequency < high)].sum() * step
+            assert part == pytest.approx(weight[:, n] @ inside, abs=0.015)
+    write_structure(tmp_path / "a.structure.h5", found)
+    again = read_structure(tmp_path / "a.structure.h5")
+    assert np.array_equal(again.power, found.power) and again.resolution == found.resolution
+
+
+def test_structure_factor_ridge_is_the_crystals_dispersion():
+    network = fcc(1, 60)
+    orders = np.array([5, 20, 40])
+    peak, width = structure_factor(network, orders, resolution=1e3).ridge()
+    chain = Chain.of_network(network)
+    exact = chain.eigenmodes()[0][orders - 1] / (2 * np.pi)
+    assert peak == pytest.approx(exact, rel=3e-3)
+    assert np.nanmax(width) < 500  # half a resolution: a mode has no width
+
+
+def test_standing_waves_are_unit_vectors(packing):
+    waves = standing_waves(packing, np.array([1, 7]))
+    assert (waves**2).sum(axis=0) == pytest.approx(1)
+    along = (waves / np.sqrt(mass_diagonal(packing))[:, None]).reshape(-1, 6, 2)
+    assert not along[:, [0, 1, 3, 4, 5]].any()
+
+
+@pytest.mark.parametrize("passages", [0.8, 1.0, 1.3])
+def test_coherent_wave_of_the_exact_chain(passages):
+    """Phase velocity to 0.1 %, group velocity to 1 % up to 0.8 of the band edge."""
+    record = chain_signals(CHAIN, np.arange(0, passages * LENGTH / CHAIN.velocity, 2e-7))
+    found = coherent_wave(record, LENGTH)
+    f = found.frequency[1:]
+    inside = f < 0.8 * CHAIN.low_pass_frequency
+    half = np.arcsin(f[inside] / CHAIN.low_pass_frequency)
+    phase, group = found.phase_velocity[1:][inside], found.group_velocity[1:][inside]
+    assert phase == pytest.approx(CHAIN.velocity * np.sin(half) / half, rel=1e-3)
+    assert group == pytest.approx(CHAIN.velocity * np.cos(half), rel=1e-2)
+
+
+def test_coherent_wave_with_five_percent_noise():
+    """At a quarter of the band edge mean and scatter of ten draws are within 1 %."""
+    record = chain_signals(CHAIN, np.arange(0, LENGTH / CHAIN.velocity, 5e-7))
+    clean, top = record.chain_displacement, abs(record.chain_displacement).max()
+    rng, seen = np.random.default_rng(5), []
+    f = 0.25 * CHAIN.low_pass_frequency
+    for _ in range(10):
+        record.chain_displacement = clean + 0.05 * top * rng.normal(size=clean.shape)
+        found = coherent_wave(record, LENGTH)
+        seen.append(found.at(f, found.phase_velocity))
+    half = np.arcsin(0.25)
+    exact = CHAIN.velocity * np.sin(half) / half
+    assert np.mean(seen) == pytest.approx(exact, rel=1e-2)
+    assert np.std(seen) < 0.01 * exact
+
+
+def test_plateau_is_found_where_it_is():
+    z = np.linspace(0, 100, 401)
+    values = np.where(z < 40, 80 - z, np.where(z < 70, 40, 40 - (z - 70)))
+    found = flattest(z, values, 20, 5, 95)
+    assert found.value == 40 and found.error == 0
+    # Medians and quartiles do not see a quarter of a stretch of 20, so 5 may stand out.
+    assert found.start >= 35 and found.end <= 75
+    assert np.isnan(flattest(z, values, 20, 5, 15).value)
+
+
+def test_threshold_of_a_band_that_never_falls_is_unknown():
+    time = np.arange(0, 1e-3, 1e-6)
+    low = np.exp(-(((time - 5e-4) / 5e-5) ** 2))  # amplitude exp(-(pi f tau)^2)
+    spike = np.eye(1, len(time), 400)[0]
+    found = threshold_curves(time, np.column_stack([low, spike]), (0.02,), 5e4)[0]
+    exact = np.sqrt(np.log(50)) / (np.pi * 5e-5)
+    assert found[0] == pytest.approx(exact, abs=250)  # four frequencies a record length
+    assert np.isnan(found[1])
