@@ -3,8 +3,9 @@
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
 Each step solves K q = f with the springs of the contacts and lets the law follow the motion q: a
 Hertzian normal force, and a shear force that turns with the contact and grows by ks times the
-shear displacement. Nothing slides on the way; shear forces that end beyond the friction limit are
-cut, and the balance is sought anew.
+shear displacement. Nothing slides on the way. Of the few contacts that end beyond the friction limit,
+those of hardly loaded spheres are opened, in the others the shear force is cut, and the balance is
+sought anew.
 """
 
 from __future__ import annotations
@@ -33,6 +34,11 @@ YIELD_BELOW = 1e-6
 """Residual below which shear forces beyond the friction limit are cut."""
 YIELDS = 6
 """Most times that this is done."""
+LOOSE = 1e-2
+"""Largest contact force, over the mean, of a sphere that is freed rather than made to slide: with
+two or three contacts steeper than friction allows, only the force zero is in balance."""
+GAP = 1e-2
+"""Gap at the contacts of a freed sphere, median overlaps."""
 SOLVE_TOLERANCE = 1e-2
 """Relative residual of each linear solve; the law bends away from its springs by more."""
 
@@ -170,7 +176,7 @@ def relax(
         balanced = state.residual <= max(tolerance, floor)
         if state.sliding and yields < YIELDS and (balanced or state.residual < YIELD_BELOW):
             yields, share = yields + 1, 0.0
-            sample = _yielded(sample, network)
+            sample = _yielded(_freed(sample, network))
             network = sample.network()
             load, state = balance_of(sample, network)
         elif balanced:
@@ -191,13 +197,36 @@ def relax(
     )
 
 
-def _yielded(sample: Sample, network: Network) -> Sample:
+def _freed(sample: Sample, network: Network) -> Sample:
+    """The sample with hardly loaded spheres that slide moved out of their contacts.
+
+    The shortest way on which every contact opens; a sphere that would have to move by more than a
+    median overlap stays.
+    """
+    sliding = np.flatnonzero(friction_used(network, sample.friction) > 1)
+    i, j, force = network.particle_i, network.particle_j, network.force_normal
+    pair = j >= 0
+    strongest = np.zeros(network.n_particles)
+    np.maximum.at(strongest, i, force)
+    np.maximum.at(strongest, j[pair], force[pair])
+    ends = np.concatenate([i[sliding], j[sliding][pair[sliding]]])
+    overlap = float(np.median(network.overlap))
+    motion = np.zeros((network.n_particles, 6))
+    for sphere in np.unique(ends[strongest[ends] < LOOSE * force.mean()]):
+        own = np.flatnonzero((i == sphere) | (j == sphere))
+        outward = np.where((i[own] == sphere)[:, None], -1, 1) * network.normal[own]
+        way, *_ = np.linalg.lstsq(outward, network.overlap[own] + GAP * overlap, rcond=1e-3)
+        if (outward @ way > network.overlap[own]).all() and np.linalg.norm(way) < overlap:
+            motion[sphere, :3] = way
+    return moved(sample, network, motion)
+
+
+def _yielded(sample: Sample) -> Sample:
     """The sample with shear forces beyond the friction limit cut to half of it.
 
-    Loosely held spheres carry them: hardly a thousandth of the mean force, but a dynamic run would
-    let them slide.
+    A dynamic run would let these contacts slide.
     """
-    limit = sample.friction * network.force_normal
+    limit = sample.friction * sample.network().force_normal
     size = np.linalg.norm(sample.shear, axis=1)
     kept = np.where(size > limit, limit / 2 / np.maximum(size, 1e-300), 1.0)
     return replace(sample, shear=sample.shear * kept[:, None])

@@ -61,6 +61,29 @@ def test_shear_beyond_the_limit_is_cut_and_balance_found_again(packed):
     assert beyond.sum() == state.sliding < max(history) / 2
 
 
+def test_wedged_sphere_is_freed():
+    """Two columns of two spheres between the walls; a fifth leans on both, held by nothing else.
+
+    Its two forces could cancel only along the line through the contacts, some 45 degrees off the
+    normals, for which a friction of 0.3 is not enough: the force zero alone is in balance.
+    """
+    radius, overlap, weak = 1e-3, 1e-6, 1e-9
+    side, rise, middle = 8 * radius, 0.2 * radius, radius - overlap
+    away = np.sqrt(((2 * radius - weak) ** 2 - rise**2) / 2)
+    columns = [[x, radius, z] for x in (side / 2 - away, side / 2 + away) for z in (1, 3)]
+    position = np.array([*columns, [side / 2, radius + away, 1]])
+    position[:, 2] *= middle
+    position[4, 2] += rise
+    walls = np.array([0.0, 4 * middle])
+    wedged = Sample(position, np.full(2, side), walls, 0.3, radius=radius)
+    assert wedged.network().n_contacts == 8
+    rested, state = relax(wedged)
+    network = rested.network()
+    assert state.sliding == 0 and network.n_contacts == 6
+    assert 4 not in network.particle_i and 4 not in network.particle_j
+    assert network.force_normal == pytest.approx(network.force_normal[0], rel=1e-6)
+
+
 def test_stress_from_contacts_equals_wall_force_per_area(sheared):
     """Virial theorem: V sigma_zz = sum F_z b_z = wall force times length, exact in balance."""
     network = sheared.network()

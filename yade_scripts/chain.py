@@ -6,8 +6,9 @@
 Writes products/chain_mu0.4/STRESSPa.sample.h5 and, every LEG steps, a checkpoint from which a
 killed chain goes on. Environment: WAVE_PRODUCTS.
 
-Nothing but friction dissipates until the packing is jammed; damping sets in only then (as in
-Otsubo et al. 2017, section 2): it would make the packing looser. Each leg starts from the file
+Until the packing is jammed hardly anything but friction dissipates (Otsubo et al. 2017, section 2,
+have friction alone): damping makes the packing looser, see results/samples/compaction.md. Each leg
+starts from the file
 that the leg before has written, so that a chain that was killed takes the same steps as one that
 was not.
 """
@@ -45,15 +46,15 @@ HOT = 5e5
 JAMMING_STRESS = 1e4
 """Stress, Pa, under which the agitated spheres come to rest."""
 INERTIAL_NUMBER = 0.01
-DAMPING = 0.2
-"""Local damping once the packing is jammed; before, only friction dissipates."""
+AGITATED_DAMPING, DAMPING = 0.02, 0.2
+"""Local damping before and after the packing is jammed. The weak one decides how dense it jams."""
 JAMMED = 3.7
 """Coordination number of a jammed packing, for mu_comp up to 0.4; agitated spheres have less."""
 MARGIN = 0.1
 JAM_ERROR = 0.1
 STRESS_ERROR, UNBALANCED = 3e-3, 1e-3
 """When a state is reached: relative error of each stress, mean residual over contact force."""
-JAM_PATIENCE, PATIENCE = 9000, 6000
+JAM_PATIENCE, PATIENCE = 9000, 12000
 """Steps after which damping sets in although spheres are still agitated, and after which a packing
 that does not settle is taken as it is."""
 NOMINAL_FRACTION = 0.6
@@ -130,12 +131,12 @@ def stage_control(stage):
     """Control, damping, and the test for the end of a stage."""
     if stage == "approach":
         rate = compression.ConstantRate(spheres, APPROACH_RATE)
-        return rate, 0.0, lambda: control.stress.mean() > HOT
+        return rate, AGITATED_DAMPING, lambda: control.stress.mean() > HOT
     jam = stage == "jam"
     servo = compression.Servo(spheres, JAMMING_STRESS if jam else float(stage), INERTIAL_NUMBER)
     return (
         servo,
-        0.0 if jam else DAMPING,
+        AGITATED_DAMPING if jam else DAMPING,
         (lambda: servo.error() < JAM_ERROR and coordination_number() > JAMMED)
         if jam
         else (lambda: servo.error() < STRESS_ERROR and compression.unbalanced() < UNBALANCED),

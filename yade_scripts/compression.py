@@ -9,10 +9,10 @@ from yade.utils import getStress, unbalancedForce
 from modal.hertz_mindlin import GLASS, RADIUS
 from yade_scripts.scene import cell_side, wall_faces
 
-MODULUS = 2e8
-"""Stiffness against isotropic strain at 100 kPa, Pa; it grows with the cube root of stress."""
-RELAXATION = 80
-"""Steps in which the servo would remove a stress error if the modulus were exact."""
+GROWTH, TURN = 1.1, 0.5
+"""Factors of the servo's strain rate, each interval: short of the target, and on crossing it."""
+FIRST = 1e-3
+"""The servo's first strain rate over its limit."""
 INTERVAL = 5
 """Steps between two settings of the strain rates."""
 HIGHEST_FREQUENCY = 2.16e5
@@ -95,21 +95,25 @@ class ConstantRate:
 
 
 class Servo:
-    """Drives three principal stresses to one target within a limited strain rate."""
+    """Drives three principal stresses to one target within a limited strain rate.
+
+    No stiffness is assumed, because that of a packing falls by orders of magnitude when it comes
+    apart: each strain rate grows until its stress crosses the target, then turns round, halved.
+    """
 
     def __init__(self, n, target, inertial_number):
         self.n, self.target = n, target
         self.limit = rate_of_inertial_number(inertial_number, target)
-        self.modulus = 3 * MODULUS * (target / 1e5) ** (1 / 3)
+        self.rates = np.full(3, FIRST * self.limit)
         self.stress = principal_stresses(n)
 
     def __call__(self):
         """Set the rates; to be called every INTERVAL steps between forces and motion."""
         self.stress = principal_stresses(self.n)
-        # Before it is jammed a packing is soft in proportion to its stress.
-        softness = self.target / min(self.target, max(self.stress.mean(), 1e-3 * self.target))
-        rates = (self.stress - self.target) * softness / (self.modulus * RELAXATION * O.dt)
-        deform(self.n, np.clip(rates, -self.limit, self.limit))
+        outward = np.where(self.stress > self.target, 1.0, -1.0)
+        factor = np.where(outward * self.rates < 0, TURN, GROWTH)
+        self.rates = outward * np.minimum(factor * np.abs(self.rates), self.limit)
+        deform(self.n, self.rates)
 
     def error(self):
         """Largest relative deviation of a principal stress from the target."""
