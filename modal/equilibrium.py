@@ -3,9 +3,9 @@
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
 Each step solves K q = f with the springs of the contacts and lets the law follow the motion q: a
 Hertzian normal force, and a shear force that turns with the contact and grows by ks times the
-shear displacement. Nothing slides on the way. Of the few contacts that end beyond the friction limit,
-those of hardly loaded spheres are opened, in the others the shear force is cut, and the balance is
-sought anew.
+shear displacement. Nothing slides on the way. Of the few contacts that end beyond the friction
+limit, those of hardly loaded spheres are opened, in the others the shear force is cut, and the
+balance is sought anew.
 """
 
 from __future__ import annotations
