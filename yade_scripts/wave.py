@@ -6,8 +6,8 @@
 Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction` of 2 / omega_max,
 the exact limit of the leapfrog scheme. Environment: WAVE_PRODUCTS, WAVE_FRACTION, WAVE_AMPLITUDE
 (m; negative reverses the wall), WAVE_DURATION (s; default until the wave front reaches the
-receiver wall), WAVE_PARTICLES (1 records every particle, not only chain and layers,
-and says which contacts have opened or slipped).
+receiver wall), WAVE_INTERVAL (s; longest between two records), WAVE_PARTICLES (1 records every
+particle, not only chain and layers, and says which contacts have opened or slipped).
 """
 
 import math
@@ -35,7 +35,7 @@ from yade_scripts.scene import finish, products_folder
 from yade_scripts.state import build_scene
 
 RECORDING_INTERVAL = 5e-7
-"""Longest interval between records, s: five samples a period at 400 kHz."""
+"""Longest interval between records, s, by default: five samples a period at 400 kHz."""
 LOOK_EVERY = 4
 """Records between two looks at the contacts: they move over some ten microseconds."""
 BLOW_UP = 100.0
@@ -59,6 +59,7 @@ from yade.params.table import case, fraction, input_frequency, mu_wave, passage 
 
 amplitude = float(os.environ.get("WAVE_AMPLITUDE", 2.5e-9))
 fraction = float(os.environ.get("WAVE_FRACTION", fraction))
+longest_interval = float(os.environ.get("WAVE_INTERVAL", RECORDING_INTERVAL))
 every_particle = os.environ.get("WAVE_PARTICLES", "0") == "1"
 
 
@@ -164,7 +165,7 @@ def main():
     arrival = passage * network.length / affine_velocity(network)
     duration = float(os.environ.get("WAVE_DURATION", arrival))
     O.dt = fraction / (math.pi * highest)
-    every = max(1, int(RECORDING_INTERVAL / O.dt))
+    every = max(1, int(longest_interval / O.dt))
     chain, layers = wall_to_wall_chain(network), Layers(network)
     states = [O.bodies[k].state for k in range(n)]
     start = np.array([state.pos[2] for state in states])
