@@ -12,7 +12,6 @@ finished is not made again.
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -20,11 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from analysis.agreement import Agreement, Difference, as_table, split_by_cause
+from benchmarks.measure import ROOT
+from benchmarks.yade_job import run_script
 from modal.network import read_network
 from modal.signals import Signals, read_signals
 from modal.storage import InputError
 
-ROOT = Path(__file__).resolve().parents[1]
 NO_SLIP = 10.0
 """Coefficient of friction that suppresses sliding."""
 FRACTION = 0.1
@@ -38,21 +38,6 @@ RUNS = {
     "no_slip": (AMPLITUDE, NO_SLIP),
 }
 """Amplitude, m, and friction of each run, named as in `analysis.agreement`."""
-
-
-def yade(script: str, table: str, folder: Path, **environment: str) -> str:
-    """Run one script of the study through yade-batch; returns its log."""
-    path, log = folder / f"{script}.table", folder / f"{script}.log"
-    path.write_text(table)
-    subprocess.run(
-        ["yade-batch", "-j", "1", "--job-threads", "1", "--log", str(log), str(path)]
-        + [str(ROOT / "yade_scripts" / f"{script}.py")],
-        env=os.environ | {"WAVE_PRODUCTS": str(folder)} | environment,
-        cwd=folder,
-        check=True,
-        capture_output=True,
-    )
-    return log.read_text()
 
 
 def modal(*arguments: str | Path) -> None:
@@ -70,10 +55,10 @@ def make_sample(folder: Path, spheres: int, width: float) -> None:
     rest, sample = folder / "case30.rest.sample.h5", folder / "case30.sample.h5"
     network = folder / "case30.network.h5"
     if not network.exists():
-        yade("chain", chain, folder)
-        yade("rest", case, folder)
+        run_script("chain", chain, folder)
+        run_script("rest", case, folder)
         modal("relax", rest, "--friction", 0.5, "-o", sample)
-        yade("export_random", case, folder)
+        run_script("export_random", case, folder)
     highest = folder / "case30.highest.modes.h5"
     modal("modes", network, "--highest", 1, "-o", highest)
 
@@ -89,7 +74,7 @@ def wave(folder: Path, name: str, duration: float) -> tuple[Signals, str]:
             "WAVE_DURATION": str(duration),
             "WAVE_PARTICLES": "1",
         }
-        log = yade("wave", table, folder, **settings)
+        log, _, _ = run_script("wave", table, folder, **settings)
         written.rename(kept)
         (folder / f"{name}.log").write_text(log)
     lines = (folder / f"{name}.log").read_text().splitlines()

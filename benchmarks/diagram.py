@@ -1,0 +1,98 @@
+"""Work-precision diagrams: error on x, seconds and peak memory on y, one curve a method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.figures import STYLE
+
+Row = Mapping[str, Any]
+COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)"}
+ROUND_OFF = 1e-16
+"""An error of exactly zero is drawn here."""
+# Told apart by marker, line and shade, so that they can be told apart in grey.
+LOOKS = [
+    {"color": color, "marker": marker, "ls": line}
+    for color, marker, line in (
+        ("#000000", "o", "-"),
+        ("#0060a8", "s", "--"),
+        ("#c05000", "^", "-."),
+        ("#737373", "D", ":"),
+        ("#000000", "x", "--"),
+        ("#0060a8", "v", "-"),
+        ("#c05000", "+", ":"),
+        ("#737373", "P", "-"),
+        ("#000000", "*", ":"),
+        ("#0060a8", "1", "-."),
+    )
+]
+
+
+def panels(rows: int, columns: int, *, width: float = 3.3, height: float = 2.5) -> tuple:
+    """A figure in the style of the project, with (rows, columns) axes."""
+    with matplotlib.rc_context(fname=STYLE):
+        figure = Figure(figsize=(width * columns, height * rows + 0.5), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False)
+    for ax in axes.ravel():
+        ax.grid(alpha=0.3)
+        ax.tick_params(labelsize=8)
+    return figure, axes
+
+
+def look(k: int) -> dict[str, Any]:
+    """Marker, line and colour of curve k."""
+    return {**LOOKS[k % len(LOOKS)], "ms": 5, "lw": 1.1, "mfc": "none"}
+
+
+def curve(ax: Axes, rows: Sequence[Row], x: str, y: str, **style: Any) -> None:
+    """One method: its points in the order of the rows, those without a number left out."""
+    points = [(row[x], row[y]) for row in rows if row.get(x) is not None and row.get(y)]
+    if points:
+        error, cost = np.array(points, float).T
+        ax.plot(np.maximum(error, ROUND_OFF), cost, **style)
+
+
+def work_precision(
+    rows: Sequence[Row],
+    errors: Mapping[str, str],
+    *,
+    by: str = "method",
+    costs: Mapping[str, str] = COSTS,
+) -> Figure:
+    """Grid of panels: a row for each cost, a column for each error (column name -> axis label)."""
+    figure, axes = panels(len(costs), len(errors), width=max(3.0, 6.4 / len(errors)))
+    methods = list(dict.fromkeys(row[by] for row in rows))
+    for ax_row, (cost, cost_label) in zip(axes, costs.items(), strict=True):
+        for ax, (error, error_label) in zip(ax_row, errors.items(), strict=True):
+            for k, method in enumerate(methods):
+                own = [row for row in rows if row[by] == method]
+                curve(ax, own, error, cost, label=method, **look(k))
+            ax.set(xscale="log", yscale="log")
+            if ax_row is axes[-1]:
+                ax.set_xlabel(error_label, fontsize=9)
+            if ax is ax_row[0]:
+                ax.set_ylabel(cost_label, fontsize=9)
+    legend_below(figure, axes[0, 0], len(methods))
+    return figure
+
+
+def legend_below(figure: Figure, ax: Axes, entries: int) -> None:
+    """The legend of all panels in one place, below them."""
+    handles, labels = ax.get_legend_handles_labels()
+    width = figure.get_size_inches()[0]
+    widest = max((len(label) for label in labels), default=1)
+    columns = max(1, min(entries, int(width / (0.065 * widest + 0.45))))
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
+
+
+def knee(rows: Sequence[Row], error: str, cost: str = "seconds", within: float = 2.0) -> Row:
+    """The cheapest row whose error is within a factor of the smallest: more work buys little."""
+    known = [row for row in rows if row.get(error) is not None and row.get(cost) is not None]
+    floor = min(row[error] for row in known)
+    return min((row for row in known if row[error] <= within * floor), key=lambda row: row[cost])

@@ -1,0 +1,143 @@
+"""Time and peak memory of one task in a process of its own.
+
+    python -m benchmarks.measure MODULE:FUNCTION JSON
+
+The function prepares the task from the JSON's arguments and returns an action without arguments;
+only the action is measured. Seconds are processor time of the one thread that the task may use: on
+a free core that is the elapsed time, and what else the machine does disturbs it little.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from modal.storage import InputError
+
+ROOT = Path(__file__).resolve().parents[1]
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+LONGEST = 900
+"""Seconds after which a task is given up."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a task has returned, its processor time (s) and peak resident memory (MB).
+
+    `failure` says why there is nothing to report; the numbers are then None.
+    """
+
+    value: Any = None
+    seconds: float | None = None
+    peak_mb: float | None = None
+    failure: str = ""
+
+
+def measured(task: str, *, times: int = 1, **arguments: Any) -> Measured:
+    """Median of `times` runs of MODULE:FUNCTION; arguments and value must be JSON."""
+    runs = [_run(task, arguments) for _ in range(times)]
+    failed = next((run for run in runs if run.failure), None)
+    if failed:
+        return failed
+    return Measured(
+        runs[0].value,
+        statistics.median(run.seconds for run in runs),
+        statistics.median(run.peak_mb for run in runs),
+    )
+
+
+def _run(task: str, arguments: dict[str, Any]) -> Measured:
+    command = [sys.executable, "-m", "benchmarks.measure", task, json.dumps(arguments)]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=ROOT,
+            env=os.environ | ONE_THREAD,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Measured(failure=f"given up after {LONGEST} s")
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        return Measured(failure=last)
+    return Measured(**json.loads(done.stdout.splitlines()[-1]))
+
+
+def run_command(
+    command: list[str], folder: Path, log: Path, environment: Mapping[str, str] | None = None
+) -> tuple[float, float]:
+    """Processor time (s) and peak memory (MB) of a command; its output goes to `log`.
+
+    InputError with the command's own last error if it fails.
+    """
+    with open(log, "w") as output:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=os.environ | ONE_THREAD | dict(environment or {}),
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+        # Asked of this one child: the sums over all children would mix commands.
+        _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        lines = [line for line in log.read_text().splitlines() if "rror" in line]
+        raise InputError(f"{command[0]} failed: {lines[-1] if lines else process.returncode}")
+    return used.ru_utime + used.ru_stime, _megabytes(used.ru_maxrss)
+
+
+def _megabytes(maxrss: int) -> float:
+    return maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
+
+
+def _forget_peak() -> None:
+    """Let the peak count from now on, where the system can (Linux)."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak() -> float:
+    """Peak resident memory of this process, MB.
+
+    Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
+    """
+    try:
+        status = Path("/proc/self/status").read_text().splitlines()
+        line = next(line for line in status if line.startswith("VmHWM:"))
+        return int(line.split()[1]) * 1024 / 1e6
+    except (OSError, StopIteration):
+        import resource
+
+        return _megabytes(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+
+
+def main(argv: list[str]) -> int:
+    """Prepare, run, print one line of JSON."""
+    module, name = argv[0].split(":")
+    prepare: Callable[..., Callable[[], Any]] = getattr(importlib.import_module(module), name)
+    action = prepare(**json.loads(argv[1]))
+    _forget_peak()
+    start = time.process_time()
+    value = action()
+    seconds = time.process_time() - start
+    print(json.dumps({"value": value, "seconds": seconds, "peak_mb": _peak()}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
