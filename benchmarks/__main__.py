@@ -23,9 +23,6 @@ JOBS = (
     "wave",
     "eigensolvers",
     "density",
-    "preparation",
-    "shortcuts",
-    "scaling",
 )
 
 

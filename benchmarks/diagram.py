@@ -68,18 +68,27 @@ def work_precision(
     """Grid of panels: a row for each cost, a column for each error (column name -> axis label)."""
     figure, axes = panels(len(costs), len(errors), width=max(3.0, 6.4 / len(errors)))
     methods = list(dict.fromkeys(row[by] for row in rows))
-    for ax_row, (cost, cost_label) in zip(axes, costs.items(), strict=True):
-        for ax, (error, error_label) in zip(ax_row, errors.items(), strict=True):
+    for across, (error, error_label) in enumerate(errors.items()):
+        for down, (cost, cost_label) in enumerate(costs.items()):
+            ax = axes[down, across]
             for k, method in enumerate(methods):
                 own = [row for row in rows if row[by] == method]
                 curve(ax, own, error, cost, label=method, **look(k))
-            ax.set(xscale="log", yscale="log")
-            if ax_row is axes[-1]:
-                ax.set_xlabel(error_label, fontsize=9)
-            if ax is ax_row[0]:
-                ax.set_ylabel(cost_label, fontsize=9)
+            ax.set(xlabel=error_label, ylabel=cost_label)
+            decades(ax)
     legend_below(figure, axes[0, 0], len(methods))
     return figure
+
+
+def decades(ax: Axes) -> None:
+    """Logarithmic axes that begin and end at powers of ten, where the ticks have labels."""
+    for scale, limits, put in (
+        (ax.set_xscale, ax.get_xlim, ax.set_xlim),
+        (ax.set_yscale, ax.get_ylim, ax.set_ylim),
+    ):
+        scale("log")
+        low, high = np.log10(limits())
+        put(10.0 ** np.floor(low + 0.02), 10.0 ** np.ceil(high - 0.02))
 
 
 def legend_below(figure: Figure, ax: Axes, entries: int) -> None:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh
 
-from benchmarks.wave import table
+from benchmarks.report import table
 from modal import gallery
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.network import Network, write_network

@@ -21,7 +21,7 @@ import matplotlib
 import numpy as np
 
 from benchmarks.modes import SAMPLE, best_of, modal
-from benchmarks.wave import table
+from benchmarks.report import table
 from modal import gallery
 from modal.network import RECEIVER_WALL, Network, write_network
 from modal.operator import ContactOperator

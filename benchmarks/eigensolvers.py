@@ -1,0 +1,217 @@
+"""The lowest modes of a random packing: this program's back ends against what a user would type.
+
+Peers are scipy's `eigsh` in shift-invert mode, with its tolerances, and dense `eigh`. The error is
+that of the frequencies, against the dense spectrum without its floppy modes. Loosely held spheres
+make K singular: what that does to a solver that does not know of them is part of the comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh
+from scipy.sparse.linalg import eigsh
+
+from benchmarks import diagram
+from benchmarks.measure import Measured, measured
+from benchmarks.report import Finding
+from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.eigenproblem import Eigenproblem
+from modal.factor import SOLVERS, available, factorise
+from modal.intervals import lowest_modes
+from modal.network import Network, read_network, write_network
+from modal.random_packing import random_network
+
+TITLE = "Lowest modes: back ends and tolerances against scipy's own solvers"
+SPHERES = {True: 250, False: 1000}
+ASPECT = 5.0
+LOWEST = 20
+TOLERANCES = {True: (1e-2, 1e-8, 0.0), False: (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 0.0)}
+SHIFT = -((2 * np.pi * 100.0) ** 2)
+"""omega^2 a little below zero that keeps the factor of a singular K finite, rad^2/s^2."""
+DENSE_AT_MOST = 6500
+"""Degrees of freedom up to which the dense peers are run."""
+
+Task = Callable[[], dict[str, Any]]
+
+
+def _matrices(path: str) -> tuple[Network, sp.csr_matrix, sp.dia_matrix]:
+    network = read_network(path)
+    return network, stiffness_matrix(network), sp.diags(mass_diagonal(network))
+
+
+def _hertz(square: np.ndarray) -> list[float]:
+    """Frequencies, ascending; negative omega^2 gives negative ones."""
+    square = np.sort(np.real(square))
+    return (np.sign(square) * np.sqrt(abs(square)) / (2 * np.pi)).tolist()
+
+
+def program(path: str, solver: str | None, count: int) -> Task:
+    """Task: this program's lowest modes, from the network to certified frequencies."""
+    network = read_network(path)
+    # Loading a back end for the first time is not part of the task.
+    for definite in (True, False):
+        factorise(
+            sp.identity(3, format="csr"), definite=definite, solver=solver if definite else None
+        )
+
+    def action() -> dict[str, Any]:
+        modes = lowest_modes(Eigenproblem.of(network, solver=solver), count)
+        return {"frequency": modes.frequency.tolist()}
+
+    return action
+
+
+def typed(path: str, count: int, shift: float, tolerance: float) -> Task:
+    """Task: eigsh(K, k, M, sigma) as one would type it."""
+    network, _, _ = _matrices(path)
+
+    def action() -> dict[str, Any]:
+        K, M = stiffness_matrix(network), sp.diags(mass_diagonal(network)).tocsc()
+        square = eigsh(
+            K.tocsc(), k=count, M=M, sigma=shift, tol=tolerance, return_eigenvectors=False
+        )
+        return {"frequency": _hertz(square)}
+
+    return action
+
+
+def without_shift(path: str, count: int, tolerance: float) -> Task:
+    """Task: eigsh(K, k, M, which="SM"): no factor at all."""
+    network, _, _ = _matrices(path)
+
+    def action() -> dict[str, Any]:
+        K, M = stiffness_matrix(network), sp.diags(mass_diagonal(network)).tocsc()
+        square = eigsh(
+            K, k=count, M=M, which="SM", tol=tolerance, maxiter=20000, return_eigenvectors=False
+        )
+        return {"frequency": _hertz(square)}
+
+    return action
+
+
+def dense(path: str, count: int | None) -> Task:
+    """Task: eigh of the full matrices; all modes, or the lowest `count` only."""
+    network, _, _ = _matrices(path)
+
+    def action() -> dict[str, Any]:
+        K, M = stiffness_matrix(network).toarray(), np.diag(mass_diagonal(network))
+        subset = None if count is None else [0, count - 1]
+        square = eigh(K, M, eigvals_only=False, subset_by_index=subset, overwrite_a=True)[0]
+        return {"frequency": _hertz(square)}
+
+    return action
+
+
+def spectrum(problem: Eigenproblem) -> np.ndarray:
+    """All frequencies, Hz, ascending, from the dense mass-scaled matrix."""
+    return np.array(_hertz(eigh(problem.scaled.toarray(), eigvals_only=True)))
+
+
+def frequency_error(found: list[float], exact: np.ndarray, floppy: int) -> tuple[float, int]:
+    """Largest relative error of the elastic frequencies in a list; zero modes that it holds.
+
+    A frequency below half of the lowest elastic one is a zero mode; the others are compared with
+    the lowest elastic ones in order.
+    """
+    elastic = exact[floppy:]
+    listed = np.sort(np.array(found))
+    modes = listed[listed > 0.5 * elastic[0]]
+    zero = len(listed) - len(modes)
+    if len(modes) == 0:
+        return np.nan, zero
+    wanted = elastic[: len(modes)]
+    return float(abs(modes / wanted - 1).max()), zero
+
+
+def row(
+    method: str, setting: str, cost: Measured, exact: np.ndarray, floppy: int
+) -> dict[str, Any]:
+    """One line of the table; where a method fails, why."""
+    line: dict[str, Any] = {"method": method, "setting": setting}
+    if cost.failure:
+        return line | {"failure": cost.failure}
+    frequency = cost.value["frequency"]
+    lowest = frequency[: LOWEST + floppy]
+    error, zero = frequency_error(lowest, exact, floppy)
+    return line | {
+        "modes": len(frequency),
+        "zero_modes_listed": zero,
+        "error": None if np.isnan(error) else error,
+        "seconds": cost.seconds,
+        "peak_mb": cost.peak_mb,
+    }
+
+
+def run(quick: bool, folder: Path) -> Finding:
+    """Every method on one packing."""
+    spheres, times = SPHERES[quick], 1 if quick else 3
+    network = random_network(spheres, 1e5, seed=1, aspect=ASPECT)
+    path = folder / "packing.network.h5"
+    write_network(path, network)
+    problem = Eigenproblem.of(network)
+    exact, floppy = spectrum(problem), problem.floppy.total
+
+    def cost(task: str, times: int = times, **arguments: Any) -> Measured:
+        return measured(f"benchmarks.eigensolvers:{task}", times=times, path=str(path), **arguments)
+
+    rows = []
+    for solver in (None, *SOLVERS):
+        if solver is None or available(solver):
+            setting = solver or "its own choice"
+            found = cost("program", solver=solver, count=LOWEST)
+            rows.append(row("this program", setting, found, exact, floppy))
+    found = cost("typed", times=1, count=LOWEST, shift=0.0, tolerance=0.0)
+    rows.append(row("eigsh, sigma = 0", f"k = {LOWEST}", found, exact, floppy))
+    found = cost("typed", times=1, count=LOWEST, shift=SHIFT, tolerance=0.0)
+    rows.append(row("eigsh, sigma < 0", f"k = {LOWEST}", found, exact, floppy))
+    name = "eigsh, sigma < 0, k = 20 + floppy"
+    for tolerance in TOLERANCES[quick]:
+        found = cost("typed", count=LOWEST + floppy, shift=SHIFT, tolerance=tolerance)
+        rows.append(row(name, f"tol = {tolerance:g}", found, exact, floppy))
+    if not quick:
+        found = cost("without_shift", times=1, count=LOWEST + floppy, tolerance=1e-6)
+        rows.append(row("eigsh, which = SM", "tol = 1e-06", found, exact, floppy))
+    if problem.size <= DENSE_AT_MOST:
+        found = cost("dense", times=1, count=None)
+        rows.append(row("eigh, all modes", "", found, exact, floppy))
+        found = cost("dense", times=1, count=LOWEST + floppy)
+        rows.append(row("eigh, lowest only", "", found, exact, floppy))
+    task = (
+        f"The {LOWEST} lowest elastic modes of a random packing without friction, "
+        f"{spheres} spheres, {problem.size} degrees of freedom, {floppy} of them floppy. From the "
+        "contact network to the frequencies, assembly included. The error is that of the elastic "
+        "frequencies that a method has found; `zero_modes_listed` are floppy modes among them."
+    )
+    figure = diagram.work_precision(rows, {"error": "relative error of the frequencies (-)"})
+    return Finding(TITLE, task, rows, notes(rows, exact, floppy), {"eigensolvers": figure})
+
+
+def notes(rows: list[dict[str, Any]], exact: np.ndarray, floppy: int) -> list[str]:
+    """Where the errors stop, and what the floppy modes do."""
+    own = rows[0]
+    limit = np.finfo(float).eps * (exact[-1] / exact[floppy]) ** 2 / 2
+    said = [
+        f"Errors stop near {limit:.1e}, half the unit round-off times (f_max / f_1)^2: the digits "
+        "that the lowest frequency has in a matrix whose highest is f_max. A tighter tolerance "
+        "buys nothing below.",
+    ]
+    plain = [row for row in rows if row["method"].startswith("eigsh, sigma")][:2]
+    for row_ in plain:
+        result = row_.get("failure") or (
+            f"{row_['zero_modes_listed']} of its {row_['modes']} modes are floppy ones, of zero "
+            "frequency up to round-off"
+        )
+        said.append(f"{row_['method']}, {row_['setting']}: {result}.")
+    others = [row for row in rows[1:] if row.get("seconds") and row["method"] != own["method"]]
+    for name in dict.fromkeys(row["method"] for row in others if row["modes"] > LOWEST):
+        last = [row for row in others if row["method"] == name][-1]
+        said.append(
+            f"{name}: {last['seconds'] / own['seconds']:.2g} times the seconds of this program, "
+            f"{last['peak_mb'] / own['peak_mb']:.2g} times its memory."
+        )
+    return said

@@ -1,0 +1,170 @@
+"""The benchmarks on tiny sizes: columns, orders of convergence, causes of errors. No timing."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from analysis.exact_chain import Chain
+from benchmarks import density, eigensolvers, fcc_time_step, wave, yade_job
+from benchmarks.__main__ import main
+from benchmarks.diagram import knee, work_precision
+from benchmarks.measure import measured
+from benchmarks.report import Finding, table, write
+from modal import gallery
+from modal.density import density_of_states
+from modal.eigenproblem import Eigenproblem
+from modal.leapfrog import leapfrog
+from modal.network import write_network
+from modal.random_packing import random_network
+from modal.source import Pulse
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    """A random packing of 60 spheres with floppy modes, its file and its whole spectrum."""
+    network = random_network(60, 1e5, seed=3, aspect=2.5)
+    path = tmp_path_factory.mktemp("packing") / "packing.network.h5"
+    write_network(path, network)
+    problem = Eigenproblem.of(network)
+    assert problem.floppy.total > 0
+    return network, path, eigensolvers.spectrum(problem), problem.floppy
+
+
+def hundred_megabytes():
+    """Task for `measured`: memory that is written to, given back at the end."""
+    return lambda: int(np.ones(100_000_000 // 8).sum())
+
+
+def nothing_to_do():
+    """Task for `measured`."""
+    return lambda: None
+
+
+def test_a_task_is_measured_in_its_own_process():
+    small = measured("tests.test_benchmarks:nothing_to_do", times=3)
+    large = measured("tests.test_benchmarks:hundred_megabytes")
+    assert large.value == 12_500_000
+    assert large.peak_mb - small.peak_mb == pytest.approx(100, rel=0.2)
+
+
+def test_a_task_that_fails_says_why(tmp_path):
+    missing = str(tmp_path / "none.network.h5")
+    failed = measured("benchmarks.density:dense", path=missing)
+    assert failed.seconds is None
+    assert "none.network.h5" in failed.failure
+
+
+def test_knee_is_the_cheapest_near_the_floor():
+    rows = [
+        {"error": 1e-2, "seconds": 1.0},
+        {"error": 1.5e-4, "seconds": 4.0},
+        {"error": 1e-4, "seconds": 9.0},
+        {"error": None, "seconds": 0.1},
+    ]
+    assert knee(rows, "error")["seconds"] == 4.0
+    assert knee(rows, "error", within=1.2)["seconds"] == 9.0
+
+
+def test_report_has_every_column_and_its_figure(tmp_path):
+    rows = [
+        {"method": "a", "error": 1e-3, "seconds": 1.0, "peak_mb": 10.0},
+        {"method": "b", "error": 0.0, "seconds": 2.0, "peak_mb": 20.0, "failure": "none"},
+    ]
+    figure = work_precision(rows, {"error": "error (-)"})
+    text = write(Finding("Title", "Task.", rows, ["note"], {"shown": figure}), "job", tmp_path)
+    assert "| b | 0 | 2 | 20 | none |" in text
+    assert (tmp_path / "shown.png").stat().st_size > 0
+    with open(tmp_path / "job.csv") as file:
+        assert next(csv.reader(file)) == ["method", "error", "seconds", "peak_mb", "failure"]
+    assert table(rows[:1]).count("\n") == 2
+
+
+def test_unknown_job_is_refused(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["nonsense"])
+    assert stop.value.code == 2
+    assert "nonsense" in capsys.readouterr().err
+
+
+def test_dispersion_error_of_the_time_step_has_order_two():
+    network = yade_job.in_yades_order(gallery.fcc(2, 30))
+    chain = Chain.of_network(network)
+    found = [
+        fcc_time_step.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
+        for step in (2e-7, 1e-7)
+    ]
+    # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
+    for name in ("error_dispersion", "error_f_low_pass", "error_signals"):
+        assert np.log2(found[0][name] / found[1][name]) == pytest.approx(2, abs=0.15), name
+
+
+def test_pre_stress_shifts_the_velocity_and_springs_do_not():
+    """C loses 2 N / l where the springs give 2 (kn + kt): V_P falls by half of that share."""
+    network = yade_job.in_yades_order(gallery.fcc(2, 30))
+    chain = Chain.of_network(network)
+    inner = network.particle_j >= 0
+    lateral = np.median(network.force_normal[inner]) / (2 * network.radius[0])
+    expected = lateral / chain.stiffness
+    run = leapfrog(network, 6e-5, 2e-8, every=20, motion=Pulse())
+    found = {}
+    for kind in ("none", "full"):
+        twin = fcc_time_step.linear_twin(network, run, kind)
+        found[kind] = fcc_time_step.errors(twin, chain)["error_velocity"]
+    assert found["none"] < 0.1 * expected
+    assert found["full"] == pytest.approx(expected, rel=0.1)
+
+
+def test_wave_errors_against_the_converged_wave():
+    network = gallery.fcc(2, 20)
+    exact = wave.exact(network, 5e-5, 1e-6)
+    coarse = wave.leapfrog_wave(network, 5e-5, 2e-7, 5)
+    fine = wave.leapfrog_wave(network, 5e-5, 1e-7, 10)
+    ratio = wave.relative(coarse, exact) / wave.relative(fine, exact)
+    assert np.log2(ratio) == pytest.approx(2, abs=0.15)
+
+
+@pytest.mark.parametrize("solver", ["banded", "superlu"])
+def test_program_lists_no_floppy_modes(packing, solver):
+    _, path, exact, floppy = packing
+    found = eigensolvers.program(str(path), solver, 20)()["frequency"]
+    error, zero = eigensolvers.frequency_error(found, exact, floppy.total)
+    assert zero == 0
+    # Round-off in a matrix whose largest frequency is f_max, times a modest factor.
+    assert error < 100 * np.finfo(float).eps * (exact[-1] / exact[floppy.total]) ** 2
+
+
+def test_scipy_as_typed_lists_floppy_modes(packing):
+    _, path, exact, floppy = packing
+    found = eigensolvers.typed(str(path), 20, eigensolvers.SHIFT, 0.0)()["frequency"]
+    error, zero = eigensolvers.frequency_error(found, exact, floppy.total)
+    assert zero >= min(20, floppy.total) // 2
+    assert np.isnan(error) or error < 1e-6
+
+
+def test_dense_peers_agree_with_the_spectrum(packing):
+    _, path, exact, floppy = packing
+    for count in (None, 10 + floppy.total):
+        found = eigensolvers.dense(str(path), count)()["frequency"]
+        error, zero = eigensolvers.frequency_error(found, exact, floppy.total)
+        assert zero == floppy.total
+        assert error < 1e-9
+
+
+def test_density_errors_split_into_kernel_and_vectors(packing):
+    network, _, exact, floppy = packing
+    found = {}
+    for resolution, tolerance in ((4e4, 0.02), (1e4, 0.02), (1e4, 0.005)):
+        states = density_of_states(
+            network, resolution=resolution, tolerance=tolerance, zero_modes=floppy.basis
+        )
+        found[resolution, tolerance] = density.errors(exact, floppy.total, states)
+    coarse, fine, many = found.values()
+    assert fine["error_of_kernel"] < 0.5 * coarse["error_of_kernel"]
+    assert many["error_of_kernel"] == pytest.approx(fine["error_of_kernel"])
+    # Sixteen times the vectors: a quarter of their error on average, half at worst.
+    assert many["error_of_vectors"] < 0.5 * fine["error_of_vectors"]
+    for errors in found.values():
+        assert errors["error"] <= errors["error_of_kernel"] + errors["error_of_vectors"]
