@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.storage import atomic_h5, get, open_h5, put
+from modal.storage import InputError, atomic_h5, get, open_h5, put
 
 SCHEMA = "granular-modes"
 VERSION = 1
@@ -70,4 +70,27 @@ def read_modes(path: str | Path) -> ModeSet:
         }
         reserved = ("schema", "schema_version")
         attributes = {key: value for key, value in file.attrs.items() if key not in reserved}
-    return ModeSet(**columns, attributes=attributes)
+    modes = ModeSet(**columns, attributes=attributes)
+    _validate(modes, str(path))
+    return modes
+
+
+def _validate(modes: ModeSet, name: str) -> None:
+    """Refuse columns of different lengths, what is not finite, and frequencies out of order."""
+    for count, columns in (
+        ("frequency", ("residual", "chi_z", "chi_z_chain", "rotation_share", "mode_shape")),
+        ("resonance_frequency", ("resonance_wavenumber", "resonance_shape")),
+    ):
+        frequency = getattr(modes, count)
+        for column in columns:
+            data = getattr(modes, column)
+            if data is not None and (frequency is None or len(data) != len(frequency)):
+                raise InputError(f"{name}: {column} and {count} differ in length; make it again")
+    if (np.diff(modes.frequency) < 0).any():
+        raise InputError(f"{name}: frequency is not in ascending order; make it again")
+    for column in _UNITS:
+        data = getattr(modes, column)
+        # Without a chain there is no chi_z along it.
+        absent = column == "chi_z_chain" and np.isnan(data).all()
+        if data is not None and not (absent or np.isfinite(data).all()):
+            raise InputError(f"{name}: {column} is not finite; make it again")

@@ -145,7 +145,8 @@ def read_network(path: str | Path) -> Network:
 
 
 def _attributes(file: h5py.File, group: str) -> dict[str, Any]:
-    return dict(file[group].attrs) if isinstance(file.get(group), h5py.Group) else {}
+    # `file.get` would take a damaged group for an absent one.
+    return dict(file[group].attrs) if group in file else {}
 
 
 def validate(network: Network, name: str = "network") -> None:
@@ -182,11 +183,41 @@ def validate(network: Network, name: str = "network") -> None:
     if shifted.any():
         axis = "xyz"[int(np.argmax(shifted))]
         raise InputError(f"{name}: cell_shift along {axis}, which is not periodic; mend the export")
-    period = network.cell_size[network.cell_periodic]
+    axes = network.cell_periodic
+    period = network.cell_size[axes]
     if not (np.isfinite(network.cell_size).all() and (period > 0).all()):
         raise InputError(f"{name}: cell/size must be positive along the periodic axes")
     if not np.isfinite(network.wall_position).all():
         raise InputError(f"{name}: walls/position is not finite; mend the export")
+    if {SOURCE_WALL, RECEIVER_WALL} <= set(j[j < 0].tolist()) and network.length <= 0:
+        raise InputError(f"{name}: the source wall lies above the receiver wall; mend the export")
+    # Centres within a cell meet through one period; unwrapped ones through as many as they span.
+    reach = 1 + np.ceil(np.ptp(network.position, axis=0) / np.where(axes, network.cell_size, 1.0))
+    _refuse(
+        (abs(network.cell_shift) > reach).any(axis=1),
+        name,
+        "contact",
+        "has a cell_shift beyond the packing",
+    )
+    _refuse(_misfit(network) > 0.5, name, "contact", "joins places that do not touch by its levers")
+
+
+def _misfit(network: Network) -> np.ndarray:
+    """Shape (m,): distance by which the lever arms miss the other centre, over their length.
+
+    Whole periods do not count, since cell_shift may be absent; nor do walls. Levers that end
+    anywhere in the overlap miss by its share of the diameter, a wrong particle by about 1.
+    """
+    pair = ~network.with_wall
+    i, j = network.particle_i[pair], network.particle_j[pair]
+    branch = (network.lever_i - network.lever_j)[pair]
+    gap = network.position[j] - network.position[i] - branch
+    axes = network.cell_periodic
+    gap[:, axes] -= np.round(gap[:, axes] / network.cell_size[axes]) * network.cell_size[axes]
+    length = np.linalg.norm(branch, axis=1)
+    misfit = np.zeros(network.n_contacts)
+    misfit[pair] = np.linalg.norm(gap, axis=1) / np.where(length > 0, length, 1.0)
+    return misfit
 
 
 def _refuse(wrong: np.ndarray, name: str, kind: str, fault: str) -> None:

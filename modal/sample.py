@@ -206,13 +206,43 @@ def read_sample(path: str | Path) -> Sample:
             study, provenance = dict(file["study"].attrs), dict(file["provenance"].attrs)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: {error}; the sample is incomplete, make it again") from error
-    for name, data in columns.items():
-        if not np.isfinite(data).all():
-            raise InputError(f"{path}: {name} is not finite; the run failed, make it again")
-    sizes = [*columns["side"], columns["walls"][1] - columns["walls"][0], numbers["radius"]]
-    if n == 0 or min(sizes) <= 0:
-        raise InputError(f"{path}: a sample needs spheres, a cell and two walls; make it again")
-    return Sample(**columns, **numbers, material=material, study=study, provenance=provenance)
+    sample = Sample(**columns, **numbers, material=material, study=study, provenance=provenance)
+    validate(sample, str(path))
+    return sample
+
+
+def validate(sample: Sample, name: str = "sample") -> None:
+    """Refuse what no packing of equal spheres can be; InputError with one line."""
+    for column in ("position", "side", "walls", *_OPTIONAL):
+        data = getattr(sample, column)
+        if data is not None and not np.isfinite(data).all():
+            raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
+    material, radius = sample.material, sample.radius
+    positive = (material.young, material.density, radius)
+    sound = all(0 < number < np.inf for number in positive) and -1 < material.poisson < 0.5
+    if not (sound and 0 <= sample.friction < np.inf):
+        raise InputError(
+            f"{name}: radius, friction and the material's constants must be positive, Poisson's "
+            "ratio from -1 to 0.5; make the sample again"
+        )
+    n, (low, high) = len(sample.position), sample.walls
+    if n == 0 or low >= high or min(sample.side) < radius:
+        raise InputError(
+            f"{name}: a sample needs spheres, a cell at least one radius wide and two walls; "
+            "make it again"
+        )
+    lateral, z = sample.position[:, :2], sample.position[:, 2]
+    # On the cell's edge a centre may lie on either side of it by round-off.
+    slack = 1e-9 * radius
+    outside = ((lateral < -slack) | (lateral > sample.side + slack)).any(axis=1)
+    outside |= (z < low) | (z > high)
+    if outside.any():
+        raise InputError(
+            f"{name}: sphere {int(np.argmax(outside))} lies outside the cell or the walls; "
+            "make the sample again"
+        )
+    if len(np.unique(sample.position, axis=0)) < n:
+        raise InputError(f"{name}: two spheres lie in one place; make the sample again")
 
 
 def read_packing(path: str | Path) -> Network:

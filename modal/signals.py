@@ -114,4 +114,23 @@ def read_signals(path: str | Path) -> Signals:
         if missing:
             raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")
         attributes = {name: kind(file.attrs[name]) for name, kind in _ATTRIBUTES.items()}
-    return Signals(**columns, **attributes)
+    signals = Signals(**columns, **attributes)
+    _validate(signals, str(path))
+    return signals
+
+
+def _validate(signals: Signals, name: str) -> None:
+    """Refuse what no run records; every estimator takes the times for evenly spaced."""
+    time = signals.time
+    if len(time) < 2 or len(signals.chain_particle) == 0:
+        raise InputError(f"{name}: fewer than two times or no chain; record more")
+    step = np.diff(time)
+    if not (time[0] >= 0 and (abs(step - step.mean()) < 1e-3 * step.mean()).all()):
+        raise InputError(f"{name}: the times are not evenly spaced from 0 on; record them so")
+    if (signals.chain_particle < 0).any() or len(set(signals.chain_particle.tolist())) < len(
+        signals.chain_particle
+    ):
+        raise InputError(f"{name}: chain/particle has a negative or a repeated index; mend it")
+    numbers = (signals.input_frequency, signals.time_step)
+    if not (np.isfinite([*numbers, signals.amplitude]).all() and min(numbers) > 0):
+        raise InputError(f"{name}: input_frequency and time_step must be positive; mend them")

@@ -1,8 +1,14 @@
-"""HDF5 files that are complete or absent: written under a temporary name, then renamed."""
+"""HDF5 files that are complete or absent: written under a temporary name, then renamed.
+
+All of a file carries checksums, so that a bit that has flipped is noticed when the file is read:
+the data by HDF5's fletcher32 filter, names, shapes and attributes by the format of HDF5 1.10.
+Files of other programs, with or without, are read alike.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import mmap
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +16,11 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+
+CHECKSUMMED = ("v110", "v110")
+"""Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
+_HEAP = b"GCOL\x01\0\0\0"
+"""How a global heap begins: where HDF5 keeps texts."""
 
 
 class InputError(ValueError):
@@ -24,7 +35,7 @@ def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
     try:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with h5py.File(partial, "w") as file:
+            with h5py.File(partial, "w", libver=CHECKSUMMED) as file:
                 yield file
             os.replace(partial, path)
         except OSError as error:
@@ -42,6 +53,7 @@ def open_h5(path: str | Path, schema: str, version: int) -> Iterator[h5py.File]:
     if not path.is_file():
         raise InputError(f"{path}: no such file; check the name")
     try:
+        _refuse_endless_heap(path)
         with h5py.File(path, "r") as file:
             found, found_version = file.attrs.get("schema"), file.attrs.get("schema_version")
             if isinstance(found, bytes):
@@ -63,11 +75,36 @@ def open_h5(path: str | Path, schema: str, version: int) -> Iterator[h5py.File]:
         ) from error
 
 
+def _refuse_endless_heap(path: Path) -> None:
+    """Refuse a file whose strings HDF5 (up to 2.0) would read for ever.
+
+    Texts of attributes lie in "global heaps", the one structure without a checksum. The library
+    walks from entry to entry; behind a damaged length it may meet an empty one of size zero.
+    """
+    if path.stat().st_size == 0:
+        return
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+        at = raw.find(_HEAP)
+        while at >= 0:
+            end = at + int.from_bytes(raw[at + 8 : at + 16], "little")
+            here = at + 16
+            while here + 16 <= min(end, len(raw)):
+                index = int.from_bytes(raw[here : here + 2], "little")
+                size = int.from_bytes(raw[here + 8 : here + 16], "little")
+                step = 16 + (size + 7) // 8 * 8 if index else size
+                if step == 0:
+                    raise InputError(f"{path}: its texts are damaged; make the file again")
+                here += step
+            at = raw.find(_HEAP, at + 8)
+
+
 def put(
     file: h5py.File | h5py.Group, name: str, data: np.ndarray, units: str, *, compress: bool = False
 ) -> None:
     """Write one dataset with its units; `compress` for the large ones."""
-    options = {"compression": "gzip", "shuffle": True} if compress and np.size(data) > 0 else {}
+    options = {"fletcher32": True} if np.size(data) > 0 else {}
+    if compress and options:
+        options |= {"compression": "gzip", "shuffle": True}
     file.create_dataset(name, data=data, **options).attrs["units"] = units
 
 

@@ -1,0 +1,112 @@
+"""Damaged copies of a file, and a watched child process that reads them."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+WATCHDOG = 30
+"""Seconds after which one reading counts as a hang; a sound file takes well under one."""
+MEMORY = 6_000_000_000
+"""Bytes of address space of a child: a damaged length must not take the whole machine."""
+
+
+def mangled(data: bytes, random: np.random.Generator) -> tuple[str, bytes]:
+    """One damage of the bytes of a file, as storage and transfer cause them: kind, bytes."""
+    size = len(data)
+    at = int(random.integers(size))
+    length = int(random.integers(1, 65))
+    kind = ("bit", "bit", "bit", "bits", "random", "zeros", "ones", "cut", "removed", "inserted",
+            "moved", "end")[int(random.integers(12))]  # fmt: skip
+    raw = bytearray(data)
+    if kind == "bit":
+        raw[at] ^= 1 << int(random.integers(8))
+    elif kind == "bits":
+        for place in random.integers(size, size=length):
+            raw[place] ^= 1 << int(random.integers(8))
+    elif kind in ("random", "zeros", "ones"):
+        length = min(length, size - at)
+        fill = {"zeros": b"\0", "ones": b"\xff"}.get(kind)
+        raw[at : at + length] = fill * length if fill else random.bytes(length)
+    elif kind == "cut":
+        del raw[at:]
+    elif kind == "removed":
+        del raw[at : at + length]
+    elif kind == "inserted":
+        raw[at:at] = random.bytes(length)
+    elif kind == "moved":
+        block = raw[at : at + length]
+        to = int(random.integers(size))
+        raw[to : to + len(block)] = block
+    else:
+        raw += random.bytes(length)
+    return kind, bytes(raw)
+
+
+def datasets(path: Path) -> list[str]:
+    """Names of all datasets of a file."""
+    names: list[str] = []
+    with h5py.File(path) as file:
+        file.visititems(
+            lambda name, node: names.append(name) if isinstance(node, h5py.Dataset) else None
+        )
+    return names
+
+
+def replaced(file: h5py.File, name: str, data: object) -> None:
+    """Put other data in the place of a dataset, with its attributes."""
+    attributes = dict(file[name].attrs)
+    del file[name]
+    file.create_dataset(name, data=data).attrs.update(attributes)
+
+
+def in_child(work: Callable[[int], str], numbers: list[int], log: Path) -> Iterator[tuple]:
+    """(number, verdict) of work(number), done in a forked child that may crash or hang.
+
+    A crash of the HDF5 library or a hang ends the child: verdict "crash" or "hang", and another
+    child goes on behind it. A Python exception is the verdict "traceback".
+    """
+    todo = list(numbers)
+    while todo:
+        log.write_text("")
+        sys.stdout.flush()
+        child = os.fork()
+        if child == 0:
+            _work_through(work, todo, log)
+        _, status = os.waitpid(child, 0)
+        lines = log.read_text().splitlines()
+        done = [line.split("\t", 1)[1] for line in lines if "\t" in line]
+        yield from zip(todo, done, strict=False)
+        if len(done) < len(todo):
+            end = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+            yield todo[len(done)], "hang" if end == signal.SIGALRM else f"crash, signal {end}"
+            done.append("")
+        todo = todo[len(done) :]
+
+
+def _work_through(work: Callable[[int], str], todo: list[int], log: Path) -> None:
+    """The child: never returns."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 2)
+    with open(log, "w") as out:
+        for number in todo:
+            signal.alarm(WATCHDOG)
+            try:
+                verdict = work(number)
+            except BaseException:  # a traceback is what is looked for
+                verdict = "traceback " + traceback.format_exc().replace("\n", " | ")
+            signal.alarm(0)
+            out.write(f"{number}\t{verdict}\n")
+            out.flush()
+    os._exit(0)
