@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures import STYLE
+from analysis.render import STYLE
 
 Row = Mapping[str, Any]
 COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)"}
