@@ -96,9 +96,9 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
     if len(cases) > 1:
         columns = stress_rows(cases)
         for name in ("theory", "modal", "yade"):
-            exponent = power_law(columns["stress_Pa"], columns[f"velocity_{name}_m_per_s"])
-            if np.isfinite(exponent):
-                print(f"exponent of V_P against stress, {name}: {exponent:.5f} (paper: 1/6)")
+            law = power_law(columns["stress_Pa"], columns[f"velocity_{name}_m_per_s"])
+            if np.isfinite(law.exponent):
+                print(f"exponent of V_P against stress, {name}: {law.exponent:.5f} (paper: 1/6)")
         if figures:
             measured = [Measures(case) for case in cases]
             paths = _figures(("stress_dependence",), measured, output, "")

@@ -17,6 +17,10 @@ FADE = 0.2
 """Part of a record, at its end, that fades out."""
 
 
+SURE = 0.9
+"""Part of the spectrum below whose end it is seen that nothing more follows."""
+
+
 def spectrum_with_distance(signals: Signals, padding: int = 4) -> tuple[np.ndarray, np.ndarray]:
     """Frequency (nf,) Hz and displacement amplitude (nf, nc), relative to the overall maximum."""
     nt = len(signals.time)
@@ -64,8 +68,8 @@ def flattest(
     Of all stretches of `width` between `first` and `last` the one in which the values change least:
     the least difference of the medians of its two halves, plus half its quartile distance. NaN
     where no stretch fits; values that are NaN do not count. Nearer than some diameters the wall's
-    own field counts; farther than half of what the record reaches, it ends before the slow high
-    frequencies have come: `first` and `last` keep off both.
+    own field counts; farther than the record reaches, it ends before the slow high frequencies
+    have come: `first` and `last` keep off both.
     """
     order = np.argsort(distance)
     order = order[np.isfinite(np.asarray(values)[order])]
@@ -86,17 +90,21 @@ def flattest(
 
 
 def threshold_curves(
-    time: np.ndarray, displacement: np.ndarray, thresholds: tuple[float, ...], highest: float
+    time: np.ndarray,
+    displacement: np.ndarray,
+    thresholds: tuple[float, ...],
+    highest: float,
+    fade: float = FADE,
 ) -> np.ndarray:
     """The threshold rule for every column of `displacement` (nt, p); shape (thresholds, p), Hz.
 
-    NaN where the amplitude is still above the threshold at `highest` (Hz). Four frequencies a
-    record length. The last fifth of the record fades out by a half cosine: a cut in the middle of a
-    motion spreads over all frequencies as 1 / f and would lie above the threshold.
+    NaN where the amplitude is still above the threshold close to `highest` (Hz). Four frequencies a
+    record length. The last part, `fade`, of the record fades out by a half cosine: a cut in the
+    middle of a motion spreads over all frequencies as 1 / f and would lie above the threshold.
     """
     step = float(time[1] - time[0])
     frequency = np.arange(0, min(highest, 0.5 / step), 1 / (4 * len(time) * step))
-    past = np.clip((time - time[0]) / (time[-1] - time[0]) / FADE - (1 / FADE - 1), 0, 1)
+    past = np.clip((time - time[0]) / (time[-1] - time[0]) / fade - (1 / fade - 1), 0, 1)
     kernel = np.exp(-2j * np.pi * frequency[:, None] * time) * np.cos(np.pi / 2 * past) ** 2
     found = np.empty((len(thresholds), displacement.shape[1]))
     for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
@@ -104,7 +112,7 @@ def threshold_curves(
         amplitude = abs(kernel @ displacement[:, part])
         for row, threshold in zip(found, thresholds, strict=True):
             row[part] = threshold_frequency(frequency, amplitude, threshold)
-    found[found >= frequency[-1]] = np.nan
+    found[found > SURE * frequency[-1]] = np.nan
     return found
 
 

@@ -12,19 +12,17 @@ from analysis.coherent import Coherent, coherent_wave
 from analysis.dispersion import chain_dispersion, mode_dispersion
 from analysis.effective_medium import of_contacts, of_means
 from analysis.gain import Gain, gain_factor
-from analysis.lowpass import Plateau, flattest, threshold_curves
+from analysis.lowpass import Plateau
+from analysis.passband import Passband
 from analysis.products import Products
+from analysis.standing import Standing, standing_modes
 from analysis.velocity import at_frequency, first_peak_times, wall_velocity
-from modal.layers import force_bearing
 from modal.operator import ContactOperator
+from modal.signals import Signals
 from modal.statistics import contacts_per_particle, coordination_without_rattlers
 
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""
-WIDTH = 20.0
-"""Stretch of a plateau, diameters."""
-NEAR = 5.0
-"""From where on distances count, diameters: nearer, the wall's own field is seen."""
 
 
 @dataclass(frozen=True)
@@ -71,13 +69,22 @@ class Measures:
     @cached_property
     def coherent(self) -> Coherent:
         """The coherent wave of the linear record, to the highest frequency that is looked at."""
+        return self._coherent(self.case.wave)
+
+    @cached_property
+    def dem_coherent(self) -> Coherent | None:
+        """The same of the DEM run, where its layers were recorded."""
+        record = self.case.signals
+        if record is None or record.layer_displacement is None:
+            return None
+        return self._coherent(record)
+
+    def _coherent(self, record: Signals) -> Coherent:
         case = self.case
         highest = (0.5 if case.is_crystal else 0.2) * of_contacts(case.network).velocity
-        highest /= case.diameter
-        wave = case.wave
         if case.is_crystal:  # slabs a diameter thick would beat with its layers
-            wave = replace(wave, layer_displacement=None)
-        return coherent_wave(wave, case.network.length, highest=highest)
+            record = replace(record, layer_displacement=None)
+        return coherent_wave(record, case.network.length, highest=highest / case.diameter)
 
     @cached_property
     def low_frequency(self) -> float:
@@ -86,21 +93,21 @@ class Measures:
 
     @cached_property
     def long_wave(self) -> Estimate:
-        """V_P, m/s, of the longest waves: kappa over omega of the coherent wave, to zero.
+        """V_P, m/s, of the longest waves of the linear wave: the reference for all else.
 
-        Extrapolated in f^2 over the lowest fifth of the frequencies; the error is the fit's. For
-        crystals the damped transform, which is unbiased there.
+        For crystals by the damped transform, which is unbiased there.
         """
         if self.case.is_crystal:
-            return Estimate(chain_dispersion(self.case.record).velocity)
-        wave = self.coherent
-        slowness = 1 / wave.phase_velocity
-        known = np.flatnonzero(np.isfinite(slowness))
-        known = known[2 : max(8, len(known) // 3)]
-        if len(known) < 5:
-            return Estimate(np.nan)
-        fit, spread = np.polyfit(wave.frequency[known] ** 2, slowness[known], 1, cov=True)
-        return Estimate(float(1 / fit[1]), float(np.sqrt(spread[1, 1]) / fit[1] ** 2))
+            return Estimate(chain_dispersion(self.case.wave).velocity)
+        return _longest(self.coherent)
+
+    @cached_property
+    def dem_long_wave(self) -> Estimate:
+        """The same of the DEM run; NaN where there is none."""
+        if self.case.is_crystal and self.case.signals is not None:
+            return Estimate(chain_dispersion(self.case.signals).velocity)
+        found = self.dem_coherent
+        return Estimate(np.nan) if found is None else _longest(found)
 
     @cached_property
     def walls(self) -> tuple[float, float]:
@@ -116,13 +123,27 @@ class Measures:
         return at_frequency(f, phase, self.low_frequency), self.case.network.length / slope
 
     @cached_property
+    def standing(self) -> Standing | None:
+        """Modes that bear the standing waves of a random packing; None without mode shapes."""
+        modes = self.case.modes
+        if self.case.is_crystal or modes is None or modes.mode_shape is None:
+            return None
+        return standing_modes(modes, self.case.network)
+
+    @cached_property
     def resonances(self) -> tuple[np.ndarray, np.ndarray]:
-        """f_r (Hz), kappa_r (1/m): pure modes of a crystal, else the structure factor's ridge."""
+        """f_r (Hz), kappa_r (1/m): pure modes of a crystal, else the structure factor's ridge.
+
+        Without a structure factor, the modes with the largest shares of the standing waves.
+        """
         modes, structure = self.case.modes, self.case.structure
         if modes is not None and modes.resonance_frequency is not None and self.case.is_crystal:
             return modes.resonance_frequency, modes.resonance_wavenumber
         if structure is not None:
             return structure.ridge()[0], structure.wavenumber
+        if self.standing is not None:
+            f = self.standing.frequency
+            return f, np.pi * np.arange(1, len(f) + 1) / self.case.network.length
         return np.empty(0), np.empty(0)
 
     @cached_property
@@ -147,53 +168,29 @@ class Measures:
         means = of_means(self.void_ratio, self.coordination[0], self.case.stress, radius)
         return of_contacts(network).velocity, means.velocity
 
-    @property
-    def highest(self) -> float:
-        """Spectra are looked at up to 0.7 V_P / D of a crystal (edge: 0.45), 0.4 of others, Hz."""
-        return (0.7 if self.case.is_crystal else 0.4) * self.long_wave.value / self.case.diameter
+    @cached_property
+    def passband(self) -> Passband:
+        """The threshold rule on the records of the case."""
+        return Passband(self.case, self.long_wave.value)
 
     @cached_property
-    def thresholds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Distance of the layers (nl,) m, and their 2 % and 1 % frequencies (2, nl), Hz."""
-        wave, walls = self.case.wave, self.case.network.wall_position
-        z, u = wave.layer_position, wave.layer_displacement
-        if self.case.is_crystal:  # its own layers, not slabs a diameter thick
-            z, u = wave.chain_position, wave.chain_displacement
-        return z - walls[0], threshold_curves(wave.time, u, (0.02, 0.01), self.highest)
-
-    @cached_property
-    def particle_thresholds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The same of every force-bearing particle: all chains of the sample, not one."""
-        case = self.case
-        bearing = np.flatnonzero(force_bearing(case.network))
-        u = case.wave.particle_displacement[:, bearing]
-        distance = case.network.position[bearing, 2] - case.network.wall_position[0]
-        return distance, threshold_curves(case.wave.time, u, (0.02, 0.01), self.highest)
-
-    @cached_property
-    def low_pass(self) -> tuple[Plateau, Plateau]:
-        """f_low-pass, Hz, by the 2 % and the 1 % rule: the plateau of the layers' values."""
-        return self._plateaus(*self.thresholds)
-
-    @cached_property
-    def particle_low_pass(self) -> tuple[Plateau, Plateau]:
-        """The same of single particles: its error is what the choice of a chain is worth."""
-        return self._plateaus(*self.particle_thresholds)
-
-    def _plateaus(self, distance: np.ndarray, found: np.ndarray) -> tuple[Plateau, Plateau]:
-        """As far as half of what the record reaches, and off the receiver wall."""
-        case, near = self.case, NEAR * self.case.diameter
-        reach = 0.5 * case.wave.time[-1] * self.long_wave.value
-        last = min(reach, case.network.length - near)
-        two, one = (flattest(distance, row, WIDTH * case.diameter, near, last) for row in found)
-        return two, one
+    def low_pass(self) -> list[Plateau]:
+        """f_low-pass, Hz, by the 2 %, 1 %, ... rule: the layers' plateau, linear wave."""
+        return self.passband.low_pass
 
     @cached_property
     def band_edge(self) -> float:
         """f_low-pass of a crystal, Hz, without the threshold's bias; NaN for others."""
         if not self.case.is_crystal:
             return np.nan
-        return chain_dispersion(self.case.record).low_pass_frequency
+        return chain_dispersion(self.case.wave).low_pass_frequency
+
+    @cached_property
+    def dem_band_edge(self) -> float:
+        """The same of the DEM run."""
+        if not self.case.is_crystal or self.case.signals is None:
+            return np.nan
+        return chain_dispersion(self.case.signals).low_pass_frequency
 
     def wavelength_at(self, frequency: float) -> float:
         """Wavelength, m, of the coherent wave at a frequency, Hz.
@@ -201,7 +198,7 @@ class Measures:
         Where its wave number is no longer measured, from the structure factor's ridge.
         """
         if self.case.is_crystal:
-            found = chain_dispersion(self.case.record)
+            found = chain_dispersion(self.case.wave)
             cosine = np.clip(found.cosine(2 * np.pi * frequency), -1, 1)
             return 2 * np.pi * found.distance / float(np.arccos(cosine))
         kappa = self.coherent.at(frequency, self.coherent.wavenumber)
@@ -210,6 +207,10 @@ class Measures:
         if not np.isfinite(kappa) and rising.sum() > 1:
             kappa = float(np.interp(frequency, f[rising], wavenumber[rising], right=np.nan))
         return 2 * np.pi / kappa
+
+    def low_pass_wavelength(self, rule: int) -> float:
+        """lambda_low-pass / D at the frequency of a rule, in the order of `THRESHOLDS`."""
+        return self.wavelength_at(self.low_pass[rule].value) / self.case.diameter
 
     @cached_property
     def f_max(self) -> float:
@@ -229,3 +230,37 @@ class Measures:
             return Gain(*self.case.response)
         record = self.case.long_wave
         return gain_factor(record, float(record.time[-1]))
+
+    @cached_property
+    def gain_maxima(self) -> tuple[float, float]:
+        """Place of the first maximum, in f_1 = V_P / 2 L, and the height of the largest."""
+        if self.gain is None:
+            return np.nan, np.nan
+        f_1 = self.long_wave.value / (2 * self.case.network.length)
+        return self.gain.first_maximum()[0] / f_1, float(self.gain.gain.max())
+
+
+def _longest(wave: Coherent) -> Estimate:
+    """V_P, m/s: kappa over omega, extrapolated in f^2 from the lowest third of the frequencies.
+
+    The error is the fit's.
+    """
+    slowness = 1 / wave.phase_velocity
+    known = np.flatnonzero(np.isfinite(slowness))
+    known = known[2 : max(8, len(known) // 3)]
+    if len(known) < 5:
+        return Estimate(np.nan)
+    fit, spread = np.polyfit(wave.frequency[known] ** 2, slowness[known], 1, cov=True)
+    return Estimate(float(1 / fit[1]), float(np.sqrt(spread[1, 1]) / fit[1] ** 2))
+
+
+def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
+    """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
+    found: dict[str, list[Measures]] = {}
+    for m in sorted(cases, key=lambda m: m.case.stress):
+        study = m.case.network.study
+        # The wave's friction is the compression's and 0.1 (section 2).
+        friction = round(float(study.get("mu_comp", study.get("mu_wave", np.nan) - 0.1)), 6)
+        name = "FCC" if m.case.is_crystal else f"random, mu_comp {friction:g}"
+        found.setdefault(name, []).append(m)
+    return found

@@ -17,6 +17,7 @@ class Stated:
 
 
 _ALL = (1, 2, 3, 4)
+_RANDOM = tuple(range(5, 33))
 STATED = (
     Stated("f_min", (2,), 0.7534, "kHz", "section 3"),
     Stated("f_max", (2,), 211.2, "kHz", "section 3"),
@@ -27,7 +28,10 @@ STATED = (
     Stated("f_200", (2,), 137.6, "kHz", "Fig. 10"),
     Stated("resonances", _ALL, 200, "1", "section 3"),
     Stated("f_low_pass", (2,), 137.7, "kHz", "section 5.1, Eq. 10"),
+    Stated("f_low_pass_modal", (2,), 137.6, "kHz", "section 5.1"),
     Stated("threshold_2", (2,), 138.1, "kHz", "section 5.1, DEM"),
+    Stated("particles", _RANDOM, 35201, "1", "section 2"),
+    Stated("chi_high", (6,), 0.33, "1", "section 3, Fig. 9"),
     Stated("void_ratio", (2,), 0.353, "1", "Fig. 12"),
     Stated("void_ratio", (6,), 0.544, "1", "Fig. 12"),
     Stated("void_ratio", (7,), 0.539, "1", "Fig. 13"),
@@ -39,16 +43,45 @@ STATED = (
     Stated("exponent", _ALL, 1 / 6, "1", "section 2, Fig. 6"),
 )
 
-RANGES = {
-    ("lambda_over_d", False): (7.0, 18.0),
-    ("lambda_over_d_1", False): (5.0, 12.0),
-    ("gain_maximum", False): (1.0, float("inf")),
-    ("gain_maximum", True): (1.0, float("inf")),
-}
-"""Ranges by quantity and whether they are of crystals (sections 5.1, Fig. 18; 5.2, Fig. 19)."""
+INFINITE = float("inf")
+
+
+@dataclass(frozen=True)
+class Range:
+    """A stated range, or a bound: id, cases, lower and upper end, where it stands."""
+
+    id: str
+    cases: tuple[int, ...]
+    low: float
+    high: float
+    where: str
+
+    @property
+    def text(self) -> str:
+        """As one writes it."""
+        if self.high == INFINITE:
+            return f"> {self.low:.4g}"
+        return f"< {self.high:g}" if self.low == -INFINITE else f"{self.low:g} to {self.high:g}"
+
+
+RANGES = (
+    Range("length_over_d", _RANDOM, 141, 146, "section 2"),
+    Range("lambda_over_d", _RANDOM, 7, 18, "section 5.1, Fig. 18"),
+    Range("lambda_over_d_1", _RANDOM, 5, 12, "section 5.1, Fig. 18"),
+    Range("chi_low", (6,), 0.9, 1, "section 3, Fig. 9"),
+    Range("gain_maximum", (2, 3, 4, 6, 7, 8), 1, INFINITE, "section 5.2, Fig. 19"),
+    Range("exponent", _RANDOM, 1 / 6, INFINITE, "section 2, Fig. 6"),
+    Range("slope", _RANDOM, 1.2, 1.4, "section 5.1, Fig. 17"),
+    Range("f_max_spread", _ALL + _RANDOM, -INFINITE, 3, "section 3, Fig. 8"),
+)
 
 COORDINATION_AT_1_KPA = {0.0: 5.91, 0.4: 3.84}
 """Mean coordination number of the random samples at 1 kPa, by mu_comp (section 3)."""
+
+
+def stated_range(quantity: str, case: int | None) -> Range | None:
+    """The paper's range of a quantity for a case; None if not stated."""
+    return next((r for r in RANGES if r.id == quantity and case in r.cases), None)
 
 
 def stated(quantity: str, case: int | None) -> float | None:

@@ -2,8 +2,9 @@
 
 The CSV begins with lines `# {...}`, JSON: one for the picture, one for each panel and each series
 (labels, units in the axis labels, line styles). Then come the numbers, a row a point: panel,
-series, x, y, z. Numbers are rounded to seven digits before anything is drawn, so the file holds all
-that the picture shows, and drawing it again gives the same picture.
+series, x, y, z. Of a map the x stand in its head, and a row is a row of the map: y, and all its z
+with blanks between. Numbers are rounded before anything is drawn, so the file holds all that the
+picture shows, and drawing it again gives the same picture.
 """
 
 from __future__ import annotations
@@ -19,14 +20,15 @@ import numpy as np
 from modal.storage import InputError
 
 KINDS = ("line", "map", "spheres", "band", "vline", "hline")
-DIGITS = 7
+DIGITS, SHADES = 6, 3
+"""Significant digits of coordinates and of a map's values."""
 
 
 @dataclass
 class Series:
     """One curve, point set, map or band of a panel.
 
-    kind: `line` (points joined or not, by `style`); `map`, z over a regular grid of x and y;
+    kind: `line` (points joined or not, by `style`); `map`, z (ny, nx) over x (nx,) and y (ny,);
     `spheres`, discs at x, y coloured by z; `band` between y and z; `vline`, `hline`, at each x or
     y. `style` goes to Matplotlib as it is.
     """
@@ -41,8 +43,11 @@ class Series:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
-        self.x, self.y = (_rounded(values) for values in (self.x, self.y))
-        self.z = None if self.z is None else _rounded(self.z)
+        self.x, self.y = (_rounded(values).ravel() for values in (self.x, self.y))
+        if self.z is not None:
+            self.z = _rounded(self.z, SHADES if self.kind == "map" else DIGITS)
+        if self.kind == "map":
+            self.z = self.z.reshape(len(self.y), len(self.x))
 
 
 @dataclass
@@ -58,6 +63,7 @@ class Panel:
     yscale: str = "linear"
     colour_label: str = ""
     legend: str = "best"
+    legend_columns: int = 1
     equal: bool = False
     series: list[Series] = field(default_factory=list)
 
@@ -71,8 +77,7 @@ class Panel:
 
     def map(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, **style) -> None:
         """Append a map: z (ny, nx) over x (nx,) and y (ny,)."""
-        grid_x, grid_y = np.meshgrid(_rounded(x), _rounded(y))
-        self.add("map", grid_x.ravel(), grid_y.ravel(), np.ravel(z), **style)
+        self.add("map", x, y, z, **style)
 
 
 @dataclass
@@ -94,6 +99,8 @@ def write_picture(path: Path, picture: Picture) -> None:
             file.write("# " + json.dumps({"panel": asdict(bare)}) + "\n")
             for series in panel.series:
                 facts = {"kind": series.kind, "label": series.label, "style": series.style}
+                if series.kind == "map":
+                    facts["x"] = list(series.x)
                 file.write("# " + json.dumps({"series": facts}) + "\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("panel", "series", "x", "y", "z"))
@@ -104,6 +111,10 @@ def _rows(picture: Picture) -> Iterator[tuple[str, ...]]:
     for p, panel in enumerate(picture.panels):
         for s, series in enumerate(panel.series):
             z = series.z
+            if series.kind == "map":
+                for y, row in zip(series.y, z, strict=True):
+                    yield str(p), str(s), "", _text(y), " ".join(_text(v, SHADES) for v in row)
+                continue
             for k in range(len(series.x)):
                 third = "" if z is None else _text(z[k])
                 yield str(p), str(s), _text(series.x[k]), _text(series.y[k]), third
@@ -125,7 +136,12 @@ def read_picture(path: str | Path) -> Picture:
                 continue
             panel = picture.panels[-1]
             own = points.get((len(picture.panels) - 1, len(panel.series)), [])
-            x, y = ([float(row[k]) for row in own] for k in (0, 1))
+            y = [float(row[1]) for row in own]
+            if "x" in head["series"]:
+                z = [[float(v) for v in row[2].split()] for row in own]
+                panel.series.append(Series(y=y, z=z, **head["series"]))
+                continue
+            x = [float(row[0]) for row in own]
             z = [float(row[2]) for row in own] if own and own[0][2] else None
             panel.series.append(Series(x=x, y=y, z=z, **head["series"]))
     except OSError as error:
@@ -135,10 +151,11 @@ def read_picture(path: str | Path) -> Picture:
     return picture
 
 
-def _rounded(values: np.ndarray) -> np.ndarray:
-    array = np.atleast_1d(np.asarray(values, float)).ravel()
-    return np.array([float(f"{value:.{DIGITS}g}") for value in array])
+def _rounded(values: np.ndarray, digits: int = DIGITS) -> np.ndarray:
+    array = np.atleast_1d(np.asarray(values, float))
+    flat = [float(_text(value, digits)) for value in array.ravel()]
+    return np.array(flat).reshape(array.shape)
 
 
-def _text(value: float) -> str:
-    return f"{value:.{DIGITS}g}"
+def _text(value: float, digits: int = DIGITS) -> str:
+    return f"{value:.{digits}g}"

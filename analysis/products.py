@@ -26,8 +26,8 @@ from modal.wave import propagate
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
-EXTRA_KINDS = ("sample", "structure", "density", "response")
-"""Read where they are there: compact sample, structure factor, density of states."""
+EXTRA_KINDS = ("sample", "band.modes", "structure", "density", "response")
+"""Read where they are there: compact sample, a band of higher modes, and what the names say."""
 PASSAGES, GAIN_PASSAGES = 1.3, 6.0
 """Records of the linear wave, in passages from wall to wall of the affine wave."""
 
@@ -112,6 +112,11 @@ class Products:
         """Modes without rotations."""
         kind = "translations.modes"
         return read_modes(self.path(kind)) if self.has(kind) else None
+
+    @cached_property
+    def band(self) -> ModeSet | None:
+        """Modes of a band of higher frequencies, for chi_z."""
+        return read_modes(self.path("band.modes")) if self.has("band.modes") else None
 
     @cached_property
     def signals(self) -> Signals | None:

@@ -7,13 +7,17 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
+from PIL import Image
 
 from analysis.picture import Panel, Picture, Series, write_picture
 
 STYLE = Path(__file__).with_name("figures") / "paper.mplstyle"
+COLOURS = 256
 
 
 def draw_panel(ax: Axes, panel: Panel) -> None:
@@ -22,12 +26,6 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     ax.set_yscale(panel.yscale)
     for series in panel.series:
         _draw_series(ax, series, panel.colour_label)
-    for axis, scale in ((ax.xaxis, panel.xscale), (ax.yaxis, panel.yscale)):
-        low, high = sorted(axis.get_view_interval())
-        if scale == "log" and high < 10 * low:  # no power of ten inside: plain numbers, few of them
-            axis.set_major_locator(MaxNLocator(5))
-            axis.set_major_formatter(FormatStrFormatter("%g"))
-            axis.set_minor_formatter(NullFormatter())
     ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel)
     if panel.title:
         ax.set_title(panel.title, loc="left")
@@ -40,7 +38,23 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     if any(series.kind in ("map", "spheres") for series in panel.series):
         ax.grid(False)
     if any(series.label for series in panel.series):
-        ax.legend(loc=panel.legend)
+        ax.legend(loc=panel.legend, ncols=panel.legend_columns)
+    for axis, scale in ((ax.xaxis, panel.xscale), (ax.yaxis, panel.yscale)):
+        if scale == "log":
+            _plain_numbers(axis)
+        else:
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Numbers that are read at a glance on a logarithmic axis that spans few powers of ten."""
+    low, high = sorted(axis.get_view_interval())
+    if high > 300 * low:
+        return
+    few = MaxNLocator(5, steps=[1, 2, 5, 10]) if high < 4 * low else LogLocator(subs=(1, 2, 5))
+    axis.set_major_locator(few)
+    axis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
@@ -55,9 +69,7 @@ def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
         for k, place in enumerate(x if series.kind == "vline" else y):
             draw(place, label=label if k == 0 else None, **style)
     elif series.kind == "map":
-        nx = int(np.argmax(y != y[0])) or len(x)  # rows of constant y
-        grid = [values.reshape(-1, nx) for values in (x, y, z)]
-        mesh = ax.pcolormesh(*grid, rasterized=True, **style)
+        mesh = ax.pcolormesh(x, y, z, rasterized=True, **style)
         ax.figure.colorbar(mesh, ax=ax, label=colour_label)
     else:
         size = np.full(len(x), style.pop("diameter"))
@@ -68,7 +80,7 @@ def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
         discs.set_array(z)
         ax.add_collection(discs)
         ax.autoscale_view()
-        ax.figure.colorbar(discs, ax=ax, label=colour_label)
+        ax.figure.colorbar(discs, ax=ax, label=colour_label, ticks=MaxNLocator(4, integer=True))
 
 
 def to_figure(picture: Picture) -> Figure:
@@ -87,9 +99,12 @@ def to_figure(picture: Picture) -> Figure:
 
 
 def save_png(picture: Picture, path: Path) -> Path:
-    """Draw the picture and save it."""
+    """Draw the picture and save it, in a palette of `COLOURS`: a third of the size."""
     with matplotlib.rc_context(fname=STYLE):
-        to_figure(picture).savefig(path)
+        canvas = FigureCanvasAgg(to_figure(picture))
+        canvas.draw()
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
     return path
 
 

@@ -29,7 +29,7 @@ CSS = (
 
 
 def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path]:
-    """Write index.html, and every table and figure as files of their own; returns the paths."""
+    """Write report.html, and every table and figure as files of their own; returns the paths."""
     paths, body = [], []
     for name, table in tables(cases).items():
         paths += table.write(output / name)
@@ -52,14 +52,15 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
         body.append(f"<h2>Not drawn</h2><ul>{items}</ul>")
     provenance = _provenance(cases)
     body.append(f"<h2>Provenance</h2>{_table(provenance)}")
-    page = output / "index.html"
+    page = output / "report.html"
     title = "Waves in sphere packings: " + ", ".join(m.case.name for m in cases)
     text = io.StringIO()
     text.write(f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>")
     text.write(f"<style>{CSS}</style><h1>{title}</h1>")
     text.write(
         "<p>After Otsubo, O'Sullivan, Hanley and Sim, Granular Matter 19:50 (2017). Values with ± "
-        "carry their standard error; a plateau's is half the quartile distance of its values.</p>"
+        "carry their standard error; a plateau's is half the quartile distance of its values. "
+        "DEM is the recorded YADE run; linear wave, the wave of its network's springs.</p>"
         f"<p>Made by <code>{html.escape(shlex.join(command))}</code> with numpy "
         f"{numpy.__version__}, scipy {scipy.__version__}, matplotlib {matplotlib.__version__}.</p>"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from analysis import dispersion as disp
@@ -11,12 +13,32 @@ from modal.storage import InputError
 Columns = dict[str, np.ndarray]
 
 
-def power_law(stress: np.ndarray, value: np.ndarray) -> float:
-    """Exponent b of value = a stress^b by least squares of the logarithms; NaN for one point."""
-    known = np.isfinite(value)
-    if known.sum() < 2:
-        return np.nan
-    return float(np.polyfit(np.log(stress[known]), np.log(value[known]), 1)[0])
+@dataclass(frozen=True)
+class PowerLaw:
+    """y = factor x^exponent; the exponent's standard error, NaN from fewer than three points."""
+
+    factor: float
+    exponent: float
+    error: float = np.nan
+
+    def __str__(self) -> str:
+        text = f"b = {self.exponent:.4f}"
+        return f"{text} ± {self.error:.1g}" if np.isfinite(self.error) else text
+
+
+def power_law(x: np.ndarray, y: np.ndarray) -> PowerLaw:
+    """Least squares of the logarithms; NaN from a single x."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    known = np.isfinite(x) & np.isfinite(y)
+    u, v = np.log(x[known]), np.log(y[known])
+    if known.sum() < 2 or np.ptp(u) == 0:
+        return PowerLaw(np.nan, np.nan)
+    exponent, offset = np.polyfit(u, v, 1)
+    error = np.nan
+    if known.sum() > 2:
+        left = v - exponent * u - offset
+        error = np.sqrt(left @ left / (len(u) - 2) / ((u - u.mean()) ** 2).sum())
+    return PowerLaw(float(np.exp(offset)), float(exponent), float(error))
 
 
 def stress_rows(cases: list[Products]) -> Columns:

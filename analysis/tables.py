@@ -1,4 +1,4 @@
-"""Tables 1 and 2 of the paper for the cases at hand, and each stated number beside ours."""
+"""Tables 1 and 2 of the paper for the cases at hand, power laws, and what the rules' choices do."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.deviations import HEADER, deviations
 from analysis.lowpass import Plateau
-from analysis.measures import Estimate, Measures
-from analysis.paper import RANGES, stated
+from analysis.measures import Estimate, Measures, groups
+from analysis.stress import power_law
 from modal.storage import InputError
 
 RESONANCES = 10
@@ -49,36 +50,37 @@ class Table:
         return [table, text]
 
 
-QUANTITIES: tuple[tuple[str, str, Callable[[Measures], float | Estimate | Plateau]], ...] = (
-    ("stress", "stress, kPa", lambda m: m.case.stress / 1e3),
-    ("void_ratio", "e", lambda m: m.void_ratio),
-    ("coordination", "Z", lambda m: m.coordination[0]),
-    ("", "Z of force-bearing", lambda m: m.coordination[1]),
-    ("", "V_P first peaks, m/s", lambda m: m.first_peak),
-    ("", "V_P long waves, signals, m/s", lambda m: m.long_wave),
-    ("", "V_P modes, m/s", lambda m: m.modal),
-    ("", "phase velocity, walls, lambda L/5, m/s", lambda m: m.walls[0]),
-    ("", "group velocity, walls, lambda L/5, m/s", lambda m: m.walls[1]),
-    ("", "V_P mean strain, contacts, m/s", lambda m: m.effective[0]),
-    ("", "V_P mean strain, means, m/s", lambda m: m.effective[1]),
-    ("threshold_2", "f_low-pass 2 %, kHz", lambda m: _scaled(m.low_pass[0], 1e-3)),
-    ("threshold_1", "f_low-pass 1 %, kHz", lambda m: _scaled(m.low_pass[1], 1e-3)),
-    ("", "f_low-pass 2 %, particles, kHz", lambda m: _scaled(m.particle_low_pass[0], 1e-3)),
-    ("f_low_pass", "band edge, kHz", lambda m: m.band_edge / 1e3),
-    ("lambda_over_d", "lambda/D 2 %", lambda m: _wavelength(m, 0)),
-    ("lambda_over_d_1", "lambda/D 1 %", lambda m: _wavelength(m, 1)),
-    ("f_max", "f_max, kHz", lambda m: m.f_max / 1e3),
-    ("gain_maximum", "largest gain", lambda m: np.nan if m.gain is None else m.gain.gain.max()),
+QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate]], ...] = (
+    ("stress, kPa", lambda m: m.case.stress / 1e3),
+    ("e", lambda m: m.void_ratio),
+    ("Z", lambda m: m.coordination[0]),
+    ("Z of force-bearing", lambda m: m.coordination[1]),
+    ("V_P first peaks, m/s", lambda m: m.first_peak),
+    ("V_P long waves, DEM, m/s", lambda m: m.dem_long_wave),
+    ("V_P long waves, linear wave, m/s", lambda m: m.long_wave),
+    ("V_P modes, m/s", lambda m: m.modal),
+    ("phase velocity, walls, lambda L/5, m/s", lambda m: m.walls[0]),
+    ("group velocity, walls, lambda L/5, m/s", lambda m: m.walls[1]),
+    ("V_P EMT, its contacts, m/s", lambda m: m.effective[0]),
+    ("V_P EMT, means e and Z, m/s", lambda m: m.effective[1]),
+    ("f_low-pass 2 %, DEM, kHz", lambda m: in_khz(m.passband.of_dem[0])),
+    ("f_low-pass 1 %, DEM, kHz", lambda m: in_khz(m.passband.of_dem[1])),
+    ("f_low-pass 2 %, linear wave, kHz", lambda m: in_khz(m.low_pass[0])),
+    ("f_low-pass 1 %, linear wave, kHz", lambda m: in_khz(m.low_pass[1])),
+    ("band edge, DEM, kHz", lambda m: m.dem_band_edge / 1e3),
+    ("band edge, linear wave, kHz", lambda m: m.band_edge / 1e3),
+    ("lambda_low-pass/D 2 %", lambda m: m.low_pass_wavelength(0)),
+    ("lambda_low-pass/D 1 %", lambda m: m.low_pass_wavelength(1)),
+    ("f_max, kHz", lambda m: m.f_max / 1e3),
+    ("largest gain", lambda m: m.gain_maxima[1]),
+    ("first gain maximum over f_1", lambda m: m.gain_maxima[0]),
 )
-"""Id in `analysis.paper`, heading, and how it is measured."""
+"""Heading, and how it is measured."""
 
 
-def _scaled(found: Plateau, scale: float) -> Estimate:
-    return Estimate(scale * found.value, scale * found.error)
-
-
-def _wavelength(m: Measures, rule: int) -> float:
-    return m.wavelength_at(m.low_pass[rule].value) / m.case.diameter
+def in_khz(found: Plateau) -> Estimate:
+    """A plateau in kHz."""
+    return Estimate(1e-3 * found.value, 1e-3 * found.error)
 
 
 def number(found: float | Estimate, digits: int = 5) -> str:
@@ -93,48 +95,83 @@ def number(found: float | Estimate, digits: int = 5) -> str:
 def table_1(cases: list[Measures]) -> Table:
     """One row a quantity, one column a case: Table 1 in this project's form."""
     header = ["quantity", *(m.case.label for m in cases)]
-    rows = [[head, *(number(measure(m)) for m in cases)] for _, head, measure in QUANTITIES]
-    return Table("Specification and results of the cases", header, rows)
+    rows = [[head, *(number(measure(m)) for m in cases)] for head, measure in QUANTITIES]
+    title = "Table 1: specification and results of the cases"
+    return Table(title, header, [row for row in rows if any(row[1:])])
 
 
 def table_2(cases: list[Measures]) -> Table:
-    """f_r and kappa_r of the resonances r = 1 ... 10 of every case that has them."""
-    found = [(m.case.label, *m.resonances) for m in cases if len(m.resonances[0]) >= RESONANCES]
-    header = ["r"]
-    for label, _, _ in found:
+    """f_r and kappa_r of the resonances r = 1 ... 10 of every case that has them.
+
+    Of a random case also the mode with the largest share of the standing wave, and that share.
+    """
+    found = [m for m in cases if len(m.resonances[0]) >= RESONANCES]
+    header, columns = ["r"], [[str(r + 1) for r in range(RESONANCES if found else 0)]]
+    for m in found:
+        (f, kappa), label = m.resonances, m.case.label
         header += [f"f_r, kHz, {label}", f"kappa_r, rad/m, {label}"]
+        columns += [[number(v) for v in values[:RESONANCES]] for values in (f / 1e3, kappa)]
+        if m.standing is not None and len(m.standing.row) >= RESONANCES:
+            header += [f"f of its mode, kHz, {label}", f"share of the mode, {label}"]
+            columns.append([number(v / 1e3) for v in m.standing.frequency[:RESONANCES]])
+            columns.append([f"{v:.2f}" for v in m.standing.share[:RESONANCES]])
+    title = "Table 2: resonant frequencies and wave numbers"
+    return Table(title, header, [list(row) for row in zip(*columns, strict=True)])
+
+
+def table_of_choices(cases: list[Measures]) -> Table:
+    """f_low-pass under every choice of the threshold rule: what its number is worth."""
+    header = ["f_low-pass, kHz: whose spectra, threshold", *(m.case.label for m in cases)]
+    columns = [m.passband.choices() for m in cases]
     rows = [
-        [str(r + 1), *(x for _, f, k in found for x in (number(f[r] / 1e3), number(k[r])))]
-        for r in range(RESONANCES if found else 0)
+        [row[0][0], *(number(in_khz(plateau)) for _, plateau in row)]
+        for row in zip(*columns, strict=True)
     ]
-    return Table("Resonant frequencies and wave numbers", header, rows)
+    title = "The low-pass frequency under each choice of the rule (± half the quartile distance)"
+    return Table(title, header, [row for row in rows if any(row[1:])])
 
 
-def deviations(cases: list[Measures]) -> Table:
-    """Every number or range that the paper states of a case, ours, and how far they differ."""
+def table_of_fits(cases: list[Measures]) -> Table:
+    """Power laws over the stresses of each group, with standard errors.
+
+    V_P = a stress^b; for random packings also V_P = a (2.17 - e) stress^b, the form of Hardin and
+    Richart (J. Soil Mech. Found. Div. 89(1), 33, 1963), which takes the change of e off.
+    """
     rows = []
-    for m in cases:
-        for key, head, measure in QUANTITIES:
-            value, limits = stated(key, m.case.number), RANGES.get((key, m.case.is_crystal))
-            if not key or (value is None and limits is None):
-                continue
-            found = measure(m)
-            own = found.value if isinstance(found, Estimate) else found
-            if value is not None:
-                off = f"{100 * (own / value - 1):+.2f} %" if np.isfinite(own) else "not measured"
-                rows.append([m.case.label, head, number(found), f"{value:g}", off])
-            else:
-                inside = limits[0] <= own <= limits[1]
-                rows.append(
-                    [m.case.label, head, number(found), f"{limits[0]:g} to {limits[1]:g}",
-                     "inside" if inside else "outside" if np.isfinite(own) else "not measured"]
-                )  # fmt: skip
-    header = ["case", "quantity", "here", "paper", "difference"]
-    return Table("Numbers stated by the paper", header, rows)
+    for name, members in groups(cases).items():
+        stress = np.array([m.case.stress for m in members]) / 1e5
+        peaks = np.array([m.first_peak.value for m in members])
+        laws = [
+            ("V_P first peaks", "stress", stress, peaks),
+            ("V_P first peaks / (2.17 - e)", "stress", stress,
+             peaks / (2.17 - np.array([m.void_ratio for m in members]))),
+            ("V_P long waves, linear wave", "stress", stress,
+             np.array([m.long_wave.value for m in members])),
+            ("V_P EMT, its contacts", "stress", stress,
+             np.array([m.effective[0] for m in members])),
+            ("f_low-pass 2 %", "stress", stress, np.array([m.low_pass[0].value for m in members])),
+            ("f_low-pass 2 %", "V_P first peaks", peaks,
+             np.array([m.low_pass[0].value for m in members])),
+            ("f_max", "stress", stress, np.array([m.f_max for m in members])),
+        ]  # fmt: skip
+        for what, over, x, y in laws:
+            law = power_law(x, y)
+            if np.isfinite(law.exponent):
+                error = number(law.error, 2)
+                rows.append([name, what, over, f"{law.exponent:.4f}", error, str(len(members))])
+    header = ["group", "quantity", "power of", "exponent", "standard error", "cases"]
+    return Table("Power laws", header, rows)
 
 
 def tables(cases: list[Measures]) -> dict[str, Table]:
-    """All tables by file name."""
+    """All tables by file name; those without a row are left out."""
     if not cases:
         raise InputError("no case given; name at least one")
-    return {"table1": table_1(cases), "table2": table_2(cases), "paper": deviations(cases)}
+    found = {
+        "table1": table_1(cases),
+        "table2": table_2(cases),
+        "paper": Table("Numbers stated by the paper", HEADER, deviations(cases)),
+        "fits": table_of_fits(cases),
+        "choices": table_of_choices(cases),
+    }
+    return {name: table for name, table in found.items() if table.rows}

@@ -51,7 +51,7 @@ def made(tmp_path_factory):
 
 
 def test_page_is_self_contained(made):
-    page = (made / "index.html").read_text()
+    page = (made / "report.html").read_text()
     assert not re.search(r'(src|href)="(?!data:)', page)
     assert "SHA-256" in page and str(made) in page
     drawn = {path.stem for path in made.glob("*.png")}

@@ -107,7 +107,11 @@ def structure(cases: list[Measures]) -> Picture:
 
 
 def gain(cases: list[Measures]) -> Picture:
-    """Fig. 19: receiver over source stress of the linear wave, with the resonances."""
+    """Fig. 19: gain factor (receiver over source stress) of the springs, and the resonances.
+
+    Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
+    between the resonances sin kappa L = 0, not on them.
+    """
     panels = []
     for m in cases:
         found = m.gain
@@ -118,7 +122,8 @@ def gain(cases: list[Measures]) -> Picture:
         panel = Panel("frequency (kHz)", "gain factor", title, legend="upper right")
         panel.xlim = (0, top / 1e3)
         keep = found.frequency < top
-        panel.line(found.frequency[keep] / 1e3, found.gain[keep], "linear", color="k")
+        panel.ylim = (0, 1.25 * float(found.gain[keep].max()))
+        panel.line(found.frequency[keep] / 1e3, found.gain[keep], "gain", color="k")
         f_r, _ = m.resonances
         f_r = f_r[f_r < top]
         if len(f_r):

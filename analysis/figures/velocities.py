@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.measures import Measures
+from analysis.measures import Measures, groups
 from analysis.picture import Panel, Picture
 from analysis.stress import power_law, stress_rows
 from analysis.velocity import mode_velocities, wall_velocity
 
 MARKERS = {"FCC": "s", "random": "o"}
-
-
-def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
-    """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
-    found: dict[str, list[Measures]] = {}
-    for m in sorted(cases, key=lambda m: m.case.stress):
-        friction = m.case.network.study.get("mu_comp", np.nan)
-        name = "FCC" if m.case.is_crystal else f"random, mu_comp {float(friction):g}"
-        found.setdefault(name, []).append(m)
-    return found
 
 
 def _points(panel: Panel, name: str, x, y, label: str) -> None:
@@ -35,12 +25,11 @@ def velocity_cases(cases: list[Measures]) -> Picture:
         stress = np.array([m.case.stress for m in members])
         peak = np.array([m.first_peak.value for m in members])
         _points(left, name, [m.void_ratio for m in members], peak, name)
-        exponent = power_law(stress, peak)
-        text = f"{name}: b = {exponent:.4f}" if np.isfinite(exponent) else name
+        law = power_law(stress, peak)
+        text = f"{name}: {law}" if np.isfinite(law.exponent) else name
         _points(right, name, stress / 1e3, peak, text)
-        if len(members) > 1:
-            scale = np.exp(np.mean(np.log(peak) - exponent * np.log(stress)))
-            right.line(stress / 1e3, scale * stress**exponent, color="0.5", lw=0.8)
+        if np.isfinite(law.exponent):
+            right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", lw=0.8)
     return Picture([left, right], columns=2)
 
 
@@ -98,8 +87,8 @@ def velocity_low_pass(cases: list[Measures]) -> Picture:
     for name, members in groups(cases).items():
         v = np.array([m.first_peak.value for m in members])
         f = np.array([m.low_pass[0].value for m in members]) / 1e3
-        slope = power_law(v, f)
-        text = f"{name}: slope {slope:.2f}" if np.isfinite(slope) else name
+        law = power_law(v, f)
+        text = f"{name}: slope {law.exponent:.2f}" if np.isfinite(law.exponent) else name
         _points(panel, name, v, f, text)
     return Picture([panel])
 
@@ -110,7 +99,7 @@ def wavelength_cases(cases: list[Measures]) -> Picture:
     for name, members in groups(cases).items():
         e = [m.void_ratio for m in members]
         for k, text, marker in ((0, "2 %", MARKERS[name.split(",")[0]]), (1, "1 %", "+")):
-            value = [m.wavelength_at(m.low_pass[k].value) / m.case.diameter for m in members]
+            value = [m.low_pass_wavelength(k) for m in members]
             panel.line(e, value, f"{name}, {text}", marker=marker, mfc="none", ls="none", color="k")
     panel.add("hline", [0], [2**0.5], None, r"FCC theory, $\sqrt{2}$", color="0.5", ls=":")
     return Picture([panel])
@@ -128,8 +117,8 @@ def stress_dependence(cases: list[Measures]) -> Picture:
             (right, f"f_low_pass_{name}_Hz", 1e-3),
         ):
             value = scale * columns[key]
-            exponent = power_law(stress, value)
-            text = f"{name}: b = {exponent:.4f}" if np.isfinite(exponent) else name
+            law = power_law(stress, value)
+            text = f"{name}: {law}" if np.isfinite(law.exponent) else name
             style = {"marker": marker, "mfc": "none", "ls": "none", "color": "k", "ms": size}
             panel.line(stress / 1e3, value, text, **style)
     return Picture([left, right], columns=2)

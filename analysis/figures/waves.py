@@ -10,56 +10,57 @@ from analysis.picture import Panel, Picture
 from analysis.products import Products
 from modal.signals import Signals
 
-POINTS = 150
-"""Least points of a curve, and about as many on a side of a map."""
+POINTS = 130
+"""About as many points on a side of a map, and twice as many of a curve."""
 
 
 def _thin(count: int) -> slice:
     return slice(None, None, max(1, count // POINTS))
 
 
-def _signal(panel: Panel, case: Products, wanted: float) -> None:
+def _name(record: Signals) -> str:
+    """How a legend calls what made a record."""
+    known = {"yade": "YADE", "linear": "linear wave (no DEM run)"}
+    return known.get(record.producer, record.producer)
+
+
+def _signal(case: Products, wanted: float) -> Panel:
     """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
     record = case.record
     depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
     n = int(np.argmin(abs(depth - wanted)))
-    keep = _thin(len(record.time) // 2)
-    time = 1e3 * record.time[keep]
-    label = f"{record.producer}"
-    panel.line(time, 1e9 * record.chain_displacement[keep, n], label, color="0.6", lw=2.2)
-    other: Signals | None = None
+    title = f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source"
+    place = "upper right" if wanted < 30 else "upper left"
+    panel = Panel("time (ms)", "$u_z$ (nm)", title, legend=place)
+    _curve(panel, record, n, record.time[-1], _name(record), color="0.6", lw=2.2)
+    thin = {"color": "k", "ls": "--", "lw": 0.9}
     if case.is_crystal:
-        other, label = exact_twin(record, case.chain), "exact chain"
-    elif record.producer == "yade":
-        other, label = case.wave, "linear"
-    if other is not None:
-        inside = other.time <= record.time[-1]
-        at = other.chain_particle if case.is_crystal else np.asarray(other.chain_particle)
-        m = n if case.is_crystal else int(np.flatnonzero(at == record.chain_particle[n])[0])
-        u = 1e9 * other.chain_displacement[inside, m]
-        keep = _thin(len(u) // 2)
-        panel.line(1e3 * other.time[inside][keep], u[keep], label, color="k", ls="--", lw=0.9)
-    panel.title = f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source"
+        twin = exact_twin(record, case.chain)
+        _curve(panel, twin, n, record.time[-1], "exact chain", **thin)
+    elif record is not case.wave:
+        m = int(np.flatnonzero(case.wave.chain_particle == record.chain_particle[n])[0])
+        _curve(panel, case.wave, m, record.time[-1], "linear wave", **thin)
+    return panel
+
+
+def _curve(panel: Panel, record: Signals, n: int, end: float, label: str, **style) -> None:
+    """Displacement of the chain's n-th particle up to `end` (s)."""
+    inside = np.flatnonzero(record.time <= end * (1 + 1e-9))
+    keep = inside[_thin(len(inside) // 2)]
+    u = record.chain_displacement[keep, n]
+    panel.line(1e3 * record.time[keep], 1e9 * u, label, **style)
 
 
 def signals(cases: list[Measures]) -> Picture:
     """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
-    panels = []
-    for measured in cases:
-        for wanted in (10, 50, 100):
-            panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper right")
-            _signal(panel, measured.case, wanted)
-            panels.append(panel)
+    panels = [_signal(m.case, wanted) for m in cases for wanted in (10, 50, 100)]
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
 
 
 def signals_stress(cases: list[Measures]) -> Picture:
     """Fig. 4: displacement at 50 D from the source wall, all stresses one below the other."""
-    panels = []
-    for measured in sorted(cases, key=lambda m: m.case.stress):
-        panel = Panel("time (ms)", "$u_z$ (nm)", legend="upper right")
-        _signal(panel, measured.case, 50)
-        panels.append(panel)
+    ordered = sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.stress))
+    panels = [_signal(m.case, 50) for m in ordered]
     return Picture(panels, shape=(5.5, 0.5 + 1.9 * len(panels)))
 
 
@@ -90,21 +91,26 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
     panels = []
     for measured in cases:
         case = measured.case
-        distance, found = measured.thresholds
+        distance, found = measured.passband.layers
         wave = case.wave
         u = wave.chain_displacement if case.is_crystal else wave.layer_displacement
-        top = 0.55 * measured.highest if not case.is_crystal else 0.8 * measured.highest
-        frequency = np.linspace(0, top, 200)
+        top = (
+            0.55 * measured.passband.highest
+            if not case.is_crystal
+            else 0.8 * measured.passband.highest
+        )
+        frequency = np.linspace(0, top, 150)
         amplitude = abs(np.exp(-2j * np.pi * frequency[:, None] * wave.time) @ u)
         shade = 20 * np.log10(np.maximum(amplitude / amplitude.max(), 1e-3))
         every = _thin(2 * len(distance))
         panel = Panel(
             "distance from the source wall (mm)", "frequency (kHz)", title=case.label,
-            colour_label="amplitude (dB)", legend="lower left", ylim=(0, top / 1e3),
+            colour_label="amplitude (dB)", ylim=(0, top / 1e3),
+            legend="lower left" if case.is_crystal else "upper right",
         )  # fmt: skip
         panel.map(1e3 * distance[every], frequency / 1e3, shade[:, every], cmap="gray_r")
         for row, plateau, text, style in zip(
-            found, measured.low_pass, ("2 %", "1 %"), ("-", ":"), strict=True
+            found[:2], measured.low_pass[:2], ("2 %", "1 %"), ("-", ":"), strict=True
         ):
             panel.line(1e3 * distance, row / 1e3, f"{text} threshold", color="#c05000", ls=style)
             ends = 1e3 * np.array([plateau.start, plateau.end])
@@ -120,7 +126,7 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
     panels = []
     for measured in cases:
         case = measured.case
-        distance, found = measured.particle_thresholds
+        distance, found = measured.passband.particles
         edges = np.linspace(0, case.network.length, 41)
         middle = 0.5e3 * (edges[1:] + edges[:-1])
         with np.errstate(all="ignore"):
@@ -132,7 +138,7 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
         panel = Panel("distance from the source wall (mm)", "$f_{low-pass}$ (kHz)", case.label)
         panel.add("band", middle, low / 1e3, high / 1e3, "particles, 16-84 %", color="0.8")
         panel.line(middle, mid / 1e3, "particles, median", color="k", ls="--")
-        z, layers = measured.thresholds
+        z, layers = measured.passband.layers
         panel.line(1e3 * z, layers[0] / 1e3, "layer means", color="#c05000")
         panels.append(panel)
     return Picture(panels, columns=2 if len(panels) > 1 else 1)

@@ -1,0 +1,140 @@
+"""Every number and range that the paper states, ours beside it, and how far the two are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from analysis.dispersion import mode_dispersion
+from analysis.measures import Measures, groups
+from analysis.paper import stated, stated_range
+from analysis.stress import power_law
+
+HEADER = ["case", "quantity", "here", "paper", "difference"]
+NEAR_STRESS = 1.01
+"""Stresses within a per cent are one stress."""
+
+
+def _lowest(m: Measures) -> float:
+    modes = m.case.modes
+    return np.nan if modes is None else modes.frequency[0] / 1e3
+
+
+def _resonance(m: Measures, r: int) -> float:
+    f = m.resonances[0] / 1e3
+    return float(f[r - 1]) if m.case.is_crystal and len(f) >= r else np.nan
+
+
+def _modal_edge(m: Measures) -> float:
+    modes = m.case.modes
+    if modes is None or modes.resonance_shape is None:
+        return np.nan
+    shape = modes.resonance_shape
+    found = mode_dispersion(modes.resonance_frequency, shape, m.case.chain.distance)
+    return found.low_pass_frequency / 1e3
+
+
+def _translations(m: Measures) -> float:
+    only = m.case.translations
+    return np.nan if only is None else only.frequency[-1] / m.case.chain.low_pass_frequency
+
+
+def _largest_chi(m: Measures, low: float, high: float, chain: bool = True) -> float:
+    """Largest chi_z, of the chain as in the paper or of all, of modes between frequencies, Hz."""
+    values = [
+        (modes.chi_z_chain if chain else modes.chi_z)[
+            (modes.frequency > low) & (modes.frequency < high)
+        ]
+        for modes in (m.case.modes, m.case.band)
+        if modes is not None
+    ]
+    values = np.concatenate(values) if values else np.empty(0)
+    return float(values.max()) if len(values) else np.nan
+
+
+SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
+    ("particles", "particles", lambda m: float(m.case.network.n_particles)),
+    ("length_over_d", "length / D", lambda m: m.case.network.length / m.case.diameter),
+    ("void_ratio", "void ratio", lambda m: m.void_ratio),
+    ("f_min", "lowest natural frequency, kHz", _lowest),
+    ("f_max", "highest natural frequency, kHz", lambda m: m.f_max / 1e3),
+    ("f_1", "P resonance r = 1, kHz", lambda m: _resonance(m, 1)),
+    ("f_200", "P resonance r = 200, kHz", lambda m: _resonance(m, 200)),
+    ("resonances", "number of P resonances", lambda m: float(len(m.resonances[0]) or np.nan)),
+    ("f_low_pass", "f_low-pass, Eq. 10, kHz", lambda m: m.case.chain.low_pass_frequency / 1e3),
+    ("f_low_pass_modal", "f_low-pass, modes, kHz", _modal_edge),
+    ("threshold_2", "f_low-pass, 2 % rule, DEM, kHz", lambda m: m.passband.of_dem[0].value / 1e3),
+    ("threshold_2", "f_low-pass, 2 % rule, linear, kHz", lambda m: m.low_pass[0].value / 1e3),
+    ("threshold_2", "f_low-pass, unbiased, DEM, kHz", lambda m: m.dem_band_edge / 1e3),
+    ("lambda_over_d", "lambda_low-pass / D, 2 %", lambda m: m.low_pass_wavelength(0)),
+    ("lambda_over_d_1", "lambda_low-pass / D, 1 %", lambda m: m.low_pass_wavelength(1)),
+    ("translations_only", "f_max without rotations / f_low-pass", _translations),
+    ("chi_low", "largest chi_z below 10 kHz, chain", lambda m: _largest_chi(m, 0, 1e4)),
+    ("chi_high", "largest chi_z above 15 kHz, chain", lambda m: _largest_chi(m, 1.5e4, np.inf)),
+    (
+        "chi_high",
+        "largest chi_z above 15 kHz, all particles",
+        lambda m: _largest_chi(m, 1.5e4, np.inf, chain=False),
+    ),
+    ("gain_maximum", "largest gain", lambda m: m.gain_maxima[1]),
+)
+"""Id in `analysis.paper`, heading, and how it is measured."""
+
+
+def deviations(cases: list[Measures]) -> list[list[str]]:
+    """Rows under `HEADER`; what the files do not tell is said to be not measured."""
+    rows = []
+    for m in cases:
+        for key, head, measure in SINGLE:
+            row = _row(m.case.label, key, head, m.case.number, lambda f=measure, m=m: f(m))
+            if row is None or ("DEM" in head and m.case.signals is None):
+                continue
+            if "unbiased" in head and not m.case.is_crystal:
+                continue
+            rows.append(row)
+    for name, members in groups(cases).items():
+        if len(members) < 2:
+            continue
+        stress = np.array([m.case.stress for m in members])
+        peaks = np.array([m.first_peak.value for m in members])
+        edges = np.array([m.low_pass[0].value for m in members])
+        first = members[0].case.number
+        for key, head, law in (
+            ("exponent", "exponent of V_P against stress", power_law(stress, peaks)),
+            ("slope", "slope of f_low-pass over V_P, logarithms", power_law(peaks, edges)),
+        ):
+            row = _row(name, key, head, first, lambda law=law: law.exponent)
+            if row:
+                rows.append(row)
+    return rows + _spread(cases)
+
+
+def _row(
+    label: str, key: str, head: str, case: int, measure: Callable[[], float]
+) -> list[str] | None:
+    value, limits = stated(key, case), stated_range(key, case)
+    if value is None and limits is None:
+        return None
+    own = measure()
+    here = f"{own:.5g}" if np.isfinite(own) else ""
+    if value is not None:
+        off = f"{100 * (own / value - 1):+.2f} %" if here else "not measured"
+        return [label, head, here, f"{value:.5g}", off]
+    inside = "inside" if limits.low <= own <= limits.high else "outside"
+    return [label, head, here, limits.text, inside if here else "not measured"]
+
+
+def _spread(cases: list[Measures]) -> list[list[str]]:
+    """How far the highest frequencies at one stress are apart, where FCC and random are there."""
+    rows = []
+    for m in cases:
+        same = [o for o in cases if 1 / NEAR_STRESS < o.case.stress / m.case.stress < NEAR_STRESS]
+        if m is not same[0] or len({o.case.is_crystal for o in same}) < 2:
+            continue
+        top = [o.f_max for o in same]
+        text = f"{m.case.stress / 1e3:g} kPa, {len(same)} cases"
+        spread = 100 * (max(top) / min(top) - 1)
+        row = _row(text, "f_max_spread", "spread of f_max, %", m.case.number, lambda s=spread: s)
+        rows.append(row)
+    return rows
