@@ -1,4 +1,4 @@
-"""Command line of analysis: report, compare, status, figure, structure, samples, agreement."""
+"""Command line of analysis: from products to tables, figures and one report."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from analysis.status import status_table
 from analysis.stress import power_law, stress_rows
 from analysis.structure_factor import structure_factor, write_structure
 from analysis.tables import tables
+from analysis.trial import trial
 from modal.network import read_network
 from modal.signals import read_signals
 from modal.storage import InputError, sha256
@@ -70,6 +71,9 @@ def _parser() -> argparse.ArgumentParser:
     samples = commands.add_parser("samples", help=text, description=text)
     samples.add_argument("sample", nargs="+", metavar="FILE", help="*.sample.h5")
     samples.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
+    text = "bias and scatter of every estimator on signals of known answer"
+    tried = commands.add_parser("estimators", help=text, description=text)
+    tried.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
     text = "a DEM run against the linear wave of its network, the difference split by cause"
     agree = commands.add_parser("agreement", help=text, description=text)
     agree.add_argument("network", help="*.network.h5 of the run")
@@ -186,6 +190,9 @@ def main(argv: list[str] | None = None) -> int:
             return 0
         if arguments.command == "agreement":
             _agreement(arguments)
+            return 0
+        if arguments.command == "estimators":
+            _show("\n".join(f"{t.title}:\n\n{t.markdown()}" for t in trial()), arguments.output)
             return 0
         if arguments.command == "samples":
             _show(table(arguments.sample), arguments.output)

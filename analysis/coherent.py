@@ -92,3 +92,17 @@ def coherent_wave(
     wave = np.array([kappa, q.imag - eta * slowness])
     wave[:, np.logical_or.accumulate(lost)] = np.nan
     return Coherent(frequency, *wave)
+
+
+def longest_waves(wave: Coherent) -> tuple[float, float]:
+    """V_P, m/s, and its standard error: kappa over omega, extrapolated in f^2 to zero.
+
+    From the lowest third of the frequencies; the error is the fit's.
+    """
+    slowness = 1 / wave.phase_velocity
+    known = np.flatnonzero(np.isfinite(slowness))
+    known = known[2 : max(8, len(known) // 3)]
+    if len(known) < 5:
+        return np.nan, np.nan
+    fit, spread = np.polyfit(wave.frequency[known] ** 2, slowness[known], 1, cov=True)
+    return float(1 / fit[1]), float(np.sqrt(spread[1, 1]) / fit[1] ** 2)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from analysis.coherent import Coherent, coherent_wave
+from analysis.coherent import Coherent, coherent_wave, longest_waves
 from analysis.dispersion import chain_dispersion, mode_dispersion
 from analysis.effective_medium import of_contacts, of_means
 from analysis.gain import Gain, gain_factor
@@ -99,7 +99,7 @@ class Measures:
         """
         if self.case.is_crystal:
             return Estimate(chain_dispersion(self.case.wave).velocity)
-        return _longest(self.coherent)
+        return Estimate(*longest_waves(self.coherent))
 
     @cached_property
     def dem_long_wave(self) -> Estimate:
@@ -107,7 +107,7 @@ class Measures:
         if self.case.is_crystal and self.case.signals is not None:
             return Estimate(chain_dispersion(self.case.signals).velocity)
         found = self.dem_coherent
-        return Estimate(np.nan) if found is None else _longest(found)
+        return Estimate(np.nan) if found is None else Estimate(*longest_waves(found))
 
     @cached_property
     def walls(self) -> tuple[float, float]:
@@ -238,20 +238,6 @@ class Measures:
             return np.nan, np.nan
         f_1 = self.long_wave.value / (2 * self.case.network.length)
         return self.gain.first_maximum()[0] / f_1, float(self.gain.gain.max())
-
-
-def _longest(wave: Coherent) -> Estimate:
-    """V_P, m/s: kappa over omega, extrapolated in f^2 from the lowest third of the frequencies.
-
-    The error is the fit's.
-    """
-    slowness = 1 / wave.phase_velocity
-    known = np.flatnonzero(np.isfinite(slowness))
-    known = known[2 : max(8, len(known) // 3)]
-    if len(known) < 5:
-        return Estimate(np.nan)
-    fit, spread = np.polyfit(wave.frequency[known] ** 2, slowness[known], 1, cov=True)
-    return Estimate(float(1 / fit[1]), float(np.sqrt(spread[1, 1]) / fit[1] ** 2))
 
 
 def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
