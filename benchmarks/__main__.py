@@ -23,6 +23,9 @@ JOBS = (
     "wave",
     "eigensolvers",
     "density",
+    "preparation",
+    "shortcuts",
+    "scaling",
 )
 
 

@@ -44,16 +44,22 @@ def run_script(
     return log.read_text(), seconds, peak
 
 
-def measured(script: str, folder: Path, **arguments: Any) -> Measured:
-    """A script of benchmarks/yade, which measures its own steps and writes JSON."""
+def measured(script: str, folder: Path, *, whole: bool = False, **arguments: Any) -> Measured:
+    """A script of benchmarks/yade, which times its own steps and writes JSON.
+
+    With `whole` the seconds are those of the whole command, start and scene included.
+    """
     result = folder / f"{script}.json"
     result.unlink(missing_ok=True)
     command = ["yade", "-n", "-x", "-j1", str(SCRIPTS / f"{script}.py"), str(result)]
     try:
-        _, peak = run_command([*command, json.dumps(arguments)], folder, folder / f"{script}.log")
+        seconds, peak = run_command(
+            [*command, json.dumps(arguments)], folder, folder / f"{script}.log"
+        )
     except InputError as error:
         return Measured(failure=str(error))
-    return Measured(peak_mb=peak, **json.loads(result.read_text()))
+    found = json.loads(result.read_text())
+    return Measured(found["value"], seconds if whole else found["seconds"], peak)
 
 
 def in_yades_order(network: Network, friction: float = 0.1) -> Network:

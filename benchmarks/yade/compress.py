@@ -1,0 +1,84 @@
+"""Compress a sample file to one stress and write down how its state changes: result.json.
+
+    yade -n -x -j1 benchmarks/yade/compress.py result.json '{"sample": ..., "stress": 1e5, ...}'
+
+The servo of the study drives the spheres, which do not touch at first, to the stress; they are
+hardly damped until they are jammed, as in `yade_scripts/chain.py`. Arguments: sample (file), output
+(file), stress (Pa), inertial_number (of the largest strain rate), steps (once jammed).
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+# Inside YADE __file__ is YADE itself; the script is its first argument.
+sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[2]))
+
+from yade import O
+from yade.utils import PyRunner
+
+from modal.sample import read_sample, write_sample
+from yade_scripts import compression
+from yade_scripts.scene import finish
+from yade_scripts.state import build_scene, read_scene
+
+CHECK = 50
+LONGEST = 100_000
+"""Steps after which a packing that does not jam is given up."""
+AGITATED_DAMPING, DAMPING, JAMMED, JAM_ERROR = 0.02, 0.2, 3.7, 0.1
+"""As in `yade_scripts/chain.py`."""
+JAM_PATIENCE = 3000
+"""Steps after the stress was first met at which damping sets in although spheres still move."""
+
+
+def coordination_number(n):
+    """Mean number of contacts of a sphere, walls included."""
+    walls = sum(c.isReal for wall in (n, n + 1) for c in O.interactions.withBody(wall))
+    return (2 * O.interactions.countReal() - walls) / n
+
+
+def main():
+    """Compress, look, write."""
+    global control
+    result, given = Path(sys.argv[1]), json.loads(sys.argv[2])
+    sample, stress = read_sample(given["sample"]), given["stress"]
+    n = len(sample.position)
+    build_scene(sample, margin=0.1, damping=AGITATED_DAMPING)
+    trace = {name: [] for name in ("step", "seconds", "e", "Z", "stress_error", "unbalanced")}
+    started, steps = time.process_time(), 0
+
+    def look():
+        error = float(abs(control.stress / stress - 1).max())
+        numbers = (
+            steps,
+            time.process_time() - started,
+            compression.void_ratio(n),
+            coordination_number(n),
+            error,
+            compression.unbalanced(),
+        )
+        for column, number in zip(trace.values(), numbers, strict=True):
+            column.append(float(number))
+
+    control = compression.Servo(n, stress, given["inertial_number"])
+    runner = PyRunner(command="control()", iterPeriod=compression.INTERVAL)
+    O.engines = [*O.engines[:3], runner, O.engines[-1]]
+    met = jammed = None
+    while steps < LONGEST and not (jammed and steps - jammed >= given["steps"]):
+        O.dt = compression.time_step(max(stress, 1.5 * control.stress.mean()))
+        O.run(CHECK, wait=True)
+        steps += CHECK
+        if met is None and control.stress.mean() > stress:
+            met = steps
+        settled = control.error() < JAM_ERROR and coordination_number(n) > JAMMED
+        if not jammed and met and (settled or steps - met >= JAM_PATIENCE):
+            jammed = steps
+            O.engines[-1].damping = DAMPING
+        look()
+    seconds = time.process_time() - started
+    write_sample(given["output"], read_scene(n, sample.friction, moving=False))
+    result.write_text(json.dumps({"value": trace, "seconds": seconds}))
+
+
+finish(main)
