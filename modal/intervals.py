@@ -92,6 +92,11 @@ class Search:
 
     def modes(self, low: float, high: float, interval: str) -> ModeSet:
         """What was found with low <= f < high, Hz, ascending."""
+        if len(self.square) == 0:
+            raise InputError(
+                "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
+                "below round-off; ask for --highest, or --between further up"
+            )
         order = np.argsort(self.square)
         frequency = frequency_of(self.square[order])
         order = order[(frequency >= low) & (frequency < high)]

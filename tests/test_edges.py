@@ -1,0 +1,259 @@
+"""The edges of physics: tiny and huge overlaps, contrasts, loose spheres, long chains, far origins.
+
+Every frequency is compared with a closed form or with the singular values of the springs' stretch
+matrix: those carry an absolute error of eps f_max, where eigenvalues of K lose eps f_max^2 / f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import qr
+
+from analysis.exact_chain import Chain
+from modal import gallery
+from modal.contact import contact_kinematics
+from modal.eigenproblem import Eigenproblem
+from modal.geometry import tangents
+from modal.inertia import count_below, count_negative
+from modal.intervals import lowest_modes
+from modal.lattice import FccCrystal
+from modal.modes import all_modes, highest_modes
+from modal.network import Network
+from modal.sample import Sample, read_sample
+from modal.storage import InputError
+from modal.wave import propagate
+
+EPS = np.finfo(float).eps
+SAMPLE = Path(__file__).parent / "data/friction150.sample.h5"
+
+
+def stretch_matrix(network: Network, *, normal_only: bool = False) -> np.ndarray:
+    """Rows: root of stiffness times stretch of each spring, per unit mass-scaled motion (6n)."""
+    B = contact_kinematics(network)
+    directions = [(network.normal, network.stiffness_normal)]
+    if not normal_only:
+        directions += [(t, network.stiffness_tangential) for t in tangents(network.normal)]
+    rows = np.concatenate(
+        [np.sqrt(k)[:, None] * np.einsum("ca,cab->cb", along, B) for along, k in directions]
+    )
+    i, j = (np.tile(index, len(directions)) for index in (network.particle_i, network.particle_j))
+    G = np.zeros((len(rows), 6 * network.n_particles))
+    for c, row in enumerate(rows):
+        G[c, 6 * i[c] : 6 * i[c] + 6] += row[:6]
+        if j[c] >= 0:
+            G[c, 6 * j[c] : 6 * j[c] + 6] += row[6:]
+    return G / np.sqrt(np.column_stack([network.mass] * 3 + [network.inertia] * 3).ravel())
+
+
+def exact_frequencies(network: Network) -> np.ndarray:
+    """All frequencies, Hz, ascending: singular values of the stretch matrix over 2 pi."""
+    G = stretch_matrix(network)
+    found = np.linalg.svd(G, compute_uv=False)
+    return np.sort(np.concatenate([found, np.zeros(max(0, G.shape[1] - len(found)))])) / 2 / np.pi
+
+
+def bound(f: np.ndarray, top: float, size: int) -> np.ndarray:
+    """Relative error of frequencies whose squares carry size * eps * f_max^2 (LAPACK's p(n))."""
+    return size * EPS * (top / f) ** 2 + 1e-12
+
+
+@pytest.mark.parametrize("stress", [2e-8, 1e-4, 1.0, 1e2, 1e5, 1e8, 6.7e8, 9e8])
+def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
+    """P resonances against the chain of layers; stress 2e-8 Pa is an overlap of 1e-12 R."""
+    network = gallery.fcc(1, 20, stress)
+    modes = all_modes(Eigenproblem.of(network))
+    omega, _ = Chain.of_network(network).eigenmodes()
+    assert modes.resonance_frequency == pytest.approx(omega / 2 / np.pi, rel=1e-11)
+    # A compact sample keeps positions: an overlap is a difference of them.
+    rebuilt = Sample(network.position, network.cell_size[:2], network.wall_position, 0.1).network()
+    assert rebuilt.n_contacts == network.n_contacts
+    loss = 4 * EPS * network.length / FccCrystal(stress).overlap
+    assert np.sort(rebuilt.overlap) == pytest.approx(np.sort(network.overlap), rel=loss)
+
+
+@pytest.mark.parametrize("decades", [4, 8, 12])
+def test_stiffness_contrast(decades):
+    network = gallery.fcc(2, 15)
+    factor = 10 ** (-decades * np.random.default_rng(1).random(network.n_contacts))
+    network = replace(
+        network,
+        stiffness_normal=network.stiffness_normal * factor,
+        stiffness_tangential=network.stiffness_tangential * factor,
+    )
+    _compare_with_singular_values(network)
+
+
+@pytest.mark.parametrize("decades", [3, 6])
+def test_mass_contrast_of_polydisperse_spheres(decades):
+    """Masses over six decades, radii 1 to 100; inertias over ten."""
+    network = gallery.fcc(2, 15)
+    factor = 10 ** (decades * np.random.default_rng(2).random(network.n_particles))
+    network = replace(
+        network, mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
+    )
+    _compare_with_singular_values(network)
+
+
+def _compare_with_singular_values(network: Network) -> None:
+    problem, exact = Eigenproblem.of(network), exact_frequencies(network)
+    found, top = all_modes(problem).frequency, exact[-1]
+    assert (abs(found / exact - 1) < bound(exact, top, problem.size)).all()
+    lowest = lowest_modes(problem, 4)
+    assert lowest.attributes["certified"]
+    assert (abs(lowest.frequency / exact[:4] - 1) < bound(exact[:4], top, problem.size)).all()
+    assert highest_modes(problem, 2).frequency == pytest.approx(exact[-2:], rel=1e-10)
+    between = (exact[100] + exact[101]) / 2
+    assert count_below(problem, between) == 101
+
+
+def test_more_contrast_than_double_precision_holds_is_refused():
+    """Masses over nine decades: omega^2 over fourteen; no shift separates the lowest ones."""
+    network = gallery.fcc(2, 40)
+    factor = 10 ** (9 * np.random.default_rng(1).random(network.n_particles))
+    network = replace(
+        network, mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
+    )
+    with pytest.raises(InputError, match="no mode converged"):
+        lowest_modes(Eigenproblem.of(network), 6)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-6, 1e-3, 0.5, 1.0])
+def test_tangential_over_normal_stiffness(ratio):
+    network = gallery.fcc(2, 6)
+    network = replace(network, stiffness_tangential=ratio * network.stiffness_normal)
+    problem, exact = Eigenproblem.of(network), exact_frequencies(network)
+    found = all_modes(problem).frequency
+    error = problem.size * EPS * exact[-1] ** 2
+    assert abs(np.sign(found) * found**2 - exact**2).max() < error
+    spins = 3 * network.n_particles if ratio == 0 else 0
+    # Without tangential springs every sphere spins and the whole slides along both walls.
+    assert problem.floppy.total == spins + 2 * (ratio == 0)
+
+
+def _ball(normals: np.ndarray) -> Network:
+    """One sphere, held at fixed points in the directions `normals` (m, 3)."""
+    m, radius = len(normals), 1e-3
+    none = np.zeros((m, 3))
+    return Network(
+        position=np.zeros((1, 3)),
+        radius=np.array([radius]),
+        mass=np.array([1e-5]),
+        inertia=np.array([0.4e-11]),
+        particle_i=np.zeros(m, int),
+        particle_j=np.full(m, -1),
+        normal=normals,
+        lever_i=radius * normals,
+        lever_j=none,
+        stiffness_normal=np.full(m, 1e6),
+        stiffness_tangential=np.full(m, 8e5),
+        force_normal=np.zeros(m),
+        force_tangential=none,
+        overlap=np.zeros(m),
+        sliding=np.zeros(m, bool),
+        cell_shift=none.astype(int),
+        cell_size=np.ones(3),
+        cell_periodic=np.zeros(3, bool),
+        wall_position=np.array([-radius, radius]),
+    )
+
+
+@pytest.mark.parametrize(("contacts", "free"), [(0, 6), (1, 3), (2, 1), (3, 0)])
+def test_sphere_with_few_contacts(contacts, free):
+    """Six motions; three about one fixed point; one about the line through two."""
+    normals = np.array([[0, 0, -1.0], [0.6, 0, 0.8], [0, 0.8, 0.6]])[:contacts]
+    problem = Eigenproblem.of(_ball(normals))
+    assert problem.floppy.total == free
+    assert (exact_frequencies(problem.network) > 1.0).sum() == 6 - free
+
+
+@pytest.mark.parametrize("angle", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_nearly_coincident_contacts(angle):
+    """Three contacts within a small angle: soft rocking proportional to it, never lost."""
+    s, c = np.sin(angle), np.cos(angle)
+    network = _ball(np.array([[0, 0, -1], [s, 0, -c], [0, s, -c]]))
+    exact, found = exact_frequencies(network), all_modes(Eigenproblem.of(network)).frequency
+    assert Eigenproblem.of(network).floppy.total == 0
+    assert (abs(found / exact - 1) < bound(exact, exact[-1], 6)).all()
+
+
+@pytest.mark.parametrize("layers", [5, 12])
+def test_column_one_sphere_wide(layers):
+    """It touches its own images; its modes are those of the wide crystal with equal columns."""
+    wide = all_modes(Eigenproblem.of(gallery.fcc(2, layers))).frequency
+    for f in all_modes(Eigenproblem.of(gallery.fcc(1, layers))).frequency:
+        assert abs(wide - f).min() < 1e-12 * wide[-1]
+
+
+def test_isostatic_network_without_stress():
+    """As many springs as motions: no zero mode; every spring taken away gives one (Maxwell)."""
+    crystal = gallery.fcc(4, 16)
+    # Spheres off their places: no symmetry and no state of self-stress by accident.
+    random = np.random.default_rng(3)
+    normal = crystal.normal + 0.05 * random.standard_normal(crystal.normal.shape)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    crystal = replace(crystal, normal=normal, stiffness_tangential=0 * crystal.overlap)
+    translations = np.arange(6 * crystal.n_particles).reshape(-1, 6)[:, :3].ravel()
+    G = stretch_matrix(crystal, normal_only=True)[:, translations]
+    order = qr(G.T, mode="r", pivoting=True)[1][: G.shape[1]]
+    for removed in (0, 1, 5):
+        kept = np.sort(order[: len(order) - removed])
+        problem = Eigenproblem.of(crystal.with_contacts(kept), translations_only=True)
+        softest = np.linalg.svd(G[kept], compute_uv=False)[-1] / 2 / np.pi
+        assert softest > 1e-5 * 2e5  # far enough above round-off, sqrt(eps) f_max, to be counted
+        assert count_below(problem, softest / 2) == removed
+        square = (np.pi * softest) ** 2
+        height = crystal.position[:, 2]
+        assert count_negative(problem.shifted(square), 3, height) == removed
+
+
+@pytest.mark.parametrize("distance", [1.0, 1e3])
+def test_far_from_the_origin(distance):
+    """A network's springs do not know where it is; a sample's overlaps lose eps times distance."""
+    sample = read_sample(SAMPLE)
+    network = sample.network()
+    moved = replace(
+        network,
+        position=network.position + distance,
+        wall_position=network.wall_position + distance,
+    )
+    here, there = (propagate(net, 2e-5).signals for net in (network, moved))
+    assert np.array_equal(here.chain_particle, there.chain_particle)
+    assert np.array_equal(here.chain_displacement, there.chain_displacement)
+    far = replace(
+        sample, position=sample.position + [0, 0, distance], walls=sample.walls + distance
+    ).network()
+    loss = 2 * EPS * distance
+    assert far.n_contacts == network.n_contacts
+    assert abs(far.overlap - network.overlap).max() < loss
+
+
+def test_thousand_layers():
+    network = gallery.fcc(1, 1000)
+    problem = Eigenproblem.of(network)
+    exact = Chain.of_network(network).eigenmodes()[0] / 2 / np.pi
+    found = lowest_modes(problem, 12)
+    assert found.attributes["certified"]
+    planar = found.frequency[found.chi_z > 0.999]
+    # Relative error of an eigenvalue so far below the top: eps (f_max / f_1)^2.
+    error = bound(exact[: len(planar)], 2.2e5, 1)
+    assert len(planar) >= 3 and (abs(planar / exact[: len(planar)] - 1) < error).all()
+
+
+@pytest.mark.slow
+def test_hundred_thousand_layers():
+    """One sphere wide, 600,000 degrees of freedom; the first P resonance is 2.16 Hz."""
+    network = gallery.fcc(1, 100_000)
+    problem = Eigenproblem.of(network)
+    chain, crystal = Chain.of_network(network), FccCrystal(1e5)
+    # A fixed chain of n layers: f_r = f_low-pass sin(pi r / 2 n'), n' the walls' springs included.
+    compliance = chain.layers - 1 + 2 * chain.stiffness / chain.wall_stiffness
+    planar = crystal.low_pass_frequency * np.sin(np.pi / 2 * np.arange(1, 3) / compliance)
+    found = lowest_modes(problem, 6)
+    assert found.attributes["certified"]
+    print(found.frequency, planar)
+    # Walls as longer springs: exact up to (kappa l)^2, 1e-9.
+    assert found.frequency[found.chi_z > 0.999] == pytest.approx(planar, rel=1e-6)
