@@ -14,8 +14,6 @@ from analysis.render import STYLE
 
 Row = Mapping[str, Any]
 COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)"}
-ROUND_OFF = 1e-16
-"""An error of exactly zero is drawn here."""
 # Told apart by marker, line and shade, so that they can be told apart in grey.
 LOOKS = [
     {"color": color, "marker": marker, "ls": line}
@@ -51,11 +49,17 @@ def look(k: int) -> dict[str, Any]:
 
 
 def curve(ax: Axes, rows: Sequence[Row], x: str, y: str, **style: Any) -> None:
-    """One method: its points in the order of the rows, those without a number left out."""
-    points = [(row[x], row[y]) for row in rows if row.get(x) is not None and row.get(y)]
+    """One method: its points in the order of the rows, those without a number left out.
+
+    An error of exactly zero has no place on a logarithmic axis: a method that has no other is a
+    level across the panel.
+    """
+    known = [(row[x], row[y]) for row in rows if row.get(x) is not None and row.get(y)]
+    points = [(error, cost) for error, cost in known if error > 0]
     if points:
-        error, cost = np.array(points, float).T
-        ax.plot(np.maximum(error, ROUND_OFF), cost, **style)
+        ax.plot(*zip(*points, strict=True), **style)
+    elif known:
+        ax.axhline(min(cost for _, cost in known), **style)
 
 
 def work_precision(
@@ -82,13 +86,12 @@ def work_precision(
 
 def decades(ax: Axes) -> None:
     """Logarithmic axes that begin and end at powers of ten, where the ticks have labels."""
-    for scale, limits, put in (
-        (ax.set_xscale, ax.get_xlim, ax.set_xlim),
-        (ax.set_yscale, ax.get_ylim, ax.set_ylim),
-    ):
-        scale("log")
-        low, high = np.log10(limits())
-        put(10.0 ** np.floor(low + 0.02), 10.0 ** np.ceil(high - 0.02))
+    ax.set(xscale="log", yscale="log")
+    lowest, highest = ax.dataLim.get_points()
+    for low, high, put in zip(lowest, highest, (ax.set_xlim, ax.set_ylim), strict=True):
+        if 0 < low <= high < np.inf:
+            floor = np.floor(np.log10(low))
+            put(10.0**floor, 10.0 ** max(floor + 1, np.ceil(np.log10(high))))
 
 
 def legend_below(figure: Figure, ax: Axes, entries: int) -> None:
