@@ -112,6 +112,8 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     upper = sp.triu(matrix, format="csr")
     upper.sort_indices()
     solver = PyPardisoSolver(mtype=2 if definite else -2)
+    # Each solver searches the disk for MKL, for 0.1 s and more: the next ones are told where it is.
+    os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)
     try:
         solver.factorize(upper)
     except PyPardisoError as error:
