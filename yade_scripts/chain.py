@@ -6,11 +6,11 @@
 Writes products/chain_mu0.4/STRESSPa.sample.h5 and, every LEG steps, a checkpoint from which a
 killed chain goes on. Environment: WAVE_PRODUCTS.
 
-Until the packing is jammed hardly anything but friction dissipates (Otsubo et al. 2017, section 2,
-have friction alone): damping makes the packing looser, see results/samples/compaction.md. Each leg
-starts from the file
-that the leg before has written, so that a chain that was killed takes the same steps as one that
-was not.
+While spheres still move freely hardly anything but friction dissipates (Otsubo et al. 2017,
+section 2, have friction alone): damping makes the packing looser, see
+results/samples/compaction.md. The agitated packing then comes to rest at a constant volume: a servo
+would let it expand until the agitation carries the stress. Each leg starts from the file that the
+leg before has written, so that a chain that was killed takes the same steps as one that was not.
 """
 
 import math
@@ -36,27 +36,26 @@ LEG = 3000
 """Steps between two checkpoints: some four minutes at full size."""
 CHECK = 100
 """Steps between two looks at stress and balance."""
+PREPARATION = "approach", "cool", "unload"
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
 CLOUD, LOOSE = 0.2, 0.5
 """Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
 COMPACTION_RATE, APPROACH_RATE = 400.0, 8.0
 """Strain rates, 1/s, from CLOUD to LOOSE, and from there until HOT."""
 HOT = 5e5
-"""Mean stress, Pa, of the agitated spheres at which the servo takes over."""
-JAMMING_STRESS = 1e4
-"""Stress, Pa, under which the agitated spheres come to rest."""
+"""Mean stress, Pa, of the agitated spheres at which the compaction ends."""
 INERTIAL_NUMBER = 0.01
 AGITATED_DAMPING, DAMPING = 0.02, 0.2
-"""Local damping before and after the packing is jammed. The weak one decides how dense it jams."""
-JAMMED = 3.7
-"""Coordination number of a jammed packing, for mu_comp up to 0.4; agitated spheres have less."""
+"""Local damping until HOT and after. The weak one decides how dense the packing jams."""
 MARGIN = 0.1
-JAM_ERROR = 0.1
-STRESS_ERROR, UNBALANCED = 3e-3, 1e-3
+COOL = 1e-2
+"""Mean residual over contact force at which the agitation is over."""
+UNLOADED = 1e4
+"""Stress, Pa, on the way down to the first state: let go at once, the packing would fly apart."""
+SETTLED = 3e-3, 1e-3
 """When a state is reached: relative error of each stress, mean residual over contact force."""
-JAM_PATIENCE, PATIENCE = 9000, 12000
-"""Steps after which damping sets in although spheres are still agitated, and after which a packing
-that does not settle is taken as it is."""
+PATIENCE = 12000
+"""Steps after which a packing that does not settle is taken as it is."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 
@@ -68,7 +67,7 @@ STUDY = {"mu_comp": float(mu_comp), "spheres": int(spheres), "width": float(widt
 
 def stages():
     """Names of the stages, in order; a stress in Pa names the walk to it."""
-    return ["approach", "jam", *(f"{stress:g}" for stress in STRESSES if stress <= highest)]
+    return [*PREPARATION, *(f"{stress:g}" for stress in STRESSES if stress <= highest)]
 
 
 def random_places(side, length):
@@ -132,14 +131,15 @@ def stage_control(stage):
     if stage == "approach":
         rate = compression.ConstantRate(spheres, APPROACH_RATE)
         return rate, AGITATED_DAMPING, lambda: control.stress.mean() > HOT
-    jam = stage == "jam"
-    servo = compression.Servo(spheres, JAMMING_STRESS if jam else float(stage), INERTIAL_NUMBER)
+    if stage == "cool":
+        still = compression.ConstantRate(spheres, 0.0)
+        return still, DAMPING, lambda: compression.unbalanced() < COOL
+    stress, *at_rest = (UNLOADED, 0.1, COOL) if stage == "unload" else (float(stage), *SETTLED)
+    servo = compression.Servo(spheres, stress, INERTIAL_NUMBER)
     return (
         servo,
-        AGITATED_DAMPING if jam else DAMPING,
-        (lambda: servo.error() < JAM_ERROR and coordination_number() > JAMMED)
-        if jam
-        else (lambda: servo.error() < STRESS_ERROR and compression.unbalanced() < UNBALANCED),
+        DAMPING,
+        lambda: servo.error() < at_rest[0] and compression.unbalanced() < at_rest[1],
     )
 
 
@@ -151,7 +151,7 @@ def leg(sample):
     stage_of_control, damping, done = stage_control(study["stage"])
     O.engines[-1].damping = damping
     drive(stage_of_control)
-    patience = {"approach": math.inf, "jam": JAM_PATIENCE}.get(study["stage"], PATIENCE)
+    patience = math.inf if study["stage"] == "approach" else PATIENCE
     ended, step = False, 0
     while step < LEG and not ended:
         target = getattr(control, "target", 1e5)
@@ -231,7 +231,7 @@ def main():
         stage = sample.study["stage"]
         sample, ended = leg(sample)
         if ended:
-            if stage not in ("approach", "jam"):
+            if stage not in PREPARATION:
                 sample.study["stress"] = float(stage)
                 write_sample(folder / f"{stage}Pa.sample.h5", sample)
                 print(f"{folder / stage}Pa.sample.h5: written", flush=True)
