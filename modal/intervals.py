@@ -26,7 +26,7 @@ from modal.storage import InputError
 
 SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
-SLICE = 150
+SLICE = 300
 """Modes that one factorisation is asked for; wider intervals are cut by exact counts."""
 EDGE = 1e-6
 """Relative distance within which two frequencies may be one, degenerate or unresolved."""
@@ -44,7 +44,7 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
         modes = all_modes(problem)
         floor = problem.size - elastic
         return subset(modes, slice(floor, floor + count), f"lowest {count}")
-    if count > 2 * SLICE:
+    if count > SLICE:
         return _lowest_by_slices(problem, count)
     sigma = -SHIFT * problem.scaled.diagonal().max()
     search = Search(problem, sigma, definite=True)
@@ -136,8 +136,7 @@ def _cut(
     frequencies that cannot be cut stays whole.
     """
     wanted = below[high] - below[low]
-    # The lowest slice needs no indefinite factor and no count inside, so it may be larger.
-    if wanted <= SLICE * (2 if low == 0 else 1) or high - low < EDGE * high:
+    if wanted <= SLICE or high - low < EDGE * high:
         return [(low, high)] if wanted else []
     middle = float(np.cbrt((low**3 + high**3) / 2))
     below[middle] = count_below(problem, middle)
@@ -150,15 +149,15 @@ def _cut(
 def _slice(problem: Eigenproblem, low: float, high: float, wanted: int) -> ModeSet:
     """The `wanted` modes of one slice; certified if exactly so many were found in it."""
     if low == 0:
-        sigma, extra = -SHIFT * problem.scaled.diagonal().max(), 0
+        sigma = -SHIFT * problem.scaled.diagonal().max()
     else:
-        # Modes just outside may be nearer to the shift than some inside: ask for some more.
-        sigma, extra = (2 * np.pi) ** 2 * (low**2 + high**2) / 2, wanted // 4 + 4
+        # Both ends are equally far in omega^2: the nearest modes are those of the slice.
+        sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
     search = Search(problem, sigma, definite=low == 0)
     elastic = problem.size - problem.floppy.total
     missing, going = wanted, True
     while missing > 0 and going:
-        ask = min(missing + extra, elastic - len(search.square))
+        ask = min(missing, elastic - len(search.square))
         going = ask > 0 and search.ask(ask)
         frequency = frequency_of(search.square)
         missing = wanted - int(((frequency >= low) & (frequency < high)).sum())

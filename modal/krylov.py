@@ -17,7 +17,7 @@ from scipy.linalg import eigh, qr
 
 from modal.progress import progress
 
-BLOCK = 12
+BLOCK = 16
 """Right-hand sides of one solve."""
 TOLERANCE = 1e-11
 """Residual of (A - sigma)^-1 at which a mode counts as converged, relative to its eigenvalue."""
@@ -33,16 +33,19 @@ def start_block(size: int, width: int) -> np.ndarray:
 def _orthonormal(block: np.ndarray, basis: np.ndarray, held: Held) -> tuple:
     """Q, V^T block and R of block = V (V^T block) + Q R, the held-out modes taken away.
 
-    Twice is enough to be orthogonal to round-off. Where nothing is left of a column, Q goes on in
+    In exact arithmetic the last two blocks of V are all that the block has in common with it, so
+    they go first; what round-off brought back of the others is then small, and one pass over all
+    of V leaves the block orthogonal to round-off. Where nothing is left of a column, Q goes on in
     a direction that round-off chose, and a degenerate frequency shows more of its modes.
     """
-    within = np.zeros((basis.shape[1], block.shape[1]))
-    coupling = np.eye(block.shape[1])
-    for _ in range(2):
+    width = block.shape[1]
+    within = np.zeros((basis.shape[1], width))
+    coupling = np.eye(width)
+    for first in (max(0, basis.shape[1] - 2 * width), 0):
         block = held.out_of(block)
-        inside = basis.T @ block
-        block = block - basis @ inside
-        within += inside @ coupling
+        inside = basis[:, first:].T @ block
+        block = block - basis[:, first:] @ inside
+        within[first:] += inside @ coupling
         block, factor = qr(block, mode="economic", check_finite=False)
         coupling = factor @ coupling
     return block, within, coupling
@@ -97,14 +100,16 @@ def modes_nearest(
     projected = np.zeros((limit + width, limit + width))
     basis[:, :width] = _orthonormal(start_block(size, width), basis[:, :0], held)[0]
     dimension = width
-    for step in progress(limit // width, "Lanczos"):
+    look = 2 * count
+    for _ in progress(limit // width, "Lanczos"):
         last = slice(dimension - width, dimension)
         block, within, coupling = _orthonormal(solve(basis[:, last]), basis[:, :dimension], held)
         projected[:dimension, last] = within
         projected[last, :dimension] = within.T
         full = dimension + width > limit
-        # The small eigenproblem is not free: look every fourth time, and at the end.
-        if dimension >= count and (step % 4 == 3 or full):
+        # The small eigenproblem is not free: look when a tenth more is there, and at the end.
+        if dimension >= look or full:
+            look = max(1.1 * dimension, dimension + 3 * width)
             inverse, vector = eigh(projected[:dimension, :dimension], check_finite=False)
             chosen = np.argsort(-abs(inverse), kind="stable")[:count]
             residual = np.linalg.norm(coupling @ vector[-width:, chosen], axis=0)

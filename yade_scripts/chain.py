@@ -36,7 +36,7 @@ LEG = 3000
 """Steps between two checkpoints: some four minutes at full size."""
 CHECK = 100
 """Steps between two looks at stress and balance."""
-PREPARATION = "approach", "cool", "unload"
+PREPARATION = "approach", "cool", "jam"
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
 CLOUD, LOOSE = 0.2, 0.5
 """Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
@@ -48,10 +48,10 @@ INERTIAL_NUMBER = 0.01
 AGITATED_DAMPING, DAMPING = 0.02, 0.2
 """Local damping until HOT and after. The weak one decides how dense the packing jams."""
 MARGIN = 0.1
-COOL = 1e-2
-"""Mean residual over contact force at which the agitation is over."""
-UNLOADED = 1e4
-"""Stress, Pa, on the way down to the first state: let go at once, the packing would fly apart."""
+COOLING = 6000
+"""Steps at constant volume, after which the agitation is over."""
+JAMMING_STRESS = 1e4
+"""Stress, Pa, before the first state: a jammed packing that is let go at once flies apart."""
 SETTLED = 3e-3, 1e-3
 """When a state is reached: relative error of each stress, mean residual over contact force."""
 PATIENCE = 12000
@@ -132,9 +132,8 @@ def stage_control(stage):
         rate = compression.ConstantRate(spheres, APPROACH_RATE)
         return rate, AGITATED_DAMPING, lambda: control.stress.mean() > HOT
     if stage == "cool":
-        still = compression.ConstantRate(spheres, 0.0)
-        return still, DAMPING, lambda: compression.unbalanced() < COOL
-    stress, *at_rest = (UNLOADED, 0.1, COOL) if stage == "unload" else (float(stage), *SETTLED)
+        return compression.ConstantRate(spheres, 0.0), DAMPING, lambda: False
+    stress, *at_rest = (JAMMING_STRESS, 0.1, 1e-2) if stage == "jam" else (float(stage), *SETTLED)
     servo = compression.Servo(spheres, stress, INERTIAL_NUMBER)
     return (
         servo,
@@ -151,7 +150,7 @@ def leg(sample):
     stage_of_control, damping, done = stage_control(study["stage"])
     O.engines[-1].damping = damping
     drive(stage_of_control)
-    patience = math.inf if study["stage"] == "approach" else PATIENCE
+    patience = {"approach": math.inf, "cool": COOLING}.get(study["stage"], PATIENCE)
     ended, step = False, 0
     while step < LEG and not ended:
         target = getattr(control, "target", 1e5)
