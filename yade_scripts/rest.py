@@ -26,7 +26,7 @@ from yade_scripts.state import build_scene, read_scene
 DAMPING = 0.5
 UNBALANCED = 1e-5
 """Mean residual force over mean contact force from which `modal relax` takes few steps."""
-PATIENCE = 1000
+PATIENCE = 6000
 CHECK = 100
 
 readParamsFromTable(noTableOk=True, unknownOk=True, case=30, mu_comp=0.4, mu_wave=0.5, stress=1e5)
