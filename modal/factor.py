@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
+from modal.band import Band, BandCholesky
 from modal.storage import InputError
 
 SOLVERS = ("pardiso", "cholmod", "banded", "superlu")
@@ -78,7 +77,7 @@ def factorise(matrix: sp.csr_matrix, *, definite: bool, solver: str | None = Non
 
 def _scipy_choice(matrix: sp.csr_matrix, definite: bool) -> str:
     """Band or SuperLU: the smaller one in memory."""
-    if definite and _band_bytes(matrix)[0] < SUPERLU_FILL * matrix.nnz:
+    if definite and Band(matrix).bytes_needed < SUPERLU_FILL * matrix.nnz:
         return "banded"
     return "superlu"
 
@@ -141,33 +140,14 @@ def _cholmod(matrix: sp.csr_matrix, definite: bool) -> Factor:
     return Factor(factor, 0, "cholmod")
 
 
-def _band_bytes(matrix: sp.csr_matrix) -> tuple[float, np.ndarray, int]:
-    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    coo = matrix.tocoo()
-    width = int(abs(rank[coo.row] - rank[coo.col]).max(initial=0))
-    return 8.0 * (width + 1) * matrix.shape[0], order, width
-
-
 def _banded(matrix: sp.csr_matrix, definite: bool) -> Factor:
-    """LAPACK's band Cholesky in the order that keeps the band of a slender packing narrow."""
-    needed, order, width = _band_bytes(matrix)
-    _refuse_above_memory(needed, "the band of this packing")
-    inner = sp.triu(matrix[order][:, order]).tocoo()
-    band = np.zeros((width + 1, matrix.shape[0]), order="F")
-    band[width + inner.row - inner.col, inner.col] = inner.data
+    """Cholesky in the order that keeps the band of a slender packing narrow."""
+    band = Band(matrix)
+    _refuse_above_memory(band.bytes_needed, "the band of this packing")
     try:
-        factor = cholesky_banded(band, overwrite_ab=True, check_finite=False)
+        return Factor(BandCholesky(band).solve, 0, "banded")
     except np.linalg.LinAlgError as error:
         raise InputError(_singular(definite)) from error
-
-    def solve(rhs: np.ndarray) -> np.ndarray:
-        result = np.empty_like(rhs)
-        result[order] = cho_solve_banded((factor, False), rhs[order], check_finite=False)
-        return result
-
-    return Factor(solve, 0, "banded")
 
 
 def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
