@@ -29,19 +29,22 @@ HEADER = (
     "walls, % off",
     "residual / mean force",
     "contacts beyond friction",
+    "noise of a layer, of a sphere, m",
     "crystalline in bulk, %",
     "V_P static, m/s",
     "steps",
     "seconds",
 )
+NOISE = "noise_layer", "noise_sphere"
 
 
 def row(path: str | Path) -> list[str]:
     """One sample as text, in the order of `HEADER`; what its file does not tell stays empty.
 
     Everything physical is measured from the packing itself, V_P from the springs' response to a
-    steady push; only the target stress, mu_comp and the cost of making it are the file's word. A
-    sample that says nothing of mu_comp and has not been given mu_wave was made with its friction.
+    steady push; only the target stress, mu_comp, the noise of a DEM run without a wave and the cost
+    of making it are the file's word. A sample that says nothing of mu_comp and has not been given
+    mu_wave was made with its friction.
     """
     sample = read_sample(path)
     network = sample.network()
@@ -70,6 +73,7 @@ def row(path: str | Path) -> list[str]:
         ", ".join(_number(value, "+.2f") for value in off[3:]),
         _number(balance.residual, ".1e"),
         str(balance.sliding) if sample.friction > 0 else "",
+        ", ".join(_number(study[name], ".1e") for name in NOISE if name in study),
         _number(100 * found.get("crystalline_share_of_bulk", np.nan), ".1f"),
         _number(_velocity(network), ".1f"),
     ]

@@ -3,8 +3,8 @@
     yade-batch cases/random.table yade_scripts/export_random.py
 
 Loads products/caseNN.sample.h5, compares its stresses and its balance with YADE's own forces, and
-lets it run for a while without a wave: what moves by itself is the noise floor of a wave run.
-Environment: WAVE_PRODUCTS.
+lets it run for a while without a wave: what moves by itself is the noise floor of a wave run, which
+is stored with the sample as well. Environment: WAVE_PRODUCTS.
 """
 
 import sys
@@ -19,7 +19,7 @@ from yade.utils import readParamsFromTable
 
 from modal.layers import Layers, force_bearing
 from modal.network import read_network, write_network
-from modal.sample import read_sample
+from modal.sample import read_sample, write_sample
 from modal.storage import InputError, sha256
 from yade_scripts import compression
 from yade_scripts.export import contact_network
@@ -54,8 +54,8 @@ def main():
     folder = products_folder()
     sample_path, path = folder / f"case{case:02d}.sample.h5", folder / f"case{case:02d}.network.h5"
     sample = read_sample(sample_path)
-    parent = sha256(sample_path)
-    if path.exists() and read_network(path).provenance.get("parent_sha256") == parent:
+    done = read_network(path).provenance.get("parent_sha256") if path.exists() else None
+    if done == sha256(sample_path):
         print(f"{path}: already there")
         return
     n, target = len(sample.position), float(sample.study["stress"])
@@ -69,21 +69,22 @@ def main():
     network = contact_network(n, sample.study | {"case": str(case)}, {})
     O.dt = compression.time_step(target)
     of_layer, of_sphere = noise(network)
-    network.study |= {
+    floor = {"noise_layer": of_layer, "noise_sphere": of_sphere}
+    sample.study |= floor
+    write_sample(sample_path, sample)
+    network.study |= floor | {
         "unbalanced": unbalanced,
         "stress_xx": stresses[0],
         "stress_yy": stresses[1],
         "stress_zz": stresses[2],
         "stress_source_wall": walls[0],
         "stress_receiver_wall": walls[1],
-        "noise_layer": of_layer,
-        "noise_sphere": of_sphere,
     }
     network.provenance = {
         "command": "yade_scripts/export_random.py",
         "versions": f"yade {config.version}, numpy {np.__version__}",
         "parent": sample_path.name,
-        "parent_sha256": parent,
+        "parent_sha256": sha256(sample_path),
     }
     write_network(path, network)
     print(
