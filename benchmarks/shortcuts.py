@@ -29,7 +29,7 @@ TITLE = "What skipping saves: seconds saved, error made"
 STRESS = 1e5
 SIZES = {
     True: {"layers": 12, "spheres": 250, "long": 40, "steps": 100, "compressed": 10},
-    False: {"layers": 40, "spheres": 1000, "long": 200, "steps": 400, "compressed": 40},
+    False: {"layers": 40, "spheres": 600, "long": 200, "steps": 400, "compressed": 40},
 }
 """Layers of the crystal whose modes are found, spheres of the random packing, layers of the crystal
 that carries the wave, YADE steps, layers of the crystal that is compressed."""
