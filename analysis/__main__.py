@@ -14,18 +14,18 @@ from analysis.compare import as_text, compare, write_table
 from analysis.figures import FIGURES, draw
 from analysis.measures import Measures
 from analysis.picture import read_picture
+from analysis.prepare import prepare
 from analysis.products import Products, find
 from analysis.render import save
 from analysis.report import report as write_report
 from analysis.samples import table
 from analysis.status import status_table
 from analysis.stress import power_law, stress_rows
-from analysis.structure_factor import structure_factor, write_structure
 from analysis.tables import tables
 from analysis.trial import trial
 from modal.network import read_network
 from modal.signals import read_signals
-from modal.storage import InputError, sha256
+from modal.storage import InputError
 
 COMPARED = (
     "signals",
@@ -62,10 +62,8 @@ def _parser() -> argparse.ArgumentParser:
     for sub, count in ((reported, "+"), (compared, "+"), (figure, "*")):
         sub.add_argument("case", nargs=count, metavar="CASE", help="1 ... 32")
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
-    spatial = command("structure", "dynamic structure factor of all modes, *.structure.h5")
-    spatial.add_argument("case", nargs="+", metavar="CASE", help="1 ... 32")
-    text = "Hz, the width of a single mode; 1000"
-    spatial.add_argument("--resolution", type=float, default=1e3, metavar="HZ", help=text)
+    text = "what a report needs beside the run's products: gain, density of states, ridge"
+    command("prepare", text).add_argument("case", nargs="+", metavar="CASE", help="1 ... 32")
     command("status", "which cases have which products")
     text = "table of compact samples: density, contacts, stresses, balance"
     samples = commands.add_parser("samples", help=text, description=text)
@@ -140,25 +138,6 @@ def _report(cases: list[Measures], output: Path, argv: list[str]) -> None:
     print(write_report(cases, output, ["python", "-m", "analysis", *argv])[0])
 
 
-def _structure(cases: list[Products], resolution: float) -> None:
-    for case in cases:
-        network = case.network
-        layers = int(network.length / (2 * network.radius.mean()))
-        # Every order at long waves, then as many as keep the step of kappa at a tenth of kappa.
-        orders = np.unique(np.round(1.1 ** np.arange(0, np.log(layers) / np.log(1.1))))
-        orders = np.union1d(np.arange(1, 31), orders)
-        orders = orders[orders <= layers].astype(int)
-        highest = 1.5 * layers / (2 * case.passage)
-        path = case.path("structure")
-        found = structure_factor(network, orders, resolution, highest)
-        write_structure(path, found, _digest(case))
-        print(path)
-
-
-def _digest(case: Products) -> str:
-    return sha256(next(case.path(k) for k in ("network", "sample") if case.has(k)))
-
-
 def _agreement(arguments: argparse.Namespace) -> None:
     network, run = read_network(arguments.network), read_signals(arguments.signals)
     within = np.inf
@@ -198,8 +177,9 @@ def main(argv: list[str] | None = None) -> int:
             _show(table(arguments.sample), arguments.output)
             return 0
         cases = [find(text, arguments.products) for text in arguments.case]
-        if arguments.command == "structure":
-            _structure(cases, arguments.resolution)
+        if arguments.command == "prepare":
+            for case in cases:
+                print("".join(f"{path}\n" for path in prepare(case)), end="")
             return 0
         output = Path(arguments.output)
         try:

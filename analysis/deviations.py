@@ -130,7 +130,7 @@ def _spread(cases: list[Measures]) -> list[list[str]]:
     rows = []
     for m in cases:
         same = [o for o in cases if 1 / NEAR_STRESS < o.case.stress / m.case.stress < NEAR_STRESS]
-        if m is not same[0] or len({o.case.is_crystal for o in same}) < 2:
+        if len({o.case.is_crystal for o in same}) < 2 or m is not same[0]:
             continue
         top = [o.f_max for o in same]
         text = f"{m.case.stress / 1e3:g} kPa, {len(same)} cases"

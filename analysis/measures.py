@@ -178,6 +178,12 @@ class Measures:
         """f_low-pass, Hz, by the 2 %, 1 %, ... rule: the layers' plateau, linear wave."""
         return self.passband.low_pass
 
+    @property
+    def band(self) -> float:
+        """What figures scale their frequencies by, Hz: f_low-pass, or a guess without one."""
+        found = self.low_pass[0].value
+        return found if np.isfinite(found) else 0.05 * self.long_wave.value / self.case.diameter
+
     @cached_property
     def band_edge(self) -> float:
         """f_low-pass of a crystal, Hz, without the threshold's bias; NaN for others."""

@@ -100,7 +100,8 @@ class Products:
     def label(self) -> str:
         """Short name for legends: what it is, and under which stress."""
         kind = "FCC" if self.is_crystal else "random"
-        return f"{kind}, {self.stress / 1e3:g} kPa (case {self.number})"
+        stress = f", {self.stress / 1e3:g} kPa" if np.isfinite(self.stress) else ""
+        return f"{kind}{stress} (case {self.number})"
 
     @cached_property
     def modes(self) -> ModeSet | None:
@@ -132,7 +133,7 @@ class Products:
 
     @cached_property
     def structure(self) -> StructureFactor | None:
-        """Dynamic structure factor, from `python -m analysis structure`."""
+        """Dynamic structure factor, from `python -m analysis prepare`."""
         return read_structure(self.path("structure")) if self.has("structure") else None
 
     @cached_property

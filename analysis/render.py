@@ -51,8 +51,10 @@ def _plain_numbers(axis: Axis) -> None:
     low, high = sorted(axis.get_view_interval())
     if high > 300 * low:
         return
-    few = MaxNLocator(5, steps=[1, 2, 5, 10]) if high < 4 * low else LogLocator(subs=(1, 2, 5))
-    axis.set_major_locator(few)
+    if high < 4 * low:
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    else:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7) if high < 12 * low else (1, 2, 5)))
     axis.set_major_formatter(FormatStrFormatter("%g"))
     axis.set_minor_formatter(NullFormatter())
 

@@ -66,6 +66,22 @@ def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
         assert (tmp_path / png.name).read_bytes() == png.read_bytes(), png.name
 
 
+def test_random_case_without_a_run(packing, tmp_path, capsys):
+    """`prepare` makes what is missing, once; the report says that there was no DEM run."""
+    write_network(tmp_path / "case06.network.h5", packing)
+    folder = ["--products", str(tmp_path)]
+    assert main(["prepare", "6", *folder]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 3
+    assert main(["prepare", "6", *folder]) == 0
+    assert capsys.readouterr().out == ""
+    assert main(["report", "6", *folder, "-o", str(tmp_path / "report")]) == 0
+    assert "DEM, kHz" not in capsys.readouterr().out
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "no record of a DEM run; linear wave instead" in page
+    for name in ("natural_frequencies", "structure", "gain", "signals", "dispersion"):
+        assert (tmp_path / "report" / f"{name}.png").is_file()
+
+
 def test_picture_survives_its_file(tmp_path):
     panel = Panel("x (m)", "y (s)", 'a, "b"', xlim=(0, 1), yscale="log")
     panel.line([1 / 3, np.nan], [2, 3], "line", ls="--")

@@ -35,7 +35,9 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
             continue
         panels += [left, right]
     if not panels:
-        raise InputError("no case has all its modes or a density of states; make one of them first")
+        raise InputError(
+            "no case has all its modes or a density of states; run python -m analysis prepare CASE"
+        )
     return Picture(panels, columns=2, shape=(10, 0.4 + 1.25 * len(panels)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis import dispersion as disp
+from analysis.figures.waves import producer_name
 from analysis.measures import Measures
 from analysis.picture import Panel, Picture
 from modal.lattice import dispersion as eq_9
@@ -21,11 +22,11 @@ def dispersion(cases: list[Measures]) -> Picture:
             record = case.wave
             record = _of_layers(record)
         f, k, amplitude = disp.fk_map(record)
-        top = 1.1 * m.band_edge if case.is_crystal else 2.2 * m.low_pass[0].value
+        top = 1.1 * m.band_edge if case.is_crystal else 2.2 * m.band
         widest = np.pi / disp.layer_distance(record)
         widest = widest if case.is_crystal else min(widest, 2.5 * np.pi * top / m.long_wave.value)
         rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
-        rows, columns = (v[:: max(1, len(v) // 150)] for v in (rows, columns))
+        rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
         shade = 20 * np.log10(np.maximum(amplitude[np.ix_(rows, columns)], 1e-3))
         panel = Panel(
             r"wave number $\kappa$ (rad/m)", "frequency (kHz)", case.label, legend="lower right",
@@ -38,7 +39,7 @@ def dispersion(cases: list[Measures]) -> Picture:
             theory = eq_9(kappa, chain.stiffness, chain.mass, chain.distance) / (2e3 * np.pi)
             panel.line(kappa, theory, "theory (Eq. 9)", color="k")
             ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)
-            text = f"{record.producer}, damped transform"
+            text = f"{producer_name(record)}, damped transform"
             panel.line(kappa[:98], ridge, text, color="#c05000", ls="--", lw=2)
         else:
             wave = m.coherent
@@ -95,14 +96,14 @@ def structure(cases: list[Measures]) -> Picture:
         )
         wave = m.coherent
         rate = wave.attenuation * wave.group_velocity / np.pi
-        seen = (rate > 0) & (wave.frequency > 0.1 * m.low_pass[0].value)
+        seen = (rate > 0) & (wave.frequency > 0.1 * m.band)
         text = "2 Im(q) $V_g$ / 2$\\pi$ of the coherent wave"
         narrow.line(wave.frequency[seen] / 1e3, rate[seen] / 1e3, text, color="#c05000", ls="--")
         narrow.add("vline", [m.low_pass[0].value / 1e3], [0], None, "$f_{low-pass}$, 2 %", ls=":")
         narrow.add("hline", [0], [found.resolution / 2e3], None, "half a resolution", color="0.7")
         panels += [panel, narrow]
     if not panels:
-        raise InputError("no case has a structure factor; run python -m analysis structure CASE")
+        raise InputError("no case has a structure factor; run python -m analysis prepare CASE")
     return Picture(panels, columns=2, shape=(11, 0.4 + 3.6 * len(panels) / 2))
 
 

@@ -38,7 +38,7 @@ def velocity_frequency(cases: list[Measures]) -> Picture:
     panels = []
     for m in cases:
         case = m.case
-        top = 0.9 * m.low_pass[0].value
+        top = 0.9 * m.band
         panel = Panel(
             "frequency (kHz)", "velocity (m/s)", case.label, legend="lower left",
             ylim=(0, 1.25 * m.long_wave.value), xlim=(0, top / 1e3),
@@ -55,8 +55,8 @@ def velocity_frequency(cases: list[Measures]) -> Picture:
         panel.line(f, wave.phase_velocity[keep], "phase, layers", color="k")
         panel.line(f, wave.group_velocity[keep], "group, layers", color="k", ls=":")
         f_r, kappa = m.resonances
-        if len(f_r) > 2:
-            keep = f_r < top
+        keep = f_r < top
+        if keep.sum() > 2:
             phase, group = mode_velocities(f_r[keep], kappa[keep])
             every = slice(None, None, max(1, len(phase) // 25))
             style = {"ls": "none", "mfc": "none", "color": "#0060a8", "ms": 5}
@@ -112,13 +112,14 @@ def stress_dependence(cases: list[Measures]) -> Picture:
     columns = stress_rows([m.case for m in cases if m.case.is_crystal])
     stress = columns["stress_Pa"]
     for name, marker, size in (("theory", "s", 9), ("modal", "o", 6), ("yade", "x", 6)):
+        label = "YADE" if name == "yade" else name
         for panel, key, scale in (
             (left, f"velocity_{name}_m_per_s", 1),
             (right, f"f_low_pass_{name}_Hz", 1e-3),
         ):
             value = scale * columns[key]
             law = power_law(stress, value)
-            text = f"{name}: {law}" if np.isfinite(law.exponent) else name
+            text = f"{label}: {law}" if np.isfinite(law.exponent) else label
             style = {"marker": marker, "mfc": "none", "ls": "none", "color": "k", "ms": size}
             panel.line(stress / 1e3, value, text, **style)
     return Picture([left, right], columns=2)

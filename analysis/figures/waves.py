@@ -18,7 +18,7 @@ def _thin(count: int) -> slice:
     return slice(None, None, max(1, count // POINTS))
 
 
-def _name(record: Signals) -> str:
+def producer_name(record: Signals) -> str:
     """How a legend calls what made a record."""
     known = {"yade": "YADE", "linear": "linear wave (no DEM run)"}
     return known.get(record.producer, record.producer)
@@ -32,7 +32,7 @@ def _signal(case: Products, wanted: float) -> Panel:
     title = f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source"
     place = "upper right" if wanted < 30 else "upper left"
     panel = Panel("time (ms)", "$u_z$ (nm)", title, legend=place)
-    _curve(panel, record, n, record.time[-1], _name(record), color="0.6", lw=2.2)
+    _curve(panel, record, n, record.time[-1], producer_name(record), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if case.is_crystal:
         twin = exact_twin(record, case.chain)
