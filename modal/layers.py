@@ -10,6 +10,9 @@ import numpy as np
 from modal.network import Network
 from modal.storage import InputError
 
+EDGE = 1e-9
+"""A place so little below the edge of a slab, in slabs, counts to the next one."""
+
 
 def force_bearing(network: Network) -> np.ndarray:
     """Shape (n,) bool: particles that keep two contacts or more once those with fewer are gone.
@@ -41,7 +44,8 @@ class Layers:
         diameter = 2 * float(network.radius.mean())
         count = max(1, round(network.length / diameter))
         z = network.position[:, 2]
-        slab = ((z - network.wall_position[0]) * (count / network.length)).astype(int)
+        # A crystal's layer may lie on an edge: round-off must not tear it apart.
+        slab = ((z - network.wall_position[0]) * (count / network.length) + EDGE).astype(int)
         filled, layer = np.unique(np.clip(slab[bearing], 0, count - 1), return_inverse=True)
         self.layer = np.full(network.n_particles, -1)
         self.layer[bearing] = layer
