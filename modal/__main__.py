@@ -272,6 +272,9 @@ def main(argv: list[str] | None = None) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted; files are whole or absent", file=sys.stderr)
+        return 130
     result["seconds"] = time.perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     result["peak_memory_bytes"] = peak * (1 if sys.platform == "darwin" else 1024)

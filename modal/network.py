@@ -189,7 +189,7 @@ def validate(network: Network, name: str = "network") -> None:
         raise InputError(f"{name}: cell/size must be positive along the periodic axes")
     if not np.isfinite(network.wall_position).all():
         raise InputError(f"{name}: walls/position is not finite; mend the export")
-    if {SOURCE_WALL, RECEIVER_WALL} <= set(j[j < 0].tolist()) and network.length <= 0:
+    if {SOURCE_WALL, RECEIVER_WALL} <= set(j[j < 0].tolist()) and network.length < 0:
         raise InputError(f"{name}: the source wall lies above the receiver wall; mend the export")
     # Centres within a cell meet through one period; unwrapped ones through as many as they span.
     reach = 1 + np.ceil(np.ptp(network.position, axis=0) / np.where(axes, network.cell_size, 1.0))

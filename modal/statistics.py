@@ -8,6 +8,7 @@ sigma_zz is then the same in every layer, and the layers add up to the total exa
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from modal.layers import force_bearing
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.order import crystalline
-from modal.storage import InputError
+from modal.storage import InputError, write_whole
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""
@@ -190,7 +191,6 @@ def write_profile(path: str | Path, layers: Profile) -> None:
     middle = (layers.edges[1:] + layers.edges[:-1]) / 2
     measured = [middle, *layers.stress.T, layers.void_ratio, layers.coordination]
     table = np.column_stack([*measured, layers.particles, layers.bulk])
-    try:
-        np.savetxt(path, table, delimiter=",", header=COLUMNS, comments="", fmt="%.9g")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error}); choose another file") from error
+    text = io.StringIO()
+    np.savetxt(text, table, delimiter=",", header=COLUMNS, comments="", fmt="%.9g")
+    write_whole(path, text.getvalue().encode())

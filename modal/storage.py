@@ -7,11 +7,13 @@ Files of other programs, with or without, are read alike.
 
 from __future__ import annotations
 
+import glob
 import hashlib
+import io
 import mmap
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -29,21 +31,49 @@ class InputError(ValueError):
 
 @contextmanager
 def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
-    """Open a new HDF5 file for writing that takes its final name only when the block succeeds."""
+    """Open a new HDF5 file for writing that takes its final name only when the block succeeds.
+
+    It is built in memory: HDF5 ends the process with a segmentation fault where the disk is full.
+    """
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver=CHECKSUMMED) as file:
+        yield file
+    write_whole(path, image.getbuffer(), make_folder=True)
+
+
+def write_whole(path: str | Path, data: bytes | memoryview, *, make_folder: bool = False) -> None:
+    """Write a file of which others see the old state or the new one, never a part of it."""
     path = Path(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        try:
+        if make_folder:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with h5py.File(partial, "w", libver=CHECKSUMMED) as file:
-                yield file
-            os.replace(partial, path)
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be written ({error}); check the folder's permissions and space"
-            ) from error
+        _remove_abandoned(path)
+        with open(partial, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror or error}); check the folder, its "
+            "permissions and the space on the disk"
+        ) from error
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove the parts that killed processes have left of this file."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        pid = part.name.split(".")[-2]
+        try:
+            os.kill(int(pid), 0)
+        except ProcessLookupError:
+            part.unlink(missing_ok=True)
+        except (PermissionError, ValueError):
+            continue
 
 
 @contextmanager
