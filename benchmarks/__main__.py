@@ -20,6 +20,7 @@ from modal.storage import InputError
 
 JOBS = (
     "fcc_time_step",
+    "random_time_step",
     "wave",
     "eigensolvers",
     "density",

@@ -16,6 +16,7 @@ from benchmarks import (
     fcc_time_step,
     machine,
     preparation,
+    random_time_step,
     scaling,
     shortcuts,
     wave,
@@ -35,6 +36,7 @@ from modal.source import Pulse
 
 COLUMNS = {
     "fcc_time_step": ("method", "error_f_low_pass", "error_velocity", "error_dispersion"),
+    "random_time_step": ("time_step_over_limit", "error", "error_of_layers", "seconds"),
     "wave": ("method", "error", "apart_from_same_step", "apart_from_tangent"),
     "eigensolvers": ("method", "elastic_modes", "zero_modes", "error"),
     "density": ("method", "moments", "vectors", "error", "error_of_kernel", "error_of_vectors"),
@@ -121,6 +123,17 @@ def test_dispersion_error_of_the_time_step_has_order_two():
     # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
     for name in ("error_dispersion", "error_f_low_pass", "error_signals"):
         assert np.log2(found[0][name] / found[1][name]) == pytest.approx(2, abs=0.15), name
+
+
+def test_random_packing_time_step_has_order_two(tmp_path, monkeypatch):
+    monkeypatch.setattr(random_time_step, "SIZE", {True: (150, 3e-5)})
+    monkeypatch.setattr(random_time_step, "FRACTIONS", {True: (0.2, 0.1)})
+    finding = random_time_step.run(True, tmp_path)
+    for name in random_time_step.ERRORS:
+        coarse, fine = (row[name] for row in finding.rows)
+        steps = finding.rows[1]["steps"] / finding.rows[0]["steps"]
+        # Second order in the step; the next order of the fastest waves changes it by some per cent.
+        assert np.log(coarse / fine) / np.log(steps) == pytest.approx(2, abs=0.2)
 
 
 def test_pre_stress_shifts_the_velocity_and_springs_do_not():
