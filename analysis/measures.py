@@ -17,6 +17,7 @@ from analysis.passband import Passband
 from analysis.products import Products
 from analysis.standing import Standing, standing_modes
 from analysis.velocity import at_frequency, first_peak_times, wall_velocity
+from modal.layers import force_bearing
 from modal.operator import ContactOperator
 from modal.signals import Signals
 from modal.statistics import contacts_per_particle, coordination_without_rattlers
@@ -65,6 +66,30 @@ class Measures:
             return Estimate(np.nan)
         (slope, _), spread = np.polyfit(z[known], times[known], 1, cov=True)
         return Estimate(float(1 / slope), float(np.sqrt(spread[0, 0]) / slope**2))
+
+    @cached_property
+    def columns(self) -> Estimate:
+        """The same along every column of the sample, a sphere wide: mean and scatter of dL/dt.
+
+        On the linear wave, which is recorded on every particle: what one chain is worth.
+        """
+        case, network = self.case, self.case.network
+        bearing = np.flatnonzero(force_bearing(network))
+        depth = (network.position[bearing, 2] - network.wall_position[0]) / network.length
+        bearing = bearing[(depth > 0.25) & (depth < 0.75)]
+        wave = case.wave
+        times = first_peak_times(
+            replace(wave, chain_displacement=wave.particle_displacement[:, bearing])
+        )
+        bearing, times = bearing[np.isfinite(times)], times[np.isfinite(times)]
+        cells = np.maximum(1, (network.cell_size[:2] / case.diameter).astype(int))
+        place = (network.position[bearing, :2] / network.cell_size[:2] % 1 * cells).astype(int)
+        column, z = place[:, 0] * cells[1] + place[:, 1], network.position[bearing, 2]
+        members = [np.flatnonzero(column == c) for c in np.unique(column)]
+        slopes = [np.polyfit(z[m], times[m], 1)[0] for m in members if len(m) > 9]
+        if not slopes:
+            return Estimate(np.nan)
+        return Estimate(float(np.mean(1 / np.array(slopes))), float(np.std(1 / np.array(slopes))))
 
     @cached_property
     def coherent(self) -> Coherent:
@@ -228,6 +253,21 @@ class Measures:
         start = np.random.default_rng(1).standard_normal(operator.shape[0])
         square = eigsh(operator, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
         return float(np.sqrt(square[0]) / (2 * np.pi))
+
+    @cached_property
+    def free_path(self) -> float:
+        """Mean free path V_P / (2 pi width) of the coherent wave at f_low-pass, 2 %, in diameters.
+
+        From the full width of the structure factor's ridge, the rate at which disorder scatters.
+        """
+        if self.case.structure is None:
+            return np.nan
+        peak, width = self.case.structure.ridge()
+        known = np.isfinite(width) & (np.maximum.accumulate(np.nan_to_num(peak)) == peak)
+        if known.sum() < 2:
+            return np.nan
+        at = np.interp(self.low_pass[0].value, peak[known], width[known], np.nan, np.nan)
+        return self.long_wave.value / (2 * np.pi * at) / self.case.diameter
 
     @cached_property
     def gain(self) -> Gain | None:

@@ -80,12 +80,13 @@ class Passband:
 
     def choices(self) -> list[tuple[str, Plateau]]:
         """What each choice makes of f_low-pass, the others kept."""
-        rows = [(f"layers, {100 * t:g} %", p) for t, p in zip(THRESHOLDS, self.low_pass)]  # noqa: B905
-        rows += [
-            (f"single particles, {100 * t:g} %", p)
-            for t, p in zip(THRESHOLDS, self.of_particles, strict=True)
-        ]
-        rows += [(f"DEM record, {100 * t:g} %", p) for t, p in zip(THRESHOLDS, self.of_dem)]  # noqa: B905
+        rows = []
+        for what, found in (
+            ("layers", self.low_pass),
+            ("single particles", self.of_particles),
+            ("DEM record", self.of_dem),
+        ):
+            rows += [(f"{what}, {100 * t:g} %", p) for t, p in zip(THRESHOLDS, found, strict=True)]
         whole = 1.5 * PASSAGES
         for passages in (1.0, PASSAGES):
             text = f"layers, 2 %, record of {passages:g} passages, not {whole:g}"

@@ -84,7 +84,10 @@ def _table(table: Table) -> str:
 def _figure(png: Path, number: str, caption: str) -> str:
     data = base64.b64encode(png.read_bytes()).decode()
     text = html.escape(number + caption)
-    return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text} <code>{png.stem}.csv</code></figcaption></figure>'  # noqa: E501
+    return (
+        f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{text} <code>{png.stem}.csv</code></figcaption></figure>"
+    )
 
 
 def _provenance(cases: list[Measures]) -> Table:

@@ -56,6 +56,7 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate]], ...] = (
     ("Z", lambda m: m.coordination[0]),
     ("Z of force-bearing", lambda m: m.coordination[1]),
     ("V_P first peaks, m/s", lambda m: m.first_peak),
+    ("V_P first peaks, all columns (± scatter), m/s", lambda m: m.columns),
     ("V_P long waves, DEM, m/s", lambda m: m.dem_long_wave),
     ("V_P long waves, linear wave, m/s", lambda m: m.long_wave),
     ("V_P modes, m/s", lambda m: m.modal),
@@ -71,6 +72,7 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate]], ...] = (
     ("band edge, linear wave, kHz", lambda m: m.band_edge / 1e3),
     ("lambda_low-pass/D 2 %", lambda m: m.low_pass_wavelength(0)),
     ("lambda_low-pass/D 1 %", lambda m: m.low_pass_wavelength(1)),
+    ("mean free path at f_low-pass / D", lambda m: m.free_path),
     ("f_max, kHz", lambda m: m.f_max / 1e3),
     ("largest gain", lambda m: m.gain_maxima[1]),
     ("first gain maximum over f_1", lambda m: m.gain_maxima[0]),
@@ -159,6 +161,14 @@ def table_of_fits(cases: list[Measures]) -> Table:
             if np.isfinite(law.exponent):
                 error = number(law.error, 2)
                 rows.append([name, what, over, f"{law.exponent:.4f}", error, str(len(members))])
+    for m in cases:
+        if m.case.structure is not None:
+            peak, width = m.case.structure.ridge()
+            steep = (peak > 0.7 * m.band) & (peak < 1.3 * m.band) & (width > 0)
+            law = power_law(peak[steep], width[steep])
+            if np.isfinite(law.exponent):
+                text = [f"{law.exponent:.4f}", number(law.error, 2), "1"]
+                rows.append([m.case.label, "ridge width", "frequency, 0.7-1.3 f_low-pass", *text])
     header = ["group", "quantity", "power of", "exponent", "standard error", "cases"]
     return Table("Power laws", header, rows)
 

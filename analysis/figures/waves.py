@@ -130,7 +130,8 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
         edges = np.linspace(0, case.network.length, 41)
         middle = 0.5e3 * (edges[1:] + edges[:-1])
         with np.errstate(all="ignore"):
-            groups = [found[0][(distance >= a) & (distance < b)] for a, b in zip(edges, edges[1:])]  # noqa: B905
+            slabs = zip(edges[:-1], edges[1:], strict=True)
+            groups = [found[0][(distance >= a) & (distance < b)] for a, b in slabs]
             groups = [g[np.isfinite(g)] for g in groups]
             low, mid, high = np.array(
                 [np.percentile(g, (16, 50, 84)) if len(g) > 2 else [np.nan] * 3 for g in groups]
