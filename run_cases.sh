@@ -36,6 +36,10 @@ for n in "${cases[@]}"; do
     [ "$n" -ge 1 ] && [ "$n" -le 32 ] || fail "case $n: there are cases 1 to 32"
 done
 run() { if [ -n "$dry" ]; then echo "$*"; else "$@"; fi; }
+yade() { # options, table, script: runs the jobs, whatever its status
+    command -v yade-batch > /dev/null || [ -n "$dry" ] || fail "yade-batch is not in PATH: install yade"
+    run yade-batch "$@" || echo "run_cases.sh: yade-batch ended with status $?" >&2
+}
 file() { printf 'products/case%02d.%s.h5' "$1" "$2"; }
 column() { awk -v n="$1" -v c="$2" '$1 == n {print $c}' cases/random.table; }
 state() { # case: the state of its chain, at rest under the stress of the case
@@ -56,7 +60,7 @@ batch() { # script, kind of product, table, cases ...
         awk -v want=" ${missing[*]} " '/^#/ {next} /^case/ || index(want, " " $1 " ")' \
             "$rows" > "$table"
     fi
-    run yade-batch -j "$jobs" --job-threads 1 --log "products/$kind.%.log" "$table" "$script"
+    yade -j "$jobs" --job-threads 1 --log "products/$kind.%.log" "$table" "$script"
     [ -z "$dry" ] || return 0
     # yade-batch returns 0 although a job failed: what counts is the product.
     for n in "${missing[@]}"; do
@@ -77,7 +81,7 @@ chains() { # the compression chains that the random cases come from
     if [ "$mus" != " " ]; then
         [ -n "$dry" ] || awk -v want="$mus" '/^#/ {next} /^mu_comp/ || index(want, " " $1 " ")' \
             cases/chains.table > "$table"
-        run yade-batch -j "$jobs" --job-threads 1 --log "products/chain.%.log" "$table" \
+        yade -j "$jobs" --job-threads 1 --log "products/chain.%.log" "$table" \
             yade_scripts/chain.py
     fi
     [ -z "$dry" ] || return 0
