@@ -20,7 +20,7 @@ import numpy as np
 from modal.storage import InputError
 
 KINDS = ("line", "map", "spheres", "band", "vline", "hline")
-DIGITS, SHADES = 6, 3
+DIGITS, SHADES = 5, 3
 """Significant digits of coordinates and of a map's values."""
 
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from modal.signals import Signals
 
+FAINTEST = 2e-3
+"""Least receiver stress over source stress of a received wave; a loose packing passes 0.7 %."""
+
 
 def first_peak_times(signals: Signals) -> np.ndarray:
     """Time (nc,) s of each chain particle's first peak, by a parabola through three samples.
@@ -88,7 +91,7 @@ def wall_velocity(signals: Signals, length: float) -> tuple[np.ndarray, ...] | N
     meaningless, so the receiver's peak must lie well inside the record.
     """
     received = np.abs(signals.receiver_stress)
-    if received.max() < 0.05 * np.abs(signals.source_stress).max():
+    if received.max() < FAINTEST * np.abs(signals.source_stress).max():
         return None
     if np.argmax(received) > 0.9 * len(received):
         return None

@@ -99,9 +99,9 @@ def chi_z(cases: list[Measures]) -> Picture:
 
 
 def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points that differ in print: a thousandth of the frequencies and of chi_z apart."""
-    step = frequency[-1] / 1000
-    cells = np.column_stack([np.round(frequency / step), np.round(values / 5e-3)])
+    """Points that differ in print: a 500th of the frequencies or of chi_z apart."""
+    step = frequency[-1] / 500
+    cells = np.column_stack([np.round(frequency / step), np.round(values / 2e-3)])
     _, kept = np.unique(cells, axis=0, return_index=True)
     kept = np.sort(kept)
     return frequency[kept], values[kept]
