@@ -16,6 +16,7 @@ leg before has written, so that a chain that was killed takes the same steps as 
 import math
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 # Inside YADE __file__ is YADE itself; the script is its first argument.
@@ -232,7 +233,9 @@ def main():
         if ended:
             if stage not in PREPARATION:
                 sample.study["stress"] = float(stage)
-                write_sample(folder / f"{stage}Pa.sample.h5", sample)
+                # What follows brings it to rest; the checkpoint keeps the motion.
+                state = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
+                write_sample(folder / f"{stage}Pa.sample.h5", state)
                 print(f"{folder / stage}Pa.sample.h5: written", flush=True)
             following = [*names, "end"][names.index(stage) + 1]
             sample.study |= {"stage": following, "step": 0}
