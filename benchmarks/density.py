@@ -26,7 +26,7 @@ from modal.network import read_network, write_network
 from modal.random_packing import random_network
 
 TITLE = "Density of states: moments and random vectors against exact counts"
-SPHERES = {True: 250, False: 1000}
+SPHERES = {True: 250, False: 700}
 ASPECT = 5.0
 RESOLUTIONS = {True: (2e4, 5e3), False: (4e4, 2e4, 1e4, 5e3, 2e3, 1e3)}
 """Full width of a mode, Hz: the number of moments is inversely proportional to it."""

@@ -27,7 +27,7 @@ from modal.network import Network, read_network, write_network
 from modal.random_packing import random_network
 
 TITLE = "Lowest modes: back ends and tolerances against scipy's own solvers"
-SPHERES = {True: 250, False: 1000}
+SPHERES = {True: 250, False: 700}
 ASPECT = 5.0
 LOWEST = 20
 TOLERANCES = {True: (1e-2, 1e-8, 0.0), False: (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 0.0)}

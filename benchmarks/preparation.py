@@ -1,6 +1,6 @@
 """What each digit of a sample's state costs in YADE: strain rate, stop criterion, friction.
 
-A small packing is compressed to 100 kPa by the study's protocol, and its void ratio, coordination
+A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
 from the same run; how far the state still moves after it is its error. How far the state depends on
 the strain rate, and on the random start, is measured by runs of their own.

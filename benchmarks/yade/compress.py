@@ -3,7 +3,8 @@
     yade -n -x -j1 benchmarks/yade/compress.py result.json '{"sample": ..., "stress": 1e5, ...}'
 
 The servo of the study drives the spheres, which do not touch at first, to the stress; they are
-hardly damped until they are jammed, as in `yade_scripts/chain.py`. Arguments: sample (file), output
+hardly damped until they are jammed and damped from there on: `yade_scripts/chain.py` for a single
+stress, without its rest at constant volume. Arguments: sample (file), output
 (file), stress (Pa), inertial_number (of the largest strain rate), steps (once jammed).
 """
 
@@ -26,8 +27,10 @@ from yade_scripts.state import build_scene, read_scene
 CHECK = 50
 LONGEST = 100_000
 """Steps after which a packing that does not jam is given up."""
-AGITATED_DAMPING, DAMPING, JAMMED, JAM_ERROR = 0.02, 0.2, 3.7, 0.1
-"""As in `yade_scripts/chain.py`."""
+AGITATED_DAMPING, DAMPING = 0.02, 0.2
+"""Local damping before and after, as in `yade_scripts/chain.py`."""
+JAMMED, JAM_ERROR = 3.7, 0.1
+"""Coordination number and relative stress error from which the packing counts as jammed."""
 JAM_PATIENCE = 3000
 """Steps after the stress was first met at which damping sets in although spheres still move."""
 
