@@ -24,11 +24,12 @@ TABLE = f"""case mu_comp mu_wave stress input_frequency width layers
 """
 
 
-def batch(script: str, folder: Path, **environment: str) -> str:
+def batch(script: str, folder: Path, *, threads: str = "1", **environment: str) -> str:
     """Run one script through yade-batch as a user does; returns its log."""
     table, log = folder / "short.table", folder / f"{script}.log"
     table.write_text(TABLE)
-    command = ["yade-batch", "-j", "1", "--job-threads", "1", "--log", str(log), str(table)]
+    options = ["-j", threads, "--job-threads", threads, "--log", str(log)]
+    command = ["yade-batch", *options, str(table)]
     subprocess.run(
         [*command, str(ROOT / "yade_scripts" / f"{script}.py")],
         cwd=folder,
