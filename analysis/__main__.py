@@ -15,7 +15,7 @@ from analysis.figures import FIGURES, draw
 from analysis.measures import Measures
 from analysis.picture import read_picture
 from analysis.prepare import prepare
-from analysis.products import Products, find
+from analysis.products import Products, find, require_same_network
 from analysis.render import save
 from analysis.report import report as write_report
 from analysis.samples import table
@@ -140,6 +140,7 @@ def _report(cases: list[Measures], output: Path, argv: list[str]) -> None:
 
 def _agreement(arguments: argparse.Namespace) -> None:
     network, run = read_network(arguments.network), read_signals(arguments.signals)
+    require_same_network(run, network, arguments.network)
     within = np.inf
     if arguments.first is not None:
         if not 1 <= arguments.first <= len(run.chain_position):
@@ -195,6 +196,9 @@ def main(argv: list[str] | None = None) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
     return 0
 
 

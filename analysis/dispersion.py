@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.signals import Signals
+from modal.storage import InputError
 
 INSTRUMENT = 40
 """Layers away whose displacement predicts a layer's."""
@@ -27,6 +28,13 @@ LAST = 120
 """Layers up to which the chain is used: the record has little of those farther."""
 PASSES = 6
 """Three passes of the nearest-neighbour law, which finds the band, and three of the full order."""
+
+SHORTEST = 10
+"""Particles of the shortest chain that is evaluated."""
+UNEVEN = 0.1
+"""Deviation of a spacing from their mean; a missing particle doubles one."""
+CLIPPED = 3
+"""Samples at exactly the largest value that no wave has by chance."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +113,7 @@ def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Di
     below 1e-5; 5 % of white noise scatters V_P by 0.3 % and the band edge by 0.6 %, and biases
     neither (`analysis.trial`). Higher orders and stronger damping pass on more of the noise.
     """
+    _refuse_damaged(signals)
     time = signals.time - signals.time[0]
     eta, step = decay / time[-1], np.gradient(time)
     top = 2 * np.pi * 2 * signals.input_frequency * 0.9
@@ -122,6 +131,25 @@ def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Di
         if np.isfinite(edge):
             top = 2 * np.pi * edge * 1.02
     return result
+
+
+def _refuse_damaged(signals: Signals) -> None:
+    """InputError for records that the neighbour ratio would take for another dispersion."""
+    z, u = signals.chain_position, signals.chain_displacement
+    if len(z) < SHORTEST:
+        raise InputError(f"the chain has {len(z)} particles; a dispersion needs {SHORTEST}")
+    spacing = np.diff(z)
+    uneven = abs(spacing - spacing.mean()) > UNEVEN * abs(spacing.mean())
+    if spacing.mean() <= 0 or uneven.any():
+        raise InputError(
+            "the chain's spacing is uneven or falls: a particle is missing or out of order, or it "
+            "is no crystal's chain; record it again"
+        )
+    size = abs(u)
+    if not size.any():
+        raise InputError("the chain does not move: there is no wave in the record")
+    if (size == size.max()).sum() >= CLIPPED:
+        raise InputError("the record is clipped: its largest value repeats; record a smaller wave")
 
 
 def mode_dispersion(

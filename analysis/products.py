@@ -21,7 +21,7 @@ from modal.response import VERSION as RESPONSE_VERSION
 from modal.sample import read_packing
 from modal.signals import Signals, read_signals
 from modal.source import Pulse
-from modal.storage import InputError, get, open_h5
+from modal.storage import InputError, get, open_h5, sha256
 from modal.wave import propagate
 
 KINDS = ("network", "modes", "translations.modes", "signals")
@@ -38,6 +38,13 @@ def case_name(text: str) -> str:
     if not match or int(match[1]) > 32:
         raise InputError(f"{text!r} is not a case; there are cases 1 to 32, write for example 2")
     return f"case{int(match[1]):02d}"
+
+
+def require_same_network(signals: Signals, network: Network, path: Path | str) -> None:
+    """InputError where the signals were recorded on another network than that of the file."""
+    other = signals.network_sha256 and signals.network_sha256 != sha256(path)
+    if other or signals.chain_particle.max() >= network.n_particles:
+        raise InputError(f"{path}: the signals belong to another network; run the wave again")
 
 
 @dataclass
@@ -129,6 +136,8 @@ class Products:
             raise InputError(
                 f"{self.path('signals')}: fewer than 50 times or 10 particles; record more"
             )
+        if self.has("network"):
+            require_same_network(signals, self.network, self.path("network"))
         return signals
 
     @cached_property

@@ -155,7 +155,7 @@ def wrong_contents(kind: str, path: Path) -> list[tuple[str, object]]:
         if data.dtype.kind == "f":
             spoiled["nan"] = _with_first(data, np.nan)
             spoiled["infinite"] = _with_first(data, np.inf)
-        if data.dtype.kind == "i" and name != "chain/particle":
+        if data.dtype.kind == "i":
             spoiled["out of range"] = _with_first(data, 2**30)
             spoiled["fraction"] = data + 0.5
         if name.rsplit("/")[-1] in POSITIVE:
@@ -236,6 +236,7 @@ SPECIFIC = {
         },
         "no producer": lambda f: f.attrs.__delitem__("producer"),
         "uneven": lambda f: f["time"].__setitem__(3, f["time"][3] * 1.3),
+        "of another network": _attribute("network_sha256", "0" * 64),
         "one particle twice": lambda f: f["chain/particle"].__setitem__(0, f["chain/particle"][1]),
     },
     "modes": {
