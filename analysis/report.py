@@ -27,6 +27,17 @@ CSS = (
     ".wide{overflow-x:auto}figure{margin:1.5em 0}code{font-size:12px}"
 )
 
+ABSENT = {
+    "signals": "no record of a DEM run; linear wave instead",
+    "modes": "no chi_z, no mode shapes; python -m modal modes makes them",
+    "band.modes": "no chi_z at higher frequencies; python -m modal modes --between makes them",
+    "structure": "no dispersion of the modes; python -m analysis prepare makes it",
+    "density": "no density of states; python -m analysis prepare makes it",
+    "response": "gain of a shorter linear wave; python -m analysis prepare makes it",
+}
+FOR_RANDOM = ("band.modes", "structure", "density")
+"""What a crystal does not need: its modes are all known."""
+
 
 def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path]:
     """Write report.html, and every table and figure as files of their own; returns the paths."""
@@ -100,6 +111,7 @@ def _provenance(cases: list[Measures]) -> Table:
             if path.is_file():
                 how = str(made.get("command", "")) if kind in ("network", "sample") else ""
                 rows.append([path.name, sha256(path)[:16], how])
-        if m.case.signals is None:
-            rows.append(["", "", f"{m.case.name}: no record of a DEM run; linear wave instead"])
-    return Table("Provenance", ["file", "SHA-256, first 16 digits", "command"], rows)
+            elif kind in ABSENT and not (m.case.is_crystal and kind in FOR_RANDOM):
+                rows.append([path.name, "absent", ABSENT[kind]])
+    header = ["file", "SHA-256, first 16 digits", "command, or what its absence means"]
+    return Table("Provenance", header, rows)

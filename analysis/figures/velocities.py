@@ -9,25 +9,31 @@ from analysis.picture import Panel, Picture
 from analysis.stress import power_law, stress_rows
 from analysis.velocity import mode_velocities, wall_velocity
 
-MARKERS = {"FCC": "s", "random": "o"}
+MARKERS = "o^vD<>p"
+"""Of the random groups, in their order; crystals are squares."""
 
 
-def _points(panel: Panel, name: str, x, y, label: str) -> None:
-    marker, colour = MARKERS[name.split(",")[0]], "k" if name == "FCC" else "#c05000"
-    panel.line(x, y, label, marker=marker, mfc="none", color=colour, ls="none")
+def _marked(cases: list[Measures]) -> list[tuple[str, list[Measures], dict]]:
+    """Name, members and style of the points of each group."""
+    found, random = [], iter(MARKERS)
+    for name, members in groups(cases).items():
+        marker, colour = ("s", "k") if name == "FCC" else (next(random), "#c05000")
+        style = {"marker": marker, "mfc": "none", "color": colour, "ls": "none"}
+        found.append((name, members, style))
+    return found
 
 
 def velocity_cases(cases: list[Measures]) -> Picture:
     """Fig. 6: V_P (first peaks, dL/dt) against void ratio and stress, with fitted exponents."""
     left = Panel("void ratio", "$V_P$, first peaks (m/s)")
     right = Panel("stress (kPa)", "$V_P$ (m/s)", xscale="log", yscale="log")
-    for name, members in groups(cases).items():
+    for name, members, style in _marked(cases):
         stress = np.array([m.case.stress for m in members])
         peak = np.array([m.first_peak.value for m in members])
-        _points(left, name, [m.void_ratio for m in members], peak, name)
+        left.line([m.void_ratio for m in members], peak, name, **style)
         law = power_law(stress, peak)
         text = f"{name}: {law}" if np.isfinite(law.exponent) else name
-        _points(right, name, stress / 1e3, peak, text)
+        right.line(stress / 1e3, peak, text, **style)
         if np.isfinite(law.exponent):
             right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", lw=0.8)
     return Picture([left, right], columns=2)
@@ -71,12 +77,13 @@ def low_pass_cases(cases: list[Measures]) -> Picture:
     """Fig. 16: f_low-pass of all cases against void ratio and stress, 2 % rule with its error."""
     left = Panel("void ratio", "$f_{low-pass}$, 2 % (kHz)", yscale="log")
     right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", xscale="log", yscale="log")
-    for name, members in groups(cases).items():
+    for name, members, style in _marked(cases):
         stress = np.array([m.case.stress for m in members]) / 1e3
         two, one = (np.array([m.low_pass[k].value for m in members]) / 1e3 for k in (0, 1))
-        _points(left, name, [m.void_ratio for m in members], two, name)
-        _points(right, name, stress, two, f"{name}, 2 %")
-        right.line(stress, one, f"{name}, 1 %", marker="+", ls="none", color="0.4")
+        left.line([m.void_ratio for m in members], two, name, **style)
+        right.line(stress, two, **style)
+        text = "1 % rule" if len(right.series) == 1 else ""
+        right.line(stress, one, text, marker="+", ls="none", color="0.4")
     return Picture([left, right], columns=2)
 
 
@@ -84,23 +91,23 @@ def velocity_low_pass(cases: list[Measures]) -> Picture:
     """Fig. 17: f_low-pass against V_P; slope of the line through each group (log-log)."""
     panel = Panel("$V_P$, first peaks (m/s)", "$f_{low-pass}$, 2 % (kHz)", "")
     panel.xscale = panel.yscale = "log"
-    for name, members in groups(cases).items():
+    for name, members, style in _marked(cases):
         v = np.array([m.first_peak.value for m in members])
         f = np.array([m.low_pass[0].value for m in members]) / 1e3
         law = power_law(v, f)
         text = f"{name}: slope {law.exponent:.2f}" if np.isfinite(law.exponent) else name
-        _points(panel, name, v, f, text)
+        panel.line(v, f, text, **style)
     return Picture([panel])
 
 
 def wavelength_cases(cases: list[Measures]) -> Picture:
     """Fig. 18: lambda_low-pass / D against void ratio, 2 % and 1 % rule."""
     panel = Panel("void ratio", r"$\lambda_{low-pass}/D$", yscale="log")
-    for name, members in groups(cases).items():
+    for name, members, style in _marked(cases):
         e = [m.void_ratio for m in members]
-        for k, text, marker in ((0, "2 %", MARKERS[name.split(",")[0]]), (1, "1 %", "+")):
-            value = [m.low_pass_wavelength(k) for m in members]
-            panel.line(e, value, f"{name}, {text}", marker=marker, mfc="none", ls="none", color="k")
+        two, one = ([m.low_pass_wavelength(k) for m in members] for k in (0, 1))
+        panel.line(e, two, f"{name}, 2 %", **style)
+        panel.line(e, one, "1 %" if len(panel.series) == 1 else "", **style | {"marker": "+"})
     panel.add("hline", [0], [2**0.5], None, r"FCC theory, $\sqrt{2}$", color="0.5", ls=":")
     return Picture([panel])
 

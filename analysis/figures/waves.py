@@ -30,8 +30,9 @@ def _signal(case: Products, wanted: float) -> Panel:
     depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
     n = int(np.argmin(abs(depth - wanted)))
     title = f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source"
-    place = "upper right" if wanted < 30 else "upper left"
-    panel = Panel("time (ms)", "$u_z$ (nm)", title, legend=place)
+    u = 1e9 * record.chain_displacement[:, n]
+    panel = Panel("time (ms)", "$u_z$ (nm)", title, legend="upper right")
+    panel.ylim = (1.15 * float(u.min()), 1.5 * float(u.max()))  # the legend stands above the wave
     _curve(panel, record, n, record.time[-1], producer_name(record), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if case.is_crystal:
