@@ -85,26 +85,43 @@ def _parser() -> argparse.ArgumentParser:
 
 def _compare(cases: list[Products], output: Path, figures: bool) -> None:
     for case in cases:
-        rows = compare(case)
         print(f"\n{case.name}  stress {case.network.study.get('stress', float('nan')):g} Pa")
-        print(as_text(rows))
+        paths = _crystal(case, output) if case.is_crystal else _random(case, output)
         for kind in ("modes", "translations.modes", "signals"):
             if not case.has(kind):
                 print(f"note: {case.path(kind)} is absent; what needs it is left empty")
-        paths = write_table(rows, output / f"{case.name}.comparison")
         if figures:
             paths += _figures(COMPARED, [Measures(case)], output, f"{case.name}.")
         print("\n".join(str(path) for path in paths))
-    if len(cases) > 1:
-        columns = stress_rows(cases)
+    crystals = [case for case in cases if case.is_crystal]
+    if len(crystals) > 1:
+        columns = stress_rows(crystals)
         for name in ("theory", "modal", "yade"):
             law = power_law(columns["stress_Pa"], columns[f"velocity_{name}_m_per_s"])
             if np.isfinite(law.exponent):
                 print(f"exponent of V_P against stress, {name}: {law.exponent:.5f} (paper: 1/6)")
         if figures:
-            measured = [Measures(case) for case in cases]
+            measured = [Measures(case) for case in crystals]
             paths = _figures(("stress_dependence",), measured, output, "")
             print("\n".join(str(path) for path in paths))
+
+
+def _crystal(case: Products, output: Path) -> list[Path]:
+    """Theory, modes, linear wave and YADE side by side."""
+    rows = compare(case)
+    print(as_text(rows))
+    return write_table(rows, output / f"{case.name}.comparison")
+
+
+def _random(case: Products, output: Path) -> list[Path]:
+    """A random packing has no theory: its own row of Table 1, and the paper's numbers."""
+    found = tables([Measures(case)])
+    paths = []
+    for name in ("table1", "paper"):
+        if name in found:
+            print(f"{found[name].title}\n{found[name].text()}")
+            paths += found[name].write(output / f"{case.name}.{name}")
+    return paths
 
 
 def _figures(

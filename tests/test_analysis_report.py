@@ -74,6 +74,9 @@ def test_random_case_without_a_run(packing, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 3
     assert main(["prepare", "6", *folder]) == 0
     assert capsys.readouterr().out == ""
+    assert main(["compare", "6", "--no-figures", *folder, "-o", str(tmp_path)]) == 0
+    assert "signals.h5 is absent" in capsys.readouterr().out
+    assert "V_P first peaks" in (tmp_path / "case06.table1.md").read_text()
     assert main(["report", "6", *folder, "-o", str(tmp_path / "report")]) == 0
     assert "DEM, kHz" not in capsys.readouterr().out
     page = (tmp_path / "report" / "report.html").read_text()
