@@ -71,13 +71,9 @@ def outcome(folder: Path, **environment: str) -> tuple[int, list[str]]:
     return run.returncode, run.stderr.strip().splitlines()
 
 
-def test_killed_study_ends_with_the_products_of_an_undisturbed_one(reference):
-    folder, seconds = reference
-    killed_again_and_again(RUN, folder, folder.with_name("again"), 1, seconds)
-
-
 @pytest.mark.slow
 def test_study_killed_fifty_times(reference):
+    """The next run ends with the products of an undisturbed one."""
     folder, seconds = reference
     alive = killed_again_and_again(RUN, folder, folder.with_name("again"), 50, seconds)
     print(f"{alive} of 50 kills met a running study of {seconds:.1f} s")
