@@ -25,8 +25,8 @@ RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
 
 def prepare(case: Products) -> list[Path]:
     """Make what is missing: the gain, and for a random case density and structure factor."""
-    digest = sha256(next(case.path(k) for k in ("network", "sample") if case.has(k)))
     network, made = case.network, []
+    digest = sha256(next(case.path(k) for k in ("network", "sample") if case.has(k)))
     if not case.has("response"):
         first = 0.5 / case.passage
         found = frequency_response(

@@ -79,6 +79,8 @@ def test_status_lists_what_is_there(products, capsys):
         (["compare", "x"], "not a case"),
         (["compare", "4"], "run the case first"),
         (["compare"], "required"),
+        (["prepare", "9"], "run the case first"),
+        (["report", "9"], "run the case first"),
         (["figure", "nothing", "1"], "choose one of"),
         (["figure", "chi_z"], "no case given"),
         (["figure", "absent.csv"], "cannot be read"),
@@ -88,7 +90,8 @@ def test_status_lists_what_is_there(products, capsys):
 )
 def test_bad_input_is_one_line(products, tmp_path, capsys, arguments, words):
     if len(arguments) > 1:
-        arguments = [*arguments, "--products", str(products), "-o", str(tmp_path)]
+        arguments = [*arguments, "--products", str(products)]
+        arguments += [] if arguments[0] == "prepare" else ["-o", str(tmp_path)]
     assert main(arguments) == 2
     captured = capsys.readouterr()
     assert words in captured.err
