@@ -1,4 +1,4 @@
-"""Layers: mean motion of the force-bearing particles in slabs along the wave.
+"""Layers: mean motion of the firmly held particles in slabs along the wave.
 
 The coherent wave lives in these means; single particles of a random packing scatter about them.
 """
@@ -30,15 +30,33 @@ def force_bearing(network: Network) -> np.ndarray:
         bearing = remaining
 
 
+HELD = 0.05
+"""Largest contact force, over the mean one, from which a particle counts as firmly held."""
+
+
+def firmly_held(network: Network) -> np.ndarray:
+    """Shape (n,) bool: force-bearing particles that do not hang on contacts of hardly any force.
+
+    The others, some in a thousand, wander about in their cages by more than a wave moves them. A
+    network without forces tells nothing of it; there all force-bearing particles are held.
+    """
+    strongest = np.zeros(network.n_particles)
+    pair = ~network.with_wall
+    np.maximum.at(strongest, network.particle_i, network.force_normal)
+    np.maximum.at(strongest, network.particle_j[pair], network.force_normal[pair])
+    mean = network.force_normal.mean() if network.n_contacts else 0.0
+    return force_bearing(network) & (strongest >= HELD * mean)
+
+
 class Layers:
     """Equal slabs from wall to wall, about one mean diameter thick.
 
-    `position` (nl,) m: mean z of the force-bearing particles in a slab; `layer` (n,) the slab of
-    each particle, -1 for those that bear no force. Slabs without particles are left out.
+    `position` (nl,) m: mean z of the firmly held particles in a slab; `layer` (n,) the slab of
+    each particle, -1 for all others. Slabs without particles are left out.
     """
 
     def __init__(self, network: Network) -> None:
-        bearing = force_bearing(network)
+        bearing = firmly_held(network)
         if not bearing.any():
             raise InputError("no particle has two contacts; such a packing carries no wave")
         diameter = 2 * float(network.radius.mean())
@@ -54,5 +72,5 @@ class Layers:
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
-        # Particles that bear no force fall into an extra bin in front, which is dropped.
+        # Particles that are not held fall into an extra bin in front, which is dropped.
         return np.bincount(self.layer + 1, values, len(self._size) + 1)[1:] / self._size

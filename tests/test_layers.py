@@ -1,10 +1,12 @@
 """Slab means and the particles that they average over."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from modal import gallery
-from modal.layers import Layers, force_bearing
+from modal.layers import Layers, firmly_held, force_bearing
 from modal.network import RECEIVER_WALL
 from modal.signals import Signals, read_signals, write_signals
 from modal.storage import InputError
@@ -69,3 +71,15 @@ def test_optional_records_survive_the_file(tmp_path):
     write_signals(path, layered)
     with pytest.raises(InputError, match="layers/displacement has shape"):
         read_signals(path)
+
+
+def test_particles_on_hardly_loaded_contacts_are_left_out():
+    """One sphere of a crystal with a thousandth of the force everywhere: it bears, barely."""
+    crystal = gallery.fcc(4, 6)
+    own = (crystal.particle_i == 40) | (crystal.particle_j == 40)
+    force = np.where(own, 1e-3, 1.0)
+    weak = replace(crystal, force_normal=force)
+    assert force_bearing(weak).all()
+    assert np.flatnonzero(~firmly_held(weak)).tolist() == [40]
+    assert np.flatnonzero(Layers(weak).layer < 0).tolist() == [40]
+    assert firmly_held(replace(crystal, force_normal=0 * force)).all()

@@ -17,7 +17,7 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.layers import Layers, force_bearing
+from modal.layers import Layers, firmly_held
 from modal.network import read_network, write_network
 from modal.sample import read_sample, write_sample
 from modal.storage import InputError, sha256
@@ -35,9 +35,9 @@ from yade.params.table import case  # noqa: E402
 
 
 def noise(network):
-    """Largest displacement along z of a layer's mean, and of a force-bearing sphere, m."""
+    """Largest displacement along z of a layer's mean, and of a firmly held sphere, m."""
     n = network.n_particles
-    layers, bearing = Layers(network), force_bearing(network)
+    layers, held = Layers(network), firmly_held(network)
     states = [O.bodies[k].state for k in range(n)]
     start = np.array([state.pos[2] for state in states])
     of_layer = of_sphere = 0.0
@@ -45,7 +45,7 @@ def noise(network):
         O.run(100, wait=True)
         moved = abs(np.array([state.pos[2] for state in states]) - start)
         of_layer = max(of_layer, float(layers.means(moved).max()))
-        of_sphere = max(of_sphere, float(moved[bearing].max()))
+        of_sphere = max(of_sphere, float(moved[held].max()))
     return of_layer, of_sphere
 
 
