@@ -29,6 +29,17 @@ ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", 
 LONGEST = 900
 """Seconds after which a task is given up."""
 
+LAUNCHER = """
+import resource, subprocess, sys
+with open(sys.argv[1], "w") as log:
+    status = subprocess.call(
+        sys.argv[2:], stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+    )
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(status, used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
+"""Runs one command and prints its exit status, processor time, and peak memory."""
+
 
 @dataclass(frozen=True)
 class Measured:
@@ -83,22 +94,21 @@ def run_command(
 
     InputError with the command's own last error if it fails.
     """
-    with open(log, "w") as output:
-        process = subprocess.Popen(
-            command,
-            cwd=folder,
-            env=os.environ | ONE_THREAD | dict(environment or {}),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-        )
-        # Asked of this one child: the sums over all children would mix commands.
-        _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode != 0:
+    # A program inherits the peak of the process that starts it: here that of a bare interpreter.
+    launcher = [sys.executable, "-S", "-c", LAUNCHER, str(log), *command]
+    done = subprocess.run(
+        launcher,
+        cwd=folder,
+        env=os.environ | ONE_THREAD | dict(environment or {}),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    status, seconds, maxrss = done.stdout.split()
+    if int(status) != 0:
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
-        raise InputError(f"{command[0]} failed: {lines[-1] if lines else process.returncode}")
-    return used.ru_utime + used.ru_stime, _megabytes(used.ru_maxrss)
+        raise InputError(f"{command[0]} failed: {lines[-1] if lines else status}")
+    return float(seconds), _megabytes(int(maxrss))
 
 
 def _megabytes(maxrss: int) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from benchmarks import (
 )
 from benchmarks.__main__ import JOBS, main
 from benchmarks.diagram import knee, work_precision
-from benchmarks.measure import measured
+from benchmarks.measure import measured, run_command
 from benchmarks.report import Finding, table, write
 from modal import gallery
 from modal.density import density_of_states
@@ -33,6 +34,7 @@ from modal.leapfrog import leapfrog
 from modal.network import write_network
 from modal.random_packing import random_network
 from modal.source import Pulse
+from modal.storage import InputError
 
 COLUMNS = {
     "fcc_time_step": ("method", "error_f_low_pass", "error_velocity", "error_dispersion"),
@@ -72,6 +74,19 @@ def test_a_task_is_measured_in_its_own_process():
     large = measured("tests.test_benchmarks:hundred_megabytes")
     assert large.value == 12_500_000
     assert large.peak_mb - small.peak_mb == pytest.approx(100, rel=0.2)
+
+
+def test_memory_of_a_command_is_its_own(tmp_path):
+    """Not that of the process that starts it, which holds 300 MB here."""
+    held = np.ones(300_000_000 // 8)
+    _, peak = run_command([sys.executable, "-S", "-c", "print(1)"], tmp_path, tmp_path / "log")
+    assert peak < 100 < held.nbytes / 1e6
+    assert (tmp_path / "log").read_text() == "1\n"
+
+
+def test_a_command_that_fails_says_why(tmp_path):
+    with pytest.raises(InputError, match="KeyError"):
+        run_command([sys.executable, "-c", "raise KeyError('lost')"], tmp_path, tmp_path / "log")
 
 
 def test_a_task_that_fails_says_why(tmp_path):
