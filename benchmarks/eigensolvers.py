@@ -200,7 +200,7 @@ def notes(rows: list[dict[str, Any]], exact: np.ndarray, floppy: int) -> list[st
     said = [
         f"Errors stop at {floor:.1e}, {floor / limit:.0f} times half the unit round-off times "
         f"(f_max / f_1)^2 = {limit:.1e}: the digits that the lowest frequency has in a matrix "
-        "whose highest is f_max, in the dense reference too. A tighter tolerance buys nothing below.",
+        "whose highest is f_max, in the dense reference too. A tighter tolerance buys nothing.",
     ]
     plain = [row for row in rows if row["method"].startswith("eigsh, sigma")][:2]
     for typed_row in plain:
