@@ -79,8 +79,9 @@ class Search:
 
     def ask(self, count: int) -> bool:
         """Search `count` more; whether any converged. A count needs the factor's memory."""
-        matrix = self.problem.shifted(self.sigma)
-        factor = factorise(matrix, definite=self.definite, solver=self.problem.solver)
+        factor = factorise(
+            self.problem.shifted(self.sigma), definite=self.definite, solver=self.problem.solver
+        )
         self.solver = factor.solver
         held = Held(self.problem.floppy.basis, self.vector)
         near = modes_nearest(factor.solve, self.problem.size, count, self.sigma, held)

@@ -17,10 +17,11 @@ from scipy.linalg import eigh, qr
 
 from modal.progress import progress
 
-BLOCK = 16
+BLOCK = 12
 """Right-hand sides of one solve."""
-TOLERANCE = 1e-11
-"""Residual of (A - sigma)^-1 at which a mode counts as converged, relative to its eigenvalue."""
+TOLERANCE = 1e-9
+"""Residual of (A - sigma)^-1 at which a mode counts as converged, relative to its eigenvalue; that
+of A relative to omega^2 is then some 2e-9 at most."""
 SEED = 20170729
 """The same start every time, so that the same network gives the same digits."""
 
@@ -107,9 +108,9 @@ def modes_nearest(
         projected[:dimension, last] = within
         projected[last, :dimension] = within.T
         full = dimension + width > limit
-        # The small eigenproblem is not free: look when a tenth more is there, and at the end.
+        # The small eigenproblem is not free: look when a twentieth more is there, and at the end.
         if dimension >= look or full:
-            look = max(1.1 * dimension, dimension + 3 * width)
+            look = max(1.05 * dimension, dimension + 2 * width)
             inverse, vector = eigh(projected[:dimension, :dimension], check_finite=False)
             chosen = np.argsort(-abs(inverse), kind="stable")[:count]
             residual = np.linalg.norm(coupling @ vector[-width:, chosen], axis=0)
