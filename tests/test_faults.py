@@ -141,7 +141,7 @@ def test_interrupt_is_one_line_and_leaves_nothing_half(tmp_path):
         "import os, signal, sys, threading\n"
         "from modal.__main__ import main\n"
         "threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
-        f"sys.exit(main(['pack', '--spheres', '5000', '-o', {str(tmp_path)!r}]))\n"
+        f"sys.exit(main(['pack', '--spheres', '20000', '-o', {str(tmp_path)!r}]))\n"
     )
     command, variables = [sys.executable, "-c", script], os.environ | ONE_THREAD
     done = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True)
