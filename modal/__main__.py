@@ -272,7 +272,10 @@ def main(argv: list[str] | None = None) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        # Ctrl-C in the middle of compiled code arrives as a SystemError that it has caused.
+        if not isinstance(error.__cause__ or error, KeyboardInterrupt):
+            raise
         print("interrupted; files are whole or absent", file=sys.stderr)
         return 130
     result["seconds"] = time.perf_counter() - start
