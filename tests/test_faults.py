@@ -140,6 +140,8 @@ def test_interrupt_is_one_line_and_leaves_nothing_half(tmp_path):
     script = (
         "import os, signal, sys, threading\n"
         "from modal.__main__ import main\n"
+        # A shell's background jobs ignore Ctrl-C, and so do their children.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
         f"sys.exit(main(['pack', '--spheres', '20000', '-o', {str(tmp_path)!r}]))\n"
     )
