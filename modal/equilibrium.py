@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.geometry import Touching, tangents
 from modal.hertz_mindlin import stiffness_tangential
-from modal.layers import force_bearing
+from modal.layers import force_bearing, strongest_force
 from modal.network import Network
 from modal.sample import Sample
 from modal.statics import spring_motion
@@ -157,7 +157,8 @@ def relax(
     """The sample in balance under its law; raises InputError if it does not come to rest.
 
     It needs friction: frictionless packings have motions that no spring resists. The tolerance is
-    raised to what round-off of the positions allows. Contacts beyond the friction limit are few
+    raised to what round-off of the positions allows; a sample that stalls below `NEAR` is taken
+    as it is, with its residual. Contacts beyond the friction limit are few
     and weak; where `YIELDS` rounds do not clear them, `Balance.sliding` says how many are left.
     `watch` sees the balance after every step.
     """
@@ -209,9 +210,7 @@ def _freed(sample: Sample, network: Network) -> Sample:
     sliding = np.flatnonzero(friction_used(network, sample.friction) > 1)
     i, j, force = network.particle_i, network.particle_j, network.force_normal
     pair = j >= 0
-    strongest = np.zeros(network.n_particles)
-    np.maximum.at(strongest, i, force)
-    np.maximum.at(strongest, j[pair], force[pair])
+    strongest = strongest_force(network)
     ends = np.concatenate([i[sliding], j[sliding][pair[sliding]]])
     overlap = float(np.median(network.overlap))
     motion = np.zeros((network.n_particles, 6))
@@ -250,12 +249,12 @@ def _size(vector: np.ndarray, arm: float) -> np.ndarray:
 def _step(
     sample: Sample, network: Network, load: np.ndarray, shift: np.ndarray
 ) -> tuple[Sample, Network, np.ndarray, Balance, int]:
-    """One step after which no sphere is worse off than twice the worst before; its products K u.
+    """One step that should leave no sphere worse off than twice the worst before; products K u.
 
     A few groups of spheres hang on ways so soft that the springs alone do not tell where they lead.
     Where the motion goes beyond the cap, or leaves a sphere with far more force than any had, the
     shift (n,) of these spheres is raised in place (Levenberg and Marquardt, sphere by sphere) and
-    the step tried again.
+    the step tried again, `TRIALS` times at most.
     """
     np.maximum(SHIFT, SOFTENING * shift, out=shift)
     cap = STEP_CAP * float(np.median(network.overlap))

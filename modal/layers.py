@@ -34,18 +34,23 @@ HELD = 0.05
 """Largest contact force, over the mean one, from which a particle counts as firmly held."""
 
 
+def strongest_force(network: Network) -> np.ndarray:
+    """Shape (n,), N: the largest normal force on each particle, 0 for one without contacts."""
+    strongest = np.zeros(network.n_particles)
+    pair = ~network.with_wall
+    np.maximum.at(strongest, network.particle_i, network.force_normal)
+    np.maximum.at(strongest, network.particle_j[pair], network.force_normal[pair])
+    return strongest
+
+
 def firmly_held(network: Network) -> np.ndarray:
     """Shape (n,) bool: force-bearing particles that do not hang on contacts of hardly any force.
 
     The others, some in a thousand, wander about in their cages by more than a wave moves them. A
     network without forces tells nothing of it; there all force-bearing particles are held.
     """
-    strongest = np.zeros(network.n_particles)
-    pair = ~network.with_wall
-    np.maximum.at(strongest, network.particle_i, network.force_normal)
-    np.maximum.at(strongest, network.particle_j[pair], network.force_normal[pair])
     mean = network.force_normal.mean() if network.n_contacts else 0.0
-    return force_bearing(network) & (strongest >= HELD * mean)
+    return force_bearing(network) & (strongest_force(network) >= HELD * mean)
 
 
 class Layers:

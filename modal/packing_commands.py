@@ -76,6 +76,8 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
         )
 
     rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
+    if state.residual > options.tolerance:
+        _say(f"taken at a residual of {state.residual:.1e}: {options.tolerance:g} was not reached")
     network = rested.network()
     measured = summary(network, rested.friction)
     rested = replace(
