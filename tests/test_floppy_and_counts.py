@@ -11,6 +11,7 @@ from modal.eigenproblem import Eigenproblem, frequency_of, slipping
 from modal.factor import SOLVERS, available, factorise
 from modal.inertia import count_below, count_negative
 from modal.intervals import lowest_modes, modes_between
+from modal.krylov import TOLERANCE
 from modal.modes import all_modes
 from modal.network import Network, write_network
 from modal.storage import InputError
@@ -135,7 +136,7 @@ def test_lowest_modes_by_every_factorisation(solver):
     # omega^2 is known to eps times the largest one; f to that over 2 (f / f_max)^2.
     tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
     assert lowest.frequency == pytest.approx(elastic[:40], rel=tolerance)
-    assert lowest.residual.max() < 1e-10
+    assert lowest.residual.max() < TOLERANCE
 
 
 def test_intervals_are_cut_and_complete(monkeypatch):
@@ -192,7 +193,7 @@ def test_stiffness_contrast_of_a_million():
         assert count_below(problem, hz) == int((frequency < hz).sum())
     lowest = lowest_modes(problem, 30)
     assert lowest.attributes["certified"]
-    assert lowest.residual.max() < 1e-10
+    assert lowest.residual.max() < TOLERANCE
 
 
 def test_order_of_particles_and_contacts_does_not_matter():
