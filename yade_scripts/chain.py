@@ -60,7 +60,7 @@ PATIENCE = 12000
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 
-readParamsFromTable(noTableOk=True, mu_comp=0.4, spheres=35201, width=14.5, seed=1, highest=1e7)
+readParamsFromTable(noTableOk=True, mu_comp=0.4, spheres=35201, width=14.65, seed=1, highest=1e7)
 from yade.params.table import highest, mu_comp, seed, spheres, width  # noqa: E402
 
 STUDY = {"mu_comp": float(mu_comp), "spheres": int(spheres), "width": float(width), "seed": seed}
@@ -104,6 +104,7 @@ def random_places(side, length):
 
 def cloud():
     """Spheres without contact at solid fraction CLOUD, compacted to LOOSE and put to rest."""
+    started = time.perf_counter()
     diameter = 2 * RADIUS
     length = spheres * math.pi / 6 / NOMINAL_FRACTION / width**2 * diameter
     scale = (NOMINAL_FRACTION / CLOUD) ** (1 / 3)
@@ -113,10 +114,18 @@ def cloud():
     build_scene(Sample(position, sides, walls, mu_comp), margin=MARGIN, damping=0.0)
     O.dt = compression.time_step(1e6)
     drive(compression.ConstantRate(spheres, COMPACTION_RATE))
-    O.run(int(math.log(LOOSE / CLOUD) / 3 / COMPACTION_RATE / O.dt), wait=True)
+    steps = int(math.log(LOOSE / CLOUD) / 3 / COMPACTION_RATE / O.dt)
+    O.run(steps, wait=True)
     sample = read_scene(spheres, mu_comp, moving=False)
-    sample.study = STUDY | {"stage": "approach", "step": 0, "steps": 0, "seconds": 0.0}
+    cost = {"steps": steps, "seconds": time.perf_counter() - started}
+    of_stage = cost | {"contacts": O.interactions.countReal()}
+    sample.study = STUDY | {"stage": "approach", "step": 0} | cost | _of("cloud", of_stage)
     return sample
+
+
+def _of(stage, cost):
+    """What a stage has cost, by the names of the format."""
+    return {f"{name}_{stage}": value for name, value in cost.items()}
 
 
 def drive(new_control):
@@ -165,10 +174,14 @@ def leg(sample):
             print(f"\r{progress(study['stage'], study['step'] + step)}", end="", flush=True)
     after = read_scene(spheres, mu_comp, moving=True)
     xx, yy, zz = control.stress
+    seconds = time.perf_counter() - started
+    of_stage = {"steps": study["step"] + step, "contacts": O.interactions.countReal()}
+    of_stage["seconds"] = study.get(f"seconds_{study['stage']}", 0.0) + seconds
+    study |= _of(study["stage"], of_stage)
     study |= {
         "step": study["step"] + step,
         "steps": study["steps"] + step,
-        "seconds": study["seconds"] + time.perf_counter() - started,
+        "seconds": study["seconds"] + seconds,
         "stress_xx": xx,
         "stress_yy": yy,
         "stress_zz": zz,
