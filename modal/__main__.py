@@ -125,7 +125,10 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
     if options.sliding == "slip":
         network = slipping(network)
     problem = Eigenproblem.of(
-        network, translations_only=options.translations_only, solver=options.solver
+        network,
+        translations_only=options.translations_only,
+        solver=options.solver,
+        shapes=bool(options.output),
     )
     if options.all and problem.size > SMALL:
         print(f"all {problem.size} modes: {memory_of_all(problem)}", file=sys.stderr)

@@ -44,3 +44,33 @@ def stiffness_matrix(
     return sp.coo_matrix(
         (block.ravel(), (row_index.ravel(), column_index.ravel())), shape=(size * n, size * n)
     ).tocsr()
+
+
+def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
+    """Shape (6n,) or (3n,): diagonal of K without pre-stress, straight from the contacts.
+
+    A unit motion e moves the contact point by b, which costs kt b^2 + (kn - kt) (n.b)^2: b = e
+    for a displacement, e x l for a rotation about the centre.
+    """
+    own_image = network.particle_i == network.particle_j
+    if own_image.any():
+        # Both sides of the contact are on one block, with what couples them: leave it to K.
+        images = network.with_contacts(own_image)
+        part = stiffness_matrix(images, translations_only=translations_only).diagonal()
+        others = network.with_contacts(~own_image)
+        return part + stiffness_diagonal(others, translations_only=translations_only)
+    n, kt = network.normal, network.stiffness_tangential[:, None]
+    more = network.stiffness_normal[:, None] - kt
+    pair = ~network.with_wall
+    diagonal = np.zeros((network.n_particles, 3 if translations_only else 6))
+    for end, lever, chosen in (
+        (network.particle_i, network.lever_i, slice(None)),
+        (network.particle_j, network.lever_j, pair),
+    ):
+        cost = [kt + more * n**2]
+        if not translations_only:
+            squared = (lever**2).sum(axis=1, keepdims=True)
+            cost.append(kt * (squared - lever**2) + more * np.cross(lever, n) ** 2)
+        for axis, column in enumerate(np.hstack(cost)[chosen].T):
+            diagonal[:, axis] += np.bincount(end[chosen], column, len(diagonal))
+    return diagonal.ravel()

@@ -8,51 +8,91 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.assembly import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.chain import wall_to_wall_chain
 from modal.floppy import FloppyModes, floppy_modes
 from modal.mode_set import ModeSet
 from modal.network import Network
-from modal.resonance import chi_z, particle_motion, planar_resonances, rotation_share
+from modal.operator import ContactOperator
+from modal.resonance import PLANAR, chi_z, particle_motion, planar_resonances, rotation_share
 from modal.storage import InputError
 
 SMALL = 600
 """Degrees of freedom up to which the dense spectrum costs less than anything else."""
+TOGETHER = 24
+"""Modes that are measured together: bounds the memory."""
+LARGEST_SHAPES = 4e9
+"""Bytes of mode shapes up to which they are kept."""
+_OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 
 
 @dataclass
 class Eigenproblem:
-    """A network with its matrices: `scaled` = M^-1/2 K M^-1/2 (sparse), `mass` M's diagonal."""
+    """A network and its matrices, each made when it is first asked for.
+
+    dof: 6 or 3 a particle; solver: as in `of`; shapes: whether modes keep their shapes.
+    """
 
     network: Network
     dof: int
-    mass: np.ndarray
-    scaled: sp.csr_matrix
     solver: str | None = None
+    shapes: bool = True
 
     @classmethod
     def of(
-        cls, network: Network, *, translations_only: bool = False, solver: str | None = None
+        cls,
+        network: Network,
+        *,
+        translations_only: bool = False,
+        solver: str | None = None,
+        shapes: bool = True,
     ) -> Eigenproblem:
-        """Assemble K and M; with `translations_only` rotations are held at zero.
+        """The problem of a network; with `translations_only` rotations are held at zero.
 
         `solver` names the factorisation (`modal.factor.SOLVERS`); None lets memory decide.
         """
-        K = stiffness_matrix(network, translations_only=translations_only)
-        mass = mass_diagonal(network, translations_only=translations_only)
-        scale = sp.diags(1 / np.sqrt(mass))
-        dof = 3 if translations_only else 6
-        return cls(network, dof, mass, (scale @ K @ scale).tocsr(), solver)
+        return cls(network, 3 if translations_only else 6, solver, shapes)
 
     @property
     def size(self) -> int:
         """Number of degrees of freedom."""
-        return len(self.mass)
+        return self.dof * self.network.n_particles
+
+    @cached_property
+    def mass(self) -> np.ndarray:
+        """Shape (size,): M's diagonal."""
+        return mass_diagonal(self.network, translations_only=self.dof == 3)
+
+    @cached_property
+    def diagonal(self) -> np.ndarray:
+        """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
+        return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
+
+    @cached_property
+    def scaled(self) -> sp.csr_matrix:
+        """A = M^-1/2 K M^-1/2 as a sparse matrix."""
+        K = stiffness_matrix(self.network, translations_only=self.dof == 3)
+        scale = 1 / np.sqrt(self.mass)
+        K.data *= scale[K.indices]
+        K.data *= np.repeat(scale, np.diff(K.indptr))
+        return K
+
+    @cached_property
+    def bound(self) -> float:
+        """Largest row sum of A: an upper bound of the largest omega^2."""
+        A = self.scaled
+        sizes = sp.csr_matrix((abs(A.data), A.indices, A.indptr), A.shape)
+        return float((sizes @ np.ones(self.size)).max())
+
+    @cached_property
+    def operator(self) -> ContactOperator:
+        """A without a matrix, where that is compiled."""
+        return ContactOperator(self.network, translations_only=self.dof == 3, mass_scaled=True)
 
     @cached_property
     def floppy(self) -> FloppyModes:
         """Zero modes of the parts that nothing holds."""
-        return floppy_modes(self.network, self.scaled, self.mass)
+        return floppy_modes(self.network, self.operator, self.mass, self.diagonal)
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square, with square an omega^2."""
@@ -77,11 +117,6 @@ def frequency_of(square: np.ndarray) -> np.ndarray:
     return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)
 
 
-def spectral_bound(problem: Eigenproblem) -> float:
-    """Largest row sum of the scaled matrix: an upper bound of the largest eigenvalue."""
-    return float(np.asarray(abs(problem.scaled).sum(axis=1)).max())
-
-
 def measure(
     problem: Eigenproblem,
     square: np.ndarray,
@@ -91,32 +126,54 @@ def measure(
     *,
     keep_shapes: bool = False,
 ) -> ModeSet:
-    """Observables of modes given as unit vectors (size, k)."""
-    shape = particle_motion(vector, problem.mass, problem.dof)
-    residual = np.linalg.norm(problem.scaled @ vector - vector * square, axis=0) / norm
-    rotations = rotation_share(vector, problem.dof)
-    result = ModeSet(
-        frequency=frequency_of(square),
-        residual=residual,
-        chi_z=chi_z(shape),
-        chi_z_chain=chi_z(shape, chain) if chain is not None else np.full(len(square), np.nan),
-        rotation_share=rotations,
-        mode_shape=shape if keep_shapes and np.isrealobj(shape) else None,
-    )
+    """Observables of modes given as unit vectors (size, k), a few modes at a time."""
+    count = len(square)
+    columns = {name: np.full(count, np.nan) for name in _OBSERVABLES}
+    kept = np.empty((count, problem.network.n_particles, 6)) if keep_shapes else None
+    pure = []
+    for first in range(0, count, TOGETHER):
+        some = slice(first, min(first + TOGETHER, count))
+        unit = np.ascontiguousarray(vector[:, some])
+        shape = particle_motion(unit, problem.mass, problem.dof)
+        columns["chi_z"][some] = chi_z(shape)
+        columns["rotation_share"][some] = rotation_share(unit, problem.dof)
+        if chain is not None:
+            columns["chi_z_chain"][some] = chi_z(shape, chain)
+        if kept is not None:
+            kept[some] = shape
+        planar = columns["chi_z"][some] > PLANAR
+        pure.append(shape[planar])
+        difference = problem.operator.apply(unit)
+        unit *= square[some]
+        difference -= unit
+        columns["residual"][some] = np.linalg.norm(difference, axis=0) / norm
+    result = ModeSet(frequency=frequency_of(square), **columns, mode_shape=kept)
     if chain is not None:
-        resonances = planar_resonances(result.frequency, shape, rotations, chain, problem.network)
+        planar = columns["chi_z"] > PLANAR
+        resonances = planar_resonances(
+            result.frequency[planar],
+            np.concatenate(pure),
+            result.rotation_share[planar],
+            chain,
+            problem.network,
+        )
         result.resonance_frequency, result.resonance_wavenumber = resonances[:2]
         result.resonance_shape = resonances[2]
     return result
 
 
 def found_modes(
-    problem: Eigenproblem, square: np.ndarray, vector: np.ndarray, interval: str, solver: str
+    problem: Eigenproblem,
+    square: np.ndarray,
+    vector: np.ndarray,
+    interval: str,
+    solver: str,
+    norm: float | None = None,
 ) -> ModeSet:
-    """Observables of modes; shapes are kept up to 4 GB."""
-    keep = 8 * vector.size <= 4e9
-    chain, norm = problem.chain(), spectral_bound(problem)
-    modes = measure(problem, square, vector, chain, norm, keep_shapes=keep)
+    """Observables of modes, residuals relative to `norm` or the bound of all omega^2."""
+    keep = problem.shapes and 8 * vector.size <= LARGEST_SHAPES
+    norm = problem.bound if norm is None else norm
+    modes = measure(problem, square, vector, problem.chain(), norm, keep_shapes=keep)
     modes.attributes = {"interval": interval, "certified": False, "solver": solver}
     return modes
 

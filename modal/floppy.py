@@ -18,7 +18,9 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from modal.assembly import stiffness_matrix
 from modal.network import Network
+from modal.operator import ContactOperator
 
 NULL = 1e-10
 """An eigenvalue is zero below this share of its part's largest one: far above round-off, and
@@ -80,43 +82,77 @@ def clusters(network: Network) -> tuple[np.ndarray, np.ndarray]:
     return cluster, anchored
 
 
-def floppy_modes(network: Network, scaled: sp.csr_matrix, mass: np.ndarray) -> FloppyModes:
-    """Zero modes of `scaled` = M^-1/2 K M^-1/2, (size, size), with M's diagonal `mass` (size,)."""
-    dof = scaled.shape[0] // network.n_particles
+def floppy_modes(
+    network: Network, operator: ContactOperator, mass: np.ndarray, diagonal: np.ndarray
+) -> FloppyModes:
+    """Zero modes of A = M^-1/2 K M^-1/2, (size, size): `operator`, its `diagonal` and M's `mass`.
+
+    Only the loose parts' own contacts are assembled.
+    """
+    size = len(mass)
+    dof = size // network.n_particles
     loose = loosely_held(network)
     cluster, anchored = clusters(network)
     touched = np.zeros(network.n_particles, bool)
     for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
         touched[ends] = True
-    kinds = {"free_particles": 0, "loose_clusters": 0, "hinged": 0}
-    parts = []
-    in_part = np.zeros(scaled.shape[0], bool)
-    for members in _loose_parts(network, loose):
-        if len(members) > LARGEST_PART:
+    free = _degrees_of_freedom(np.flatnonzero(~touched), dof)
+    parts = [_unit_columns(free, size)]
+    in_part = np.zeros(size, bool)
+    in_part[free] = True
+    kinds = {"free_particles": len(free), "loose_clusters": 0, "hinged": 0}
+    members = np.flatnonzero(loose & touched)
+    place = np.full(network.n_particles, -1)
+    place[members] = np.arange(len(members))
+    local = _stiffness_among(network, members, mass, dof)
+    for part in _loose_parts(network, loose & touched):
+        if len(part) > LARGEST_PART:
             continue
-        index = (members[:, None] * dof + np.arange(dof)).ravel()
+        inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
         in_part[index] = True
-        null = _null_space(scaled[index][:, index].toarray())
-        kind = "hinged" if anchored[cluster[members[0]]] else "loose_clusters"
-        kinds[kind if touched[members].any() else "free_particles"] += null.shape[1]
+        null = _null_space(local[inside][:, inside].toarray())
+        kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
         rows, columns = np.meshgrid(index, np.arange(null.shape[1]), indexing="ij")
-        shape = (scaled.shape[0], null.shape[1])
+        shape = (size, null.shape[1])
         parts.append(sp.coo_matrix((null.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
-    diagonal = scaled.diagonal()
     # An empty row elsewhere: a sphere without tangential springs turns freely.
     spins = np.flatnonzero((diagonal <= EMPTY * diagonal.max(initial=0.0)) & ~in_part)
-    shape = (scaled.shape[0], len(spins))
-    parts.append(sp.coo_matrix((np.ones(len(spins)), (spins, np.arange(len(spins)))), shape=shape))
+    parts.append(_unit_columns(spins, size))
     basis = sp.hstack(parts, format="csc")
     # Clusters at a wall are tried too: without tangential springs they slide along it.
     for which in np.unique(cluster[~loose]):
-        rigid = _rigid_motions(network, scaled, mass, cluster == which)
+        rigid = _rigid_motions(network, operator, mass, diagonal.max(), cluster == which)
         rigid = rigid - basis @ (basis.T @ rigid)
-        size, vector = eigh(rigid.T @ rigid)
-        new = rigid @ vector[:, size > 1e-8] / np.sqrt(size[size > 1e-8])
+        square, vector = eigh(rigid.T @ rigid)
+        new = rigid @ vector[:, square > 1e-8] / np.sqrt(square[square > 1e-8])
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
     return FloppyModes(basis, **kinds, spinning=len(spins))
+
+
+def _degrees_of_freedom(spheres: np.ndarray, dof: int) -> np.ndarray:
+    """Shape (dof k,): the rows of k spheres."""
+    return (spheres[:, None] * dof + np.arange(dof)).ravel()
+
+
+def _unit_columns(rows: np.ndarray, size: int) -> sp.coo_matrix:
+    """Shape (size, k): one column for each of k rows, with a one in it."""
+    ones = np.ones(len(rows))
+    return sp.coo_matrix((ones, (rows, np.arange(len(rows)))), shape=(size, len(rows)))
+
+
+def _stiffness_among(
+    network: Network, spheres: np.ndarray, mass: np.ndarray, dof: int
+) -> sp.csr_matrix:
+    """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
+    chosen = np.zeros(network.n_particles, bool)
+    chosen[spheres] = True
+    i, j = network.particle_i, network.particle_j
+    nearby = network.with_contacts(chosen[i] | ((j >= 0) & chosen[j]))
+    rows = _degrees_of_freedom(spheres, dof)
+    K = stiffness_matrix(nearby, translations_only=dof == 3)[rows][:, rows]
+    scale = sp.diags(1 / np.sqrt(mass[rows]))
+    return (scale @ K @ scale).tocsr()
 
 
 def _loose_parts(network: Network, loose: np.ndarray) -> list[np.ndarray]:
@@ -136,27 +172,32 @@ def _loose_parts(network: Network, loose: np.ndarray) -> list[np.ndarray]:
 
 
 def _rigid_motions(
-    network: Network, scaled: sp.csr_matrix, mass: np.ndarray, members: np.ndarray
+    network: Network,
+    operator: ContactOperator,
+    mass: np.ndarray,
+    scale: float,
+    members: np.ndarray,
 ) -> np.ndarray:
     """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
 
     Rotations are about the cluster as its contacts join it, across periods; those that a cluster
-    connected to its own image does not allow are found by their energy and left out.
+    connected to its own image does not allow are found by their energy and left out. `scale` is
+    the largest diagonal entry of `operator`.
     """
-    dof = scaled.shape[0] // network.n_particles
+    size = len(mass)
+    dof = size // network.n_particles
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
-    motion = np.zeros((6, network.n_particles, dof))
+    motion = np.zeros((network.n_particles, dof, dof))
     for axis in range(3):
-        motion[axis, members, axis] = 1
+        motion[members, axis, axis] = 1
         if dof == 6:
-            motion[3 + axis, members, :3] = np.cross(np.eye(3)[axis], position[members])
-            motion[3 + axis, members, 3 + axis] = 1
-    vector = motion[: 6 if dof == 6 else 3].reshape(-1, scaled.shape[0]).T
+            motion[members, :3, 3 + axis] = np.cross(np.eye(3)[axis], position[members])
+            motion[members, 3 + axis, 3 + axis] = 1
+    vector = motion.reshape(size, dof)
     vector *= np.sqrt(mass)[:, None]
     vector /= np.linalg.norm(vector, axis=0)
-    scale = scaled.diagonal().max()
-    return vector[:, abs(scaled @ vector).max(axis=0) <= NULL * scale]
+    return vector[:, abs(operator @ vector).max(axis=0) <= NULL * scale]
 
 
 def _unwrapped(network: Network, members: np.ndarray) -> np.ndarray:
@@ -168,13 +209,16 @@ def _unwrapped(network: Network, members: np.ndarray) -> np.ndarray:
     touching = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
     first = int(np.flatnonzero(members)[0])
     order, before = breadth_first_order(touching, first, directed=False)
-    join = {}
-    for k, ends in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
-        join[ends] = branch[k]
-        join[ends[::-1]] = -branch[k]
-    place = np.zeros((n, 3))
-    for here in order[1:].tolist():
-        place[here] = place[before[here]] + join[(int(before[here]), here)]
+    place, back = np.zeros((n, 3)), np.arange(n)
+    back[order[1:]] = before[order[1:]]
+    for near, far, step in ((i, j, branch), (j, i, -branch)):
+        joins = back[far] == near
+        place[far[joins]] = step[joins]
+    place[first] = 0
+    # Each place is now relative to the sphere before; go on from there, twice as far every time.
+    while (back[order] != first).any():
+        place += place[back]
+        back = back[back]
     return place
 
 

@@ -14,7 +14,6 @@ from modal.eigenproblem import (
     check_count,
     found_modes,
     frequency_of,
-    spectral_bound,
     subset,
 )
 from modal.factor import factorise
@@ -46,7 +45,7 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
         return subset(modes, slice(floor, floor + count), f"lowest {count}")
     if count > SLICE:
         return _lowest_by_slices(problem, count)
-    sigma = -SHIFT * problem.scaled.diagonal().max()
+    sigma = -SHIFT * problem.diagonal.max()
     search = Search(problem, sigma, definite=True)
     search.ask(count)
     while len(search.square) >= count:
@@ -150,7 +149,7 @@ def _cut(
 def _slice(problem: Eigenproblem, low: float, high: float, wanted: int) -> ModeSet:
     """The `wanted` modes of one slice; certified if exactly so many were found in it."""
     if low == 0:
-        sigma = -SHIFT * problem.scaled.diagonal().max()
+        sigma = -SHIFT * problem.diagonal.max()
     else:
         # Both ends are equally far in omega^2: the nearest modes are those of the slice.
         sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
@@ -169,7 +168,7 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int) -> ModeS
 
 def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
     """Many lowest modes: slices up to a frequency below which there are enough."""
-    top = frequency_of(np.array([spectral_bound(problem)]))[0]
+    top = frequency_of(np.array([problem.bound]))[0]
     high, total = top / 64, problem.floppy.total
     while high < top and count_below(problem, high) - total < count:
         high *= 2 ** (1 / 3)

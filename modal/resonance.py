@@ -6,6 +6,9 @@ import numpy as np
 
 from modal.network import Network
 
+PLANAR = 0.999
+"""chi_z above which a mode moves along z only."""
+
 
 def particle_motion(vector: np.ndarray, mass: np.ndarray, dof: int) -> np.ndarray:
     """Shape (k, n, 6): mass-normalised shapes from unit vectors of the scaled problem.
@@ -57,11 +60,11 @@ def planar_resonances(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The pure P-wave modes r = 1, 2, ...: frequency (R,), wave number (R,), z-shape (R, nc).
 
-    A mode is taken where chi_z > 0.999 over all particles and less than 1e-6 of its energy
+    A mode is taken where chi_z > `PLANAR` over all particles and less than 1e-6 of its energy
     rotates; of modes with the same r the one with the larger chain amplitude is kept. The wave
     number is pi r / L (Eqs. 3 and 4).
     """
-    pure = (chi_z(shape) > 0.999) & (rotations < 1e-6)
+    pure = (chi_z(shape) > PLANAR) & (rotations < 1e-6)
     frequency, z = frequency[pure], shape[pure][:, chain, 2].real
     order = resonance_order(z)
     best: dict[int, int] = {}

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from modal.network import Network
 
@@ -36,6 +35,8 @@ class LateralTranslations:
 
 def _mapping(network: Network, shift: np.ndarray) -> np.ndarray | None:
     """Permutation (n,) that the shift makes of the particles, or None where it is no symmetry."""
+    from scipy.spatial import cKDTree  # a tenth of a second that only crystals are worth
+
     box = np.where(network.cell_periodic, network.cell_size, 0.0)
     tolerance = 1e-6 * network.radius.min()
     wrap = [axis for axis in range(3) if network.cell_periodic[axis]]

@@ -15,7 +15,6 @@ import time as clock
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import dct
 from scipy.linalg import eigh_tridiagonal
 
 from modal.assembly import mass_diagonal
@@ -119,6 +118,8 @@ def expansion(
     Orders are dropped from where all are below `tolerance` times the largest; the second result is
     the sum of the largest dropped ones over the largest of all.
     """
+    from scipy.fft import dct  # a tenth of a second that only waves are worth
+
     order = int(1.1 * np.sqrt(top) * time[-1] / 2) + 60
     angle = np.pi * (np.arange(order) + 0.5) / order
     response = motion.response(top * (1 + np.cos(angle)) / 2, time)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh_tridiagonal
 
-from modal import gallery, modes
+from modal import eigenproblem, gallery, modes
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.contact import contact_kinematics, contact_springs
 from modal.eigenproblem import Eigenproblem, frequency_of
@@ -109,6 +109,19 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     assert np.allclose(
         found.resonance_wavenumber, np.pi * np.arange(1, layers + 1) / network.length
     )
+
+
+def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch):
+    """144 modes at once or in parts of 7: the same, and residuals of dense modes are round-off."""
+    network = gallery.fcc(2, 6)
+    network.stiffness_normal[3] *= 1.5  # no symmetry: dense, all modes in one call
+    problem = Eigenproblem.of(network)
+    whole = modes.all_modes(problem)
+    monkeypatch.setattr(eigenproblem, "TOGETHER", 7)
+    parts = modes.all_modes(problem)
+    for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
+        assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name
+    assert max(whole.residual.max(), parts.residual.max()) < 1e-14 * problem.size
 
 
 def test_symmetry_blocks_equal_the_dense_spectrum():

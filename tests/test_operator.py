@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.sparse.linalg import eigsh
 
 from modal import gallery, operator
-from modal.assembly import mass_diagonal, stiffness_matrix
+from modal.assembly import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.network import Network, validate
 from modal.operator import ContactOperator
 from modal.storage import InputError
@@ -49,6 +49,16 @@ def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Networ
 def round_off(matrix, x) -> np.ndarray:
     """Bound of the error of a row of some 100 products, each of some 20 roundings."""
     return 200 * EPS * (abs(matrix) @ abs(x))
+
+
+@pytest.mark.parametrize("translations_only", [False, True])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_diagonal_without_the_matrix(translations_only, seed):
+    network = random_springs(seed)
+    wanted = stiffness_matrix(network, translations_only=translations_only).diagonal()
+    found = stiffness_diagonal(network, translations_only=translations_only)
+    # Sums of a few dozen terms, each at most of the size of the largest entry.
+    assert abs(found - wanted).max() <= 100 * EPS * wanted.max()
 
 
 @pytest.mark.parametrize("translations_only", [False, True])
