@@ -16,7 +16,7 @@ from modal.eigenproblem import (
     frequency_of,
     subset,
 )
-from modal.factor import factorise
+from modal.factor import Factor, available, factorise
 from modal.inertia import count_below
 from modal.krylov import Held, modes_nearest
 from modal.mode_set import ModeSet
@@ -53,6 +53,7 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
         # several equal frequencies, of which only some were asked for.
         edge = frequency_of(np.sort(search.square)[count - 1 : count])[0] * (1 - EDGE)
         found = int((frequency_of(search.square) < edge).sum()) + problem.floppy.total
+        search.release()
         missing = count_below(problem, edge) - found
         if missing == 0 or not search.ask(missing):
             break
@@ -71,27 +72,34 @@ class Search:
 
     def __init__(self, problem: Eigenproblem, sigma: float, *, definite: bool) -> None:
         self.problem, self.sigma, self.definite = problem, sigma, definite
+        self.factor: Factor | None = None
         self.solver = ""
         self.square = np.empty(0)
         self.vector = np.empty((problem.size, 0))
         self.solves = 0
 
     def ask(self, count: int) -> bool:
-        """Search `count` more; whether any converged. A count needs the factor's memory."""
-        factor = factorise(
-            self.problem.shifted(self.sigma), definite=self.definite, solver=self.problem.solver
-        )
-        self.solver = factor.solver
+        """Search `count` more; whether any converged. The factor is kept until `release`."""
+        if self.factor is None:
+            shifted = self.problem.shifted(self.sigma)
+            self.factor = factorise(shifted, definite=self.definite, solver=self.problem.solver)
+            self.solver = self.factor.solver
         held = Held(self.problem.floppy.basis, self.vector)
-        near = modes_nearest(factor.solve, self.problem.size, count, self.sigma, held)
-        factor.release()
+        near = modes_nearest(self.factor.solve, self.problem.size, count, self.sigma, held)
         self.solves += near.solves
         self.square = np.concatenate([self.square, near.square[near.converged]])
         self.vector = np.concatenate([self.vector, near.vector[:, near.converged]], axis=1)
         return bool(near.converged.any())
 
+    def release(self) -> None:
+        """Give back the factor's memory, which a count needs."""
+        if self.factor is not None:
+            self.factor.release()
+            self.factor = None
+
     def modes(self, low: float, high: float, interval: str) -> ModeSet:
         """What was found with low <= f < high, Hz, ascending."""
+        self.release()
         if len(self.square) == 0:
             raise InputError(
                 "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
@@ -148,12 +156,14 @@ def _cut(
 
 def _slice(problem: Eigenproblem, low: float, high: float, wanted: int) -> ModeSet:
     """The `wanted` modes of one slice; certified if exactly so many were found in it."""
-    if low == 0:
+    # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
+    # lower end, where A - sigma is definite, needs twice as many solves.
+    fast = problem.solver in (None, "pardiso") and available("pardiso")
+    interior = low > 0 or fast
+    sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
+    if not interior:
         sigma = -SHIFT * problem.diagonal.max()
-    else:
-        # Both ends are equally far in omega^2: the nearest modes are those of the slice.
-        sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
-    search = Search(problem, sigma, definite=low == 0)
+    search = Search(problem, sigma, definite=not interior)
     elastic = problem.size - problem.floppy.total
     missing, going = wanted, True
     while missing > 0 and going:
