@@ -81,8 +81,9 @@ def main(argv: list[str] | None = None) -> int:
         try:
             with tempfile.TemporaryDirectory() as scratch:
                 finding = result(name, options.quick, Path(scratch))
-        except InputError as error:
-            print(f"error: {name}: {error}", file=sys.stderr)
+        except Exception as error:  # the others are half an hour's work: none is lost to this one
+            kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+            print(f"error: {name}: {kind}{error}", file=sys.stderr, flush=True)
             status = 2
             continue
         finding.notes += [
@@ -91,7 +92,7 @@ def main(argv: list[str] | None = None) -> int:
             f"Programs that wanted a core meanwhile: {machine.load():.1f} (this one included).",
         ]
         print(report.write(finding, name, folder) + "\n", flush=True)
-    index(folder)
+        index(folder)
     return status
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measure import ROOT, run_command
+from benchmarks.measure import ROOT, median_of, run_command
 from modal.chain import wall_to_wall_chain
 from modal.hertz_mindlin import GLASS
 from modal.network import Network
@@ -29,8 +29,10 @@ def wave(
     time_step: float,
     duration: float,
     every: int,
+    times: int = 1,
 ) -> tuple[np.ndarray, float, float]:
-    """Chain displacements (nt, nc) of one run, m; its processor time (s) and peak memory (MB).
+    """Chain displacements (nt, nc), m; processor time (s) and peak memory (MB) of a run, start
+    included: medians of `times` runs, of one if that is long.
 
     The time step, s, must divide the period of the pulse: the wall's motion changes between two.
     """
@@ -64,7 +66,7 @@ def wave(
     command = ["lmp", "-in", str(SCRIPT), "-log", "none"]
     for name, value in variables.items():
         command += ["-var", name, value if isinstance(value, str) else repr(value)]
-    seconds, peak = run_command(command, folder, folder / "scene.log")
+    seconds, peak = median_of(times, lambda: run_command(command, folder, folder / "scene.log"))
     z = []
     for block in (folder / "scene.dump").read_text().split("ITEM: TIMESTEP\n")[1:]:
         rows = np.array([line.split() for line in block.splitlines()[8:]], float)

@@ -29,14 +29,17 @@ ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", 
 LONGEST = 900
 """Seconds after which a task is given up."""
 
+LONG_RUN = 10.0
+"""Seconds from which a command is not repeated."""
+
 LAUNCHER = """
-import resource, subprocess, sys
+import os, subprocess, sys
 with open(sys.argv[1], "w") as log:
-    status = subprocess.call(
+    program = subprocess.Popen(
         sys.argv[2:], stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
     )
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(status, used.ru_utime + used.ru_stime, used.ru_maxrss)
+    _, status, used = os.wait4(program.pid, 0)
+print(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss)
 """
 """Runs one command and prints its exit status, processor time, and peak memory."""
 
@@ -55,7 +58,15 @@ class Measured:
 
 
 def measured(task: str, *, times: int = 1, **arguments: Any) -> Measured:
-    """Median of `times` runs of MODULE:FUNCTION; arguments and value must be JSON."""
+    """Median of `times` runs of MODULE:FUNCTION; InputError with its last line if one fails."""
+    found = attempted(task, times=times, **arguments)
+    if found.failure:
+        raise InputError(f"{task}: {found.failure}")
+    return found
+
+
+def attempted(task: str, *, times: int = 1, **arguments: Any) -> Measured:
+    """The same for a task whose failure is a result; arguments and value must be JSON."""
     runs = [_run(task, arguments) for _ in range(times)]
     failed = next((run for run in runs if run.failure), None)
     if failed:
@@ -109,6 +120,18 @@ def run_command(
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
         raise InputError(f"{command[0]} failed: {lines[-1] if lines else status}")
     return float(seconds), _megabytes(int(maxrss))
+
+
+def median_of(times: int, run: Callable[[], tuple[float, float]]) -> tuple[float, float]:
+    """Medians of the seconds and megabytes of `times` runs; of one alone if it is long.
+
+    A long run averages over the machine's whims by itself.
+    """
+    found = [run()]
+    while len(found) < times and found[0][0] < LONG_RUN:
+        found.append(run())
+    seconds, megabytes = zip(*found, strict=True)
+    return statistics.median(seconds), statistics.median(megabytes)
 
 
 def _megabytes(maxrss: int) -> float:

@@ -3,7 +3,8 @@
 A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
 from the same run; how far the state still moves after it is its error. How far the state depends on
-the strain rate, and on the random start, is measured by runs of their own.
+the strain rate, on the random start, and on the longer way of the study's own chain, is measured by
+runs of their own.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from benchmarks import diagram, yade_job
 from benchmarks.report import Finding
 from modal.minimiser import minimise
 from modal.random_packing import cloud
-from modal.sample import Sample, write_sample
+from modal.sample import Sample, read_sample, write_sample
 from modal.storage import InputError
 
 TITLE = "Sample preparation in YADE: error of the state against steps"
@@ -31,10 +32,18 @@ FRICTIONS = {True: (0.4, 0.1), False: (0.4, 0.2, 0.05)}
 SEEDS = {True: (1,), False: (1, 2, 3)}
 RATE = {True: 0.1, False: 0.01}
 """Inertial number of the sweeps over something else."""
+AT_REST = {True: 1000, False: 5000}
+"""Steps after all velocities have been set to zero."""
 STRESS = 1e5
 ASPECT = 2.5
+CHAIN_FRACTION = 0.6
+"""Solid fraction at which the chain's length follows from its width."""
+DEFAULT = 1e-3
+"""Residual at which `yade_scripts/chain.py` takes a state as settled."""
 UNBALANCED = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 """Stop criteria: mean residual force over mean contact force; stresses to three times that."""
+CHAIN = "the study's chain, "
+AGAIN = ", put to rest"
 ERRORS = {
     "error_e": "error of e (-)",
     "error_Z": "error of Z (-)",
@@ -58,22 +67,50 @@ def loose_spheres(spheres: int, friction: float, seed: int) -> Sample:
 
 
 def compress(
-    folder: Path, spheres: int, friction: float, inertial_number: float, steps: int, seed: int
+    folder: Path, sample: Sample, inertial_number: float, steps: int
 ) -> tuple[dict[str, np.ndarray], float]:
-    """How one run's state changed, by column, and its peak memory, MB."""
-    write_sample(folder / "cloud.sample.h5", loose_spheres(spheres, friction, seed))
+    """How one run's state changed, by column, and its peak memory, MB; compressed.sample.h5."""
+    write_sample(folder / "start.sample.h5", sample)
     run = yade_job.measured(
         "compress",
         folder,
-        sample=str(folder / "cloud.sample.h5"),
+        sample=str(folder / "start.sample.h5"),
         output=str(folder / "compressed.sample.h5"),
         stress=STRESS,
         inertial_number=inertial_number,
         steps=steps,
     )
-    if run.failure:
-        raise InputError(run.failure)
     return {name: np.array(column) for name, column in run.value.items()}, run.peak_mb
+
+
+def chain_row(folder: Path, spheres: int, friction: float, seed: int) -> dict[str, Any]:
+    """The same packing by `yade_scripts/chain.py`, up to the same stress; seconds of the whole."""
+    width = (spheres * np.pi / 6 / CHAIN_FRACTION / ASPECT) ** (1 / 3)
+    table = f"mu_comp spheres width seed highest\n{friction} {spheres} {width} {seed} {STRESS:g}\n"
+    own = folder / f"chain_of_start{seed}"
+    own.mkdir(exist_ok=True)
+    _, seconds, peak = yade_job.run_script("chain", table, own)
+    study = read_sample(own / f"chain_mu{friction:g}" / f"{STRESS:g}Pa.sample.h5").study
+    stresses = np.array([study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")])
+    return {
+        "method": CHAIN + label(friction, seed),
+        "inertial_number": None,
+        "friction": friction,
+        "seed": seed,
+        "stop_unbalanced": DEFAULT,
+        "steps": int(study["steps"]),
+        "e": float(study["void_ratio"]),
+        "Z": float(study["coordination_number"]),
+        "stress_error": float(abs(stresses / STRESS - 1).max()),
+        "unbalanced": float(study["unbalanced"]),
+        "seconds": seconds,
+        "peak_mb": peak,
+    }
+
+
+def label(friction: float, seed: int) -> str:
+    """Friction, and which of several random starts."""
+    return f"friction {friction:g}" + f", start {seed}" * (seed > 1)
 
 
 def first_met(trace: dict[str, np.ndarray], unbalanced: float) -> int | None:
@@ -120,17 +157,31 @@ def run(quick: bool, folder: Path) -> Finding:
     cases += [(rate, first, seed) for seed in SEEDS[quick][1:]]
     rows, traces = [], {}
     for number, friction, seed in cases:
-        trace, peak = compress(folder, SPHERES[quick], friction, number, STEPS[quick], seed)
-        name = f"I = {number:g}, friction {friction:g}" + f", start {seed}" * (seed > 1)
-        traces[name] = trace
+        name = f"I = {number:g}, " + label(friction, seed)
         what = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
-        rows += stop_rows(trace, peak, what)
+        cloud_of_case = loose_spheres(SPHERES[quick], friction, seed)
+        traces[name], peak = compress(folder, cloud_of_case, number, STEPS[quick])
+        rows += stop_rows(traces[name], peak, what)
+        if (number, friction, seed) == (rate, first, 1):
+            # Written without velocities: what still moved has come to rest.
+            settled = read_sample(folder / "compressed.sample.h5")
+            trace, peak = compress(folder, settled, number, AT_REST[quick])
+            trace["step"] += traces[name]["step"][-1]
+            rows += stop_rows(trace, peak, what | {"method": name + AGAIN})[-1:]
+            traces[name + AGAIN] = trace
+    # The chain takes some 30,000 steps and a width of four spheres.
+    for friction, seed in dict.fromkeys(case[1:] for case in cases if not quick):
+        rows.append(chain_row(folder, SPHERES[quick], friction, seed))
     task = (
         f"{SPHERES[quick]} spheres from a cloud without contacts to {STRESS / 1e3:g} kPa. "
         "Errors of e and Z are relative to the end of the same run; stresses must be met to three "
-        "times the residual. I is the inertial number of the largest strain rate."
+        "times the residual. I is the inertial number of the largest strain rate. The servo drives "
+        "these packings straight to the stress. The study's chain first drives the cloud, at a "
+        "constant rate and hardly damped, to 500 kPa, lets the agitation die at constant volume, "
+        "and walks over 10, 1 and 10 kPa to the stress; its rows give its end."
     )
-    figures = {"preparation": diagram.work_precision(rows, ERRORS), "settling": settling(traces)}
+    shown = [row for row in rows if not row["method"].startswith(CHAIN)]
+    figures = {"preparation": diagram.work_precision(shown, ERRORS), "settling": settling(traces)}
     return Finding(TITLE, task, rows, notes(rows), figures)
 
 
@@ -155,23 +206,30 @@ def settling(traces: dict[str, dict[str, np.ndarray]]) -> Figure:
 
 
 def notes(rows: list[dict[str, Any]]) -> list[str]:
-    """Cost of the digits, and what rate and random start change."""
+    """Cost of the digits, and what rate, random start and the study's chain change."""
+    chains = [row for row in rows if row["method"].startswith(CHAIN)]
     ends = [row for row in rows if row["stop_unbalanced"] == "end of the run"]
+    rested = [row for row in ends if row["method"].endswith(AGAIN)]
+    ends = [row for row in ends if row not in rested]
     said = []
     for end in ends:
         own = [row for row in rows if row["method"] == end["method"] and row is not end]
-        digits = []
-        for digit in (1e-2, 1e-3, 1e-4, 1e-5):
-            within = [row for row in own if row["error_e"] < digit]
-            if within:
-                digits.append(f"{digit:g} after {within[0]['seconds']:.3g} s")
-        reached = min((row["stop_unbalanced"] for row in own), default=None)
+        said.append(_digits(end, own))
+    stops = [row for row in rows if row["stop_unbalanced"] == DEFAULT and row not in chains]
+    if stops:
         said.append(
-            f"{end['method']}: e = {end['e']:.4f}, Z = {end['Z']:.2f}; error of e below "
-            + (", ".join(digits) or "1e-2 never")
-            + f"; tightest residual met {reached:g}."
-            if reached
-            else f"{end['method']}: no stop criterion was met in {end['steps']} steps."
+            f"Knee and default: residual {DEFAULT:g}, stresses to {3 * DEFAULT:g}. Of "
+            f"{len(ends)} runs {len(stops)} met it; e then moved by at most "
+            f"{max(row['error_e'] for row in stops):.1e}, Z by at most "
+            f"{max(row['error_Z'] for row in stops):.1e} until the end of the run."
+        )
+    for row in rested:
+        before = next(end for end in ends if end["method"] + AGAIN == row["method"])
+        said.append(
+            f"The residual stops falling near {before['unbalanced']:.0e}: loose spheres still fly "
+            "and hit the others, and local damping does not slow what no force acts on. With all "
+            "velocities set to zero once, the same packing reached "
+            f"{row['unbalanced']:.0e} in {row['steps'] - before['steps']} more steps."
         )
     first = ends[0]["friction"]
     rates = [row for row in ends if row["friction"] == first and row["seed"] == 1]
@@ -187,4 +245,32 @@ def notes(rows: list[dict[str, Any]]) -> list[str]:
             f"{values.std(ddof=1):.4f}. Digits below that belong to one packing of this size, not "
             "to the protocol: the floor of a small sample."
         )
+    for row in chains:
+        same = {"friction": row["friction"], "seed": row["seed"]}
+        other = [end for end in ends if same.items() <= end.items()][-1]
+        said.append(
+            f"By {row['method']}: e = {row['e']:.4f}, Z = {row['Z']:.2f} in {row['steps']} steps "
+            f"and {row['seconds']:.3g} s; straight to the stress at I = "
+            f"{other['inertial_number']:g}: e = {other['e']:.4f}, Z = {other['Z']:.2f} in "
+            f"{other['steps']} steps."
+        )
+    if chains:
+        said.append("How dense a packing becomes the way decides, not the stop criterion.")
     return said
+
+
+def _digits(end: dict[str, Any], own: list[dict[str, Any]]) -> str:
+    """What each digit of e has cost in one run."""
+    reached = min((row["stop_unbalanced"] for row in own), default=None)
+    if reached is None:
+        return f"{end['method']}: no stop criterion was met in {end['steps']} steps."
+    digits = []
+    for digit in (1e-2, 1e-3, 1e-4, 1e-5):
+        within = [row for row in own if row["error_e"] < digit]
+        if within:
+            digits.append(f"{digit:g} after {within[0]['seconds']:.3g} s")
+    return (
+        f"{end['method']}: e = {end['e']:.4f}, Z = {end['Z']:.2f}; error of e below "
+        + (", ".join(digits) or "1e-2 never")
+        + f"; tightest residual met {reached:g}."
+    )

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import diagram
-from benchmarks.measure import measured
 from benchmarks.modes import SAMPLE
 from benchmarks.modes_scaling import resized
 from benchmarks.report import Finding
-from benchmarks.wave import relative, step_and_records
+from benchmarks.wave import cost, relative, step_and_records
 from modal.eigenproblem import Eigenproblem
 from modal.leapfrog import leapfrog
 from modal.modes import highest_modes
@@ -39,7 +38,7 @@ ERRORS = {
 
 def run(quick: bool, folder: Path) -> Finding:
     """Each time step."""
-    spheres, duration = SIZE[quick]
+    (spheres, duration), often = SIZE[quick], 1 if quick else 3
     sample = random_network(spheres, 1e5, seed=1, aspect=10.05) if quick else read_packing(SAMPLE)
     network = resized(sample, spheres)
     path = folder / "packing.network.h5"
@@ -48,13 +47,7 @@ def run(quick: bool, folder: Path) -> Finding:
     rows: list[dict[str, Any]] = []
     for fraction in FRACTIONS[quick]:
         step, every = step_and_records(highest, fraction)
-        cost = measured(
-            "benchmarks.wave:stepped",
-            path=str(path),
-            duration=duration,
-            time_step=step,
-            every=every,
-        )
+        spent = cost("stepped", path, duration, often, time_step=step, every=every)
         found = leapfrog(network, duration, step, every=every)
         exact = propagate(network, duration, interval=step * every, tolerance=1e-10).signals
         rows.append(
@@ -64,8 +57,8 @@ def run(quick: bool, folder: Path) -> Finding:
                 "steps": round(duration / step) + 1,
                 "error": relative(found.chain_displacement, exact.chain_displacement),
                 "error_of_layers": relative(found.layer_displacement, exact.layer_displacement),
-                "seconds": cost.seconds,
-                "peak_mb": cost.peak_mb,
+                "seconds": spent.seconds,
+                "peak_mb": spent.peak_mb,
             }
         )
     task = (

@@ -1,8 +1,9 @@
 """Seconds and bytes against the number of spheres, with exponents and the limit of the memory bus.
 
-Samples are the lower parts of the packing of case 6, which stay as slender, up to the whole. What a
-product K u has to read, over the bytes a second that the memory delivers in this very run, is the
-least time that it can take: the limit drawn. Only what a cache holds can be faster.
+Samples are the lower parts of the packing of case 6, up to the whole, and three copies of it side
+by side. What a product K u has to read, over the bytes a second that the memory delivers in this
+very run, is the least time that it can take: the limit drawn. Only what a cache holds can be
+faster.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks import diagram, machine, yade_job
-from benchmarks.measure import measured
+from benchmarks.measure import attempted, measured
 from benchmarks.modes import SAMPLE
 from benchmarks.modes_scaling import exponent, resized
 from benchmarks.report import Finding
@@ -28,10 +29,13 @@ from modal.network import Network, read_network, write_network
 from modal.operator import ContactOperator
 from modal.random_packing import random_network
 from modal.sample import Sample, read_packing, write_sample
+from modal.storage import InputError
 from modal.wave import propagate
 
 TITLE = "Scaling: seconds and bytes against the number of spheres"
-SIZES = {True: (125, 250, 500), False: (1_000, 3_000, 10_000, 35_201)}
+SIZES = {True: (125, 250, 500), False: (1_000, 3_000, 10_000, 35_201, 105_603)}
+FACTORED_AT_MOST = 40_000
+"""Spheres up to which K is factorised: three times as many need 6 GB and most of a minute."""
 DURATION = {True: 6e-5, False: 6e-4}
 STEPS = 30
 """YADE steps that are timed."""
@@ -116,26 +120,32 @@ def lower_part(network: Network) -> Sample:
     return Sample(network.position, network.cell_size[:2], network.wall_position, friction=0.1)
 
 
+def _empty(curve: str, spheres: int) -> dict[str, Any]:
+    return {"curve": curve, "x": spheres, "seconds": None, "mb": None}
+
+
 def yade_rows(network: Network, folder: Path) -> list[dict[str, Any]]:
     """A step under compression and a step of a wave."""
     path = folder / "scaling.sample.h5"
     write_sample(path, lower_part(network))
     rows = []
     for name, wave_step in (("YADE, sample step", False), ("YADE, wave step", True)):
-        run = yade_job.measured(
-            "steps",
-            folder,
-            sample=str(path),
-            kind="wave" if wave_step else "sample",
-            stress=1e5,
-            steps=STEPS,
-            asleep=wave_step,
-            rotations=True,
-            output=None,
-        )
-        row = {"curve": name, "x": network.n_particles, "seconds": run.seconds}
-        row["mb"] = run.value["scene_mb"] if run.value else None
-        rows.append(row | {"failure": run.failure or None})
+        row = _empty(name, network.n_particles)
+        try:
+            run = yade_job.measured(
+                "steps",
+                folder,
+                sample=str(path),
+                kind="wave" if wave_step else "sample",
+                stress=1e5,
+                steps=STEPS,
+                collider="asleep" if wave_step else "when needed",
+                rotations=True,
+                output=None,
+            )
+            rows.append(row | {"seconds": run.seconds, "mb": run.value["scene_mb"]})
+        except InputError as error:
+            rows.append(row | {"failure": str(error)})
     return rows
 
 
@@ -153,19 +163,21 @@ def modal_rows(
         (f"linear wave, {1e3 * DURATION[quick]:g} ms", "wave", {"duration": DURATION[quick]}),
     ]
     for curve, task, arguments in tasks:
-        times = 1 if quick or task == "wave" else 3
-        run = measured(f"benchmarks.scaling:{task}", times=times, path=str(path), **arguments)
-        row: dict[str, Any] = {"curve": curve, "x": n, "seconds": run.seconds}
-        if run.failure:
-            rows.append(row | {"failure": run.failure})
+        if task == "factor" and n > FACTORED_AT_MOST:
             continue
-        if task == "products":
+        times = 1 if quick or task == "wave" else 3
+        run = attempted(f"benchmarks.scaling:{task}", times=times, path=str(path), **arguments)
+        row = _empty(curve, n)
+        if run.failure:
+            row["failure"] = run.failure
+        elif task == "products":
             row["seconds"] = run.seconds / repetitions(n)
             row["seconds_limit"] = run.value / bandwidth
             row["mb"] = run.value / 1e6
         else:
-            row["mb"] = max(run.peak_mb - bare, 1e-3)
-        rows.append(row | {"result": run.value if task != "products" else None})
+            row |= {"seconds": run.seconds, "mb": max(run.peak_mb - bare, 1e-3)}
+            row["result"] = run.value
+        rows.append(row)
     return rows
 
 
@@ -193,7 +205,7 @@ def run(quick: bool, folder: Path) -> Finding:
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Seconds, with the limits of the products, and megabytes."""
-    figure, axes = diagram.panels(1, 2, width=4.6, height=4.2)
+    figure, axes = diagram.panels(1, 2, width=4.6, height=3.9)
     curves = list(dict.fromkeys(row["curve"] for row in rows))
     for ax, quantity, label in (
         (axes[0, 0], "seconds", "processor time (s)"),
@@ -201,34 +213,24 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
     ):
         for k, curve in enumerate(curves):
             own = [row for row in rows if row["curve"] == curve]
-            slope = exponent(own, quantity)
-            name = curve if slope is None else f"{curve}: {slope:.2f}"
+            slopes = (exponent(own, "seconds"), exponent(own, "mb"))
+            name = f"{curve}: " + ", ".join("-" if s is None else f"{s:.2f}" for s in slopes)
             diagram.curve(ax, own, "x", quantity, label=name, **diagram.look(k))
             if quantity == "seconds":
-                limit(ax, own, diagram.look(k)["color"])
+                limit(ax, own, diagram.look(k))
         ax.set(xlabel="number of spheres", ylabel=label)
         diagram.decades(ax)
-        ax.legend(fontsize=7, title="exponent", title_fontsize=7, loc="upper left")
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
+    diagram.legend_below(figure, axes[0, 0], len(curves) + 2, "exponents of seconds, memory")
     return figure
 
 
-def limit(ax: Axes, rows: list[dict[str, Any]], color: str) -> None:
+def limit(ax: Axes, rows: list[dict[str, Any]], look: dict[str, Any]) -> None:
     """The least time of a product at the bandwidth of the memory."""
     known = [row for row in rows if row.get("seconds_limit")]
     if known:
-        diagram.curve(ax, known, "x", "seconds_limit", color=color, lw=0.8, ls=(0, (1, 1)))
-        last = known[-1]
-        ax.annotate(
-            "memory limit",
-            (last["x"], last["seconds_limit"]),
-            xytext=(-2, -9),
-            textcoords="offset points",
-            fontsize=6,
-            color=color,
-            ha="right",
-        )
+        label = f"memory limit of {known[0]['curve']}"
+        style = look | {"marker": None, "ls": (0, (1, 1))}
+        diagram.curve(ax, known, "x", "seconds_limit", label=label, **style)
 
 
 def notes(rows: list[dict[str, Any]]) -> list[str]:

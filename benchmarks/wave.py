@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import diagram, lammps_job, yade_job
-from benchmarks.measure import measured
+from benchmarks.measure import Measured, measured
 from benchmarks.report import Finding
 from modal import gallery
 from modal.eigenproblem import Eigenproblem
@@ -28,12 +28,14 @@ from modal.wave import propagate
 TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
 CRYSTAL = {True: (3, 40, 8e-5), False: (4, 200, 3.7e-4)}
 """Spheres a side, layers, duration, s."""
-TOLERANCES = {True: (1e-1, 1e-6, 1e-12), False: (1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12)}
+TOLERANCES = {True: (1e-1, 1e-5, 1e-9), False: (1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12)}
 STEPS = {True: (0.5, 0.1), False: (0.9, 0.5, 0.2, 0.1, 0.05, 0.02)}
 """Time steps of the leapfrog over the limit 2 / omega_max."""
 DEM_STEPS = {True: (0.5, 0.1), False: (0.5, 0.2, 0.1, 0.05)}
 AMPLITUDES = (AMPLITUDE, 1e-2 * AMPLITUDE)
 INTERVAL = 1e-6
+DEFAULT = 1e-9
+"""Tolerance of `modal wave` that nobody has asked for."""
 REFERENCE = 1e-14
 """Tolerance of the wave that the others are compared with."""
 
@@ -100,66 +102,63 @@ def step_and_records(highest: float, fraction: float) -> tuple[float, int]:
     return 1 / (INPUT_FREQUENCY * steps), max(1, steps // 20)
 
 
+def cost(task: str, path: Path, duration: float, times: int = 1, **setting: Any) -> Measured:
+    """What one of the tasks above costs."""
+    return measured(
+        f"benchmarks.wave:{task}", times=times, path=str(path), duration=duration, **setting
+    )
+
+
+def linear_row(
+    method: str, setting: str, products: int, error: float, spent: Measured
+) -> dict[str, Any]:
+    """One line of the table without a contact law."""
+    return {
+        "method": method,
+        "setting": setting,
+        "products": products,
+        "error": error,
+        "seconds": spent.seconds,
+        "peak_mb": spent.peak_mb,
+    }
+
+
 def linear_rows(network: Network, path: Path, quick: bool, duration: float) -> list[dict[str, Any]]:
     """Chebyshev tolerances and leapfrog steps."""
     times, rows = 1 if quick else 3, []
     reference = exact(network, duration, INTERVAL)
     for tolerance in TOLERANCES[quick]:
-        cost = measured(
-            "benchmarks.wave:chebyshev",
-            times=times,
-            path=str(path),
-            duration=duration,
-            tolerance=tolerance,
-        )
+        spent = cost("chebyshev", path, duration, times, tolerance=tolerance)
         found = propagate(
             network, duration, motion=Pulse(1.0), interval=INTERVAL, tolerance=tolerance
         ).signals
-        have = by_layers(found.chain_displacement, found.chain_position)
-        rows.append(
-            {
-                "method": "linear, Chebyshev",
-                "setting": f"tolerance {tolerance:g}",
-                "products": cost.value,
-                "error": relative(have, reference),
-                "seconds": cost.seconds,
-                "peak_mb": cost.peak_mb,
-            }
-        )
+        error = relative(by_layers(found.chain_displacement, found.chain_position), reference)
+        setting = f"tolerance {tolerance:g}"
+        rows.append(linear_row("linear, Chebyshev", setting, spent.value, error, spent))
     highest = highest_modes(Eigenproblem.of(network), 1).frequency[-1]
     for fraction in STEPS[quick]:
         step, every = step_and_records(highest, fraction)
-        cost = measured(
-            "benchmarks.wave:stepped",
-            times=times,
-            path=str(path),
-            duration=duration,
-            time_step=step,
-            every=every,
-        )
+        spent = cost("stepped", path, duration, times, time_step=step, every=every)
         have = leapfrog_wave(network, duration, step, every)
-        rows.append(
-            {
-                "method": "linear, leapfrog",
-                "setting": f"{fraction:g} of the limit",
-                "products": round(duration / step) + 1,
-                "error": relative(have, exact(network, duration, step * every)),
-                "seconds": cost.seconds,
-                "peak_mb": cost.peak_mb,
-            }
-        )
+        error = relative(have, exact(network, duration, step * every))
+        products, setting = round(duration / step) + 1, f"{fraction:g} of the limit"
+        rows.append(linear_row("linear, leapfrog", setting, products, error, spent))
     return rows
 
 
 def yade_rows(network: Network, folder: Path, quick: bool, duration: float) -> list[dict[str, Any]]:
     """YADE at both amplitudes; seconds are those of the steps."""
     yade_job.prepare_wave(network, folder)
-    start, _ = yade_job.wave_start(folder)
+    start = yade_job.wave_start(folder)
     rows = []
     for amplitude in AMPLITUDES:
         for fraction in DEM_STEPS[quick]:
             signals, seconds, peak = yade_job.wave(
-                folder, fraction=fraction, amplitude=amplitude, duration=duration
+                folder,
+                fraction=fraction,
+                amplitude=amplitude,
+                duration=duration,
+                times=1 if quick else 3,
             )
             have = by_layers(signals.chain_displacement, signals.chain_position) / amplitude
             last = float(signals.time[-1])
@@ -179,7 +178,7 @@ def yade_rows(network: Network, folder: Path, quick: bool, duration: float) -> l
 def lammps_rows(
     network: Network, folder: Path, quick: bool, duration: float
 ) -> list[dict[str, Any]]:
-    """LAMMPS at both amplitudes."""
+    """LAMMPS at both amplitudes; seconds include its start, which is short."""
     highest = highest_modes(Eigenproblem.of(network), 1).frequency[-1]
     rows = []
     for amplitude in AMPLITUDES:
@@ -192,6 +191,7 @@ def lammps_rows(
                 time_step=step,
                 duration=duration,
                 every=every,
+                times=1 if quick else 3,
             )
             rows.append(
                 {
@@ -219,7 +219,8 @@ def run(quick: bool, folder: Path) -> Finding:
     task = (
         f"FCC crystal of {width} x {width} x {layers} spheres at 100 kPa, pulse of 100 kHz, "
         f"{1e3 * duration:g} ms. `apart_from_same_step` is the difference from a linear leapfrog "
-        "with the same step, `apart_from_tangent` from one whose springs carry the pre-stress."
+        "with the same step, `apart_from_tangent` from one whose springs carry the pre-stress. "
+        "Seconds of YADE are those of its steps, those of LAMMPS include its short start."
     )
     figure = diagram.work_precision(rows, {"error": "relative error of the signals (-)"})
     return Finding(TITLE, task, rows, notes(rows), {"wave": figure})
@@ -231,14 +232,18 @@ def notes(rows: list[dict[str, Any]]) -> list[str]:
     def of(name: str) -> list[dict[str, Any]]:
         return [row for row in rows if row["method"].startswith(name)]
 
-    best = diagram.knee(of("linear, Chebyshev"), "error", within=1e3)
+    tight = of("linear, Chebyshev")
+    best = next(row for row in tight if row["setting"] == f"tolerance {DEFAULT:g}")
     first, last = of("linear, leapfrog")[0], of("linear, leapfrog")[-1]
     order = math.log(first["error"] / last["error"]) / math.log(
         last["products"] / first["products"]
     )
     said = [
         f"Chebyshev: {best['error']:.1e} in {best['seconds']:.3g} s with {best['products']} "
-        f"products; leapfrog: order {order:.2f}, {last['error']:.1e} in {last['seconds']:.3g} s."
+        f"products; leapfrog: order {order:.2f}, {last['error']:.1e} in {last['seconds']:.3g} s.",
+        f"Chebyshev has no knee: errors of {tight[0]['error']:.1e} to {tight[-1]['error']:.1e} "
+        f"take {tight[0]['products']} to {tight[-1]['products']} products. The default, "
+        f"{best['setting']}, is far below every other error here and costs next to nothing.",
     ]
     for program in ("YADE", "LAMMPS"):
         large, small = (of(f"{program}, 2A = {2e9 * amplitude:g} nm") for amplitude in AMPLITUDES)
@@ -252,6 +257,8 @@ def notes(rows: list[dict[str, Any]]) -> list[str]:
             f"{large[-1]['apart_from_same_step']:.1e}, with a hundredth of the amplitude by "
             f"{small[-1]['apart_from_same_step']:.1e}: what falls is the non-linear contact law, "
             "the floor at the study's amplitude. Most of the rest is pre-stress: with it in the "
-            f"leapfrog {small[-1]['apart_from_tangent']:.1e} remains."
+            f"leapfrog {small[-1]['apart_from_tangent']:.1e} remains, "
+            f"{large[-1]['apart_from_tangent'] / small[-1]['apart_from_tangent']:.0f} times less "
+            "than at the study's amplitude."
         )
     return said

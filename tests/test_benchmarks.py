@@ -25,7 +25,8 @@ from benchmarks import (
 )
 from benchmarks.__main__ import JOBS, main
 from benchmarks.diagram import knee, work_precision
-from benchmarks.measure import measured, run_command
+from benchmarks.measure import attempted, measured, median_of, run_command
+from benchmarks.packing import by_energy, spectrum
 from benchmarks.report import Finding, table, write
 from modal import gallery
 from modal.density import density_of_states
@@ -56,7 +57,7 @@ def packing(tmp_path_factory):
     write_network(path, network)
     problem = Eigenproblem.of(network)
     assert problem.floppy.total > 0
-    return network, path, eigensolvers.spectrum(problem), problem.floppy
+    return network, path, spectrum(problem), problem.floppy
 
 
 def hundred_megabytes():
@@ -91,9 +92,38 @@ def test_a_command_that_fails_says_why(tmp_path):
 
 def test_a_task_that_fails_says_why(tmp_path):
     missing = str(tmp_path / "none.network.h5")
-    failed = measured("benchmarks.density:dense", path=missing)
+    failed = attempted("benchmarks.density:dense", path=missing)
     assert failed.seconds is None
     assert "none.network.h5" in failed.failure
+    with pytest.raises(InputError, match="density:dense.*none.network.h5"):
+        measured("benchmarks.density:dense", path=missing)
+
+
+def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch, capsys):
+    def fails(quick, folder):
+        raise ZeroDivisionError("no spheres")
+
+    rows = [{"method": "a", "error": 1e-3, "seconds": 1.0}]
+    monkeypatch.setattr(wave, "run", fails)
+    monkeypatch.setattr(density, "run", lambda quick, folder: Finding("Title", "Task.", rows))
+    assert main(["wave", "density", "-o", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "error: wave: ZeroDivisionError: no spheres\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"README.md", "density.md", "density.csv"}
+
+
+def test_short_commands_are_repeated_and_long_ones_not():
+    costs = iter([(1.0, 5.0), (3.0, 7.0), (2.0, 6.0), (60.0, 8.0)])
+    assert median_of(3, lambda: next(costs)) == (2.0, 6.0)
+    assert median_of(3, lambda: next(costs)) == (60.0, 8.0)
+
+
+def test_energy_of_the_springs_gives_the_frequencies(packing):
+    """Against the matrix's own spectrum, to what round-off in K leaves of its lowest modes."""
+    network, _, exact, floppy = packing
+    found = by_energy(Eigenproblem.of(network), floppy.total, 10)
+    wanted = exact[floppy.total :][:10]
+    bound = np.finfo(float).eps * (exact[-1] / wanted[0]) ** 2
+    assert abs(found / wanted - 1).max() < 100 * bound
 
 
 def test_knee_is_the_cheapest_near_the_floor():
@@ -283,6 +313,16 @@ def test_machine_is_described_without_names():
     assert "cores" in text
     assert "/" not in text
     assert {"copy", "triad"} == set(machine.bandwidth(1.0, times=1))
+
+
+@pytest.mark.slow
+def test_the_studys_chain_ends_settled(tmp_path):
+    if shutil.which("yade") is None:
+        pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
+    row = preparation.chain_row(tmp_path, 200, 0.4, 1)
+    assert row["stress_error"] < 3 * preparation.DEFAULT
+    assert row["unbalanced"] < preparation.DEFAULT
+    assert row["steps"] > 10_000 and row["seconds"] > 0
 
 
 @pytest.mark.slow

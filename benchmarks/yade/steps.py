@@ -3,8 +3,9 @@
     yade -n -x -j1 benchmarks/yade/steps.py result.json '{"sample": ..., "kind": "wave", ...}'
 
 Arguments: sample (file), kind (sample: damped, with servo; wave: the source wall moves), steps,
-asleep (whether the collider sleeps), rotations (whether spheres may turn), output (file of the
-positions at the end, or none). Only the steps are timed, after a few that are not.
+collider (sorts in every step, when spheres have moved far enough, or is asleep), rotations (whether
+spheres may turn), output (file of the positions at the end, or none). Only the steps are timed,
+after a few that are not.
 """
 
 import json
@@ -52,8 +53,9 @@ def main():
     bare = resident()
     sample = read_sample(given["sample"])
     n, step, wave = len(sample.position), 0, given["kind"] == "wave"
-    build_scene(sample, margin=0.01 if wave else 0.1, damping=0.0 if wave else 0.2)
-    O.engines[1].dead = given["asleep"]
+    margin = 0.0 if given["collider"] == "every step" else 0.01 if wave else 0.1
+    build_scene(sample, margin=margin, damping=0.0 if wave else 0.2)
+    O.engines[1].dead = given["collider"] == "asleep"
     if not given["rotations"]:
         for k in range(n):
             O.bodies[k].state.blockedDOFs = "XYZ"

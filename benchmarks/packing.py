@@ -1,0 +1,69 @@
+"""A random packing whose whole spectrum is known: what the modes' programs are compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import eigh
+
+from modal.contact import contact_kinematics, contact_springs
+from modal.eigenproblem import Eigenproblem, frequency_of
+from modal.network import write_network
+from modal.random_packing import random_network
+
+STRESS = 1e5
+ASPECT = 5.0
+"""Length over width, long enough for waves, short enough for dense matrices of a wide packing."""
+
+
+@dataclass(frozen=True)
+class KnownPacking:
+    """Its network file, its problem, and all frequencies (6 n,), Hz, ascending."""
+
+    path: Path
+    problem: Eigenproblem
+    exact: np.ndarray
+
+    @classmethod
+    def of(cls, spheres: int, folder: Path) -> KnownPacking:
+        """Packing without friction at 100 kPa, written to `folder`."""
+        network = random_network(spheres, STRESS, seed=1, aspect=ASPECT)
+        path = folder / "packing.network.h5"
+        write_network(path, network)
+        problem = Eigenproblem.of(network)
+        return cls(path, problem, spectrum(problem))
+
+    @property
+    def floppy(self) -> int:
+        """Number of modes without energy; they come first in `exact`."""
+        return self.problem.floppy.total
+
+    def __str__(self) -> str:
+        return (
+            f"random packing without friction, {self.problem.network.n_particles} spheres, "
+            f"{self.problem.size} degrees of freedom, {self.floppy} of them floppy"
+        )
+
+
+def by_energy(problem: Eigenproblem, first: int, count: int) -> np.ndarray:
+    """Frequencies (count,), Hz, of the modes from number `first` on: energy of their springs.
+
+    omega^2 = sum of d . k d over the contacts, over u . M u, for dense eigenvectors u. The
+    elongations d = B u of a low mode are small differences of its displacements, right to the unit
+    round-off times f_max / f; a matrix K holds their squares, and only to that factor squared.
+    """
+    _, vectors = eigh(problem.scaled.toarray(), subset_by_index=[first, first + count - 1])
+    u = (vectors / np.sqrt(problem.mass)[:, None]).reshape(-1, 6, count)
+    network = problem.network
+    j = network.particle_j
+    q = np.concatenate([u[network.particle_i], np.where(j[:, None, None] < 0, 0, u[j])], axis=1)
+    d = contact_kinematics(network) @ q
+    energy = (d * (contact_springs(network) @ d)).sum(axis=(0, 1))
+    return frequency_of(energy / (vectors**2).sum(axis=0))
+
+
+def spectrum(problem: Eigenproblem) -> np.ndarray:
+    """All frequencies, Hz, ascending, from the dense mass-scaled matrix."""
+    return frequency_of(eigh(problem.scaled.toarray(), eigvals_only=True))
