@@ -42,7 +42,7 @@ yade() { # options, table, script: runs the jobs, whatever its status
 }
 file() { printf 'products/case%02d.%s.h5' "$1" "$2"; }
 column() { awk -v n="$1" -v c="$2" '$1 == n {print $c}' cases/random.table; }
-state() { # case: the state of its chain, at rest under the stress of the case
+state() { # case: the state of its chain under the stress of the case
     local mu stress; mu=$(column "$1" 2) stress=$(column "$1" 4)
     if [ "$mu" = 0 ]; then
         # Of two walks through one pressure the last counts; names begin with their number.
@@ -89,14 +89,10 @@ chains() { # the compression chains that the random cases come from
         [ -f "$(state "$n")" ] || { echo "case $n: no state; see products/chain.*.log" >&2; exit 1; }
     done
 }
-random_samples() { # with friction raised and at rest, polished, exported by YADE
-    local n settled=()
-    for n in "${random[@]}"; do [ "$(column "$n" 2)" = 0 ] || settled+=("$n"); done
-    batch yade_scripts/rest.py rest.sample cases/random.table "${settled[@]}"
+random_samples() { # at rest with the friction of the wave, exported by YADE with its noise
+    local n
     for n in "${random[@]}"; do
-        local from; from=$(file "$n" rest.sample)
-        [ "$(column "$n" 2)" != 0 ] || from=$(state "$n")
-        [ -f "$(file "$n" sample)" ] || run .venv/bin/python -m modal relax "$from" \
+        [ -f "$(file "$n" sample)" ] || run .venv/bin/python -m modal relax "$(state "$n")" \
             --friction "$(column "$n" 3)" -o "$(file "$n" sample)"
     done
     batch yade_scripts/export_random.py network cases/random.table "${random[@]}"

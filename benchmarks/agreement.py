@@ -52,12 +52,11 @@ def make_sample(folder: Path, spheres: int, width: float) -> None:
     """caseNN.network.h5 and the highest mode of case 30, a packing at rest."""
     chain = f"mu_comp spheres width seed highest\n0.4 {spheres} {width} 1 1e5\n"
     case = "case mu_comp mu_wave stress\n30 0.4 0.5 1e5\n"
-    rest, sample = folder / "case30.rest.sample.h5", folder / "case30.sample.h5"
+    state, sample = folder / "chain_mu0.4" / "100000Pa.sample.h5", folder / "case30.sample.h5"
     network = folder / "case30.network.h5"
     if not network.exists():
         run_script("chain", chain, folder)
-        run_script("rest", case, folder)
-        modal("relax", rest, "--friction", 0.5, "-o", sample)
+        modal("relax", state, "--friction", 0.5, "-o", sample)
         run_script("export_random", case, folder)
     highest = folder / "case30.highest.modes.h5"
     modal("modes", network, "--highest", 1, "-o", highest)

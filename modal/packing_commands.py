@@ -70,9 +70,11 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
 
     def watch(state: Balance) -> None:
         history.append(replace(state))
+        if state.steps % 1000:
+            return
         _say(
             f"step {state.steps}: residual {state.residual:.1e}, {state.contacts} contacts, "
-            f"{state.sliding} beyond the friction limit"
+            f"{state.sliding} sliding"
         )
 
     rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
@@ -80,9 +82,11 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
         _say(f"taken at a residual of {state.residual:.1e}: {options.tolerance:g} was not reached")
     network = rested.network()
     measured = summary(network, rested.friction)
+    found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
+    found |= zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)
     rested = replace(
         rested,
-        study=sample.study | measured | {"residual": state.residual, "mu_wave": rested.friction},
+        study=sample.study | measured | found,
         provenance=sample.provenance
         | {"relaxed_by": "python -m modal relax", "parent_sha256": sha256(options.sample)},
     )
