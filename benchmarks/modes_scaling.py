@@ -1,41 +1,43 @@
-"""Run time and memory of the modes against the number of spheres and against the number of modes.
+"""Seconds and bytes of the modes against the number of spheres and against the number of modes.
 
-    python -m benchmarks.modes_scaling [--quick] [--network FILE] [-o DIR]
-
-Smaller packings are the lower parts of the sample, cut off by a wall, so they stay as slender;
-larger ones are the sample repeated sideways. Writes modes_scaling.csv and modes_scaling.png with
-the exponents fitted to the points, and prints the table. Factorisations stop at 120,000 spheres.
+Smaller packings are the lower parts of the sample of case 6, cut off by a wall, so they stay as
+slender; larger ones are the sample repeated sideways. Whatever factorises stops at 120,000 spheres.
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
-import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 
-from benchmarks.modes import SAMPLE, best_of, modal
-from benchmarks.report import table
+from benchmarks import diagram
+from benchmarks.measure import measured
+from benchmarks.modes import SAMPLE
+from benchmarks.report import Finding
 from modal import gallery
-from modal.network import RECEIVER_WALL, Network, write_network
+from modal.density import density_of_states
+from modal.eigenproblem import Eigenproblem
+from modal.inertia import count_below
+from modal.intervals import lowest_modes
+from modal.modes import highest_modes
+from modal.network import RECEIVER_WALL, Network, read_network, write_network
 from modal.operator import ContactOperator
 from modal.random_packing import random_network
 from modal.sample import read_packing
-from modal.storage import InputError
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-
-SIZES = (1_000, 3_000, 10_000, 35_000, 105_000, 1_000_000)
-MODES = (10, 30, 100, 300)
+TITLE = "Modes: seconds and bytes against the number of spheres and of modes"
+SIZES = {True: (100, 300, 600), False: (1_000, 3_000, 10_000, 35_201, 105_603, 985_628)}
+MODES = {True: (5, 10, 20), False: (10, 30, 100, 300)}
 FACTOR_LIMIT = 120_000
 """Spheres up to which something is factorised."""
+PRODUCTS = 20
+"""Products that are timed together."""
+COUNT_AT, RESOLUTION, FEW = 2e4, 1e4, 10
+"""Hz of the exact count; Hz of the density of states; lowest modes against the size."""
 
 
 def resized(sample: Network, spheres: int) -> Network:
@@ -86,46 +88,111 @@ def resized(sample: Network, spheres: int) -> Network:
     )
 
 
-def measure(name: str, x: int, *command: Any) -> dict[str, Any]:
-    """One point of a curve by the command line; empty where the command fails."""
-    row = {"curve": name, "x": x, "seconds": None, "peak_gb": None}
-    try:
-        found = modal(*command)
-    except InputError as error:
-        print(f"{name}, {x}: {error}", file=sys.stderr)
-        return row
-    return row | {"seconds": found["seconds"], "peak_gb": found["peak_memory_bytes"] / 1e9}
+def _loaded(path: str) -> Network:
+    """The network; what compiling the loop takes is behind us."""
+    ContactOperator(gallery.column(2)).apply(np.ones(12))
+    return read_network(path)
 
 
-def run(quick: bool = False, network_file: str | None = None) -> list[dict[str, Any]]:
-    """Rows curve, x (spheres, or modes for the last curve), seconds, peak_gb."""
-    if quick and network_file is None:
-        sample = random_network(300, 1e5, seed=1, aspect=5.0)
-    else:
-        sample = read_packing(network_file or SAMPLE)
-    sizes, numbers = ((100, 300, 600), (5, 10, 20)) if quick else (SIZES, MODES)
+def nothing() -> Callable[[], None]:
+    """Task: what the interpreter and the imports hold."""
+    ContactOperator(gallery.column(2)).apply(np.ones(12))
+    return lambda: None
+
+
+def product(path: str) -> Callable[[], str]:
+    """Task: `PRODUCTS` products K u without a matrix."""
+    operator = ContactOperator(_loaded(path))
+    u = np.ones(operator.shape[0])
+    out = np.zeros_like(u)
+
+    def action() -> str:
+        for _ in range(PRODUCTS):
+            operator.accumulate(u, out)
+        return ""
+
+    return action
+
+
+def highest(path: str) -> Callable[[], str]:
+    """Task: the highest mode; returns its frequency."""
+    network = _loaded(path)
+
+    def action() -> str:
+        modes = highest_modes(Eigenproblem.of(network, shapes=False), 1)
+        return f"{modes.frequency[0]:.0f} Hz, residual {modes.residual[0]:.1e}"
+
+    return action
+
+
+def density(path: str) -> Callable[[], str]:
+    """Task: the density of states, floppy modes split off; returns its products."""
+    network = _loaded(path)
+
+    def action() -> str:
+        zero_modes = Eigenproblem.of(network).floppy.basis
+        states = density_of_states(network, resolution=RESOLUTION, zero_modes=zero_modes)
+        return f"{states.products} products"
+
+    return action
+
+
+def counted(path: str) -> Callable[[], str]:
+    """Task: one exact count; returns it."""
+    network = _loaded(path)
+    return lambda: f"{count_below(Eigenproblem.of(network), COUNT_AT)} modes"
+
+
+def lowest(path: str, number: int) -> Callable[[], str]:
+    """Task: the lowest elastic modes; returns how they were found."""
+    network = _loaded(path)
+
+    def action() -> str:
+        modes = lowest_modes(Eigenproblem.of(network, shapes=False), number)
+        certified = "certified" if modes.attributes["certified"] else "not certified"
+        return f"{certified}, {modes.attributes['solver']}"
+
+    return action
+
+
+def run(quick: bool, folder: Path) -> Finding:
+    """Every size, then every number of modes of the whole sample."""
+    sample = random_network(300, 1e5, seed=1, aspect=5.0) if quick else read_packing(SAMPLE)
+    path = folder / "modes_scaling.network.h5"
+    bare = measured("benchmarks.modes_scaling:nothing", times=3).peak_mb
+
+    def row(curve: str, x: int, task: str, divisor: int = 1, **arguments: Any) -> dict[str, Any]:
+        run = measured(f"benchmarks.modes_scaling:{task}", path=str(path), **arguments)
+        found: dict[str, Any] = {"curve": curve, "x": x, "seconds": None, "mb": None}
+        if run.failure:
+            return found | {"result": run.failure}
+        found |= {"seconds": run.seconds / divisor, "mb": max(run.peak_mb - bare, 1e-3)}
+        return found | {"result": run.value}
+
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "packing.network.h5"
-        for size in sizes:
-            network = resized(sample, size)
-            n = network.n_particles
-            write_network(path, network)
-            operator, u = ContactOperator(network), np.ones(6 * n)
-            out = np.empty_like(u)
-            operator.apply(u, out)
-            seconds = best_of(10, lambda A=operator, u=u, out=out: A.apply(u, out))
-            rows.append({"curve": "product K u", "x": n, "seconds": seconds, "peak_gb": None})
-            rows.append(measure("density, 10 kHz", n, "density", path, "--resolution", 1e4))
-            if n <= FACTOR_LIMIT:
-                rows.append(measure("highest mode", n, "modes", path, "--highest", 1))
-                rows.append(measure("one exact count", n, "count", path, "--at", 2e4))
-                rows.append(measure("lowest 10 modes", n, "modes", path, "--lowest", 10))
-        write_network(path, sample)
-        for number in numbers:
-            name = f"lowest modes of {sample.n_particles} spheres"
-            rows.append(measure(name, number, "modes", path, "--lowest", number))
-    return rows
+    for size in SIZES[quick]:
+        network = resized(sample, size)
+        write_network(path, network)
+        n = network.n_particles
+        del network
+        rows.append(row("product K u", n, "product", PRODUCTS))
+        rows.append(row("highest mode", n, "highest"))
+        rows.append(row(f"density, {RESOLUTION / 1e3:g} kHz", n, "density"))
+        if n <= FACTOR_LIMIT:
+            rows.append(row("one exact count", n, "counted"))
+            rows.append(row(f"lowest {FEW} modes", n, "lowest", number=FEW))
+    write_network(path, sample)
+    over_modes = f"lowest modes of {sample.n_particles} spheres"
+    rows += [row(over_modes, number, "lowest", number=number) for number in MODES[quick]]
+    curves = list(dict.fromkeys(row["curve"] for row in rows))
+    rows.sort(key=lambda row: curves.index(row["curve"]))
+    task = (
+        "Processor time of one thread; memory is the peak beyond the bare interpreter, the network "
+        "itself included. x: spheres, and modes for the last curve. From 35,201 spheres on the "
+        "sample is repeated sideways: its length stays, its cross-section grows, and with it the "
+        "fill of a factor. Exponents are fitted to the larger half of the points."
+    )
+    return Finding(TITLE, task, rows, notes(rows, over_modes), {"modes_scaling": draw(rows)})
 
 
 def exponent(rows: list[dict[str, Any]], quantity: str) -> float | None:
@@ -138,46 +205,39 @@ def exponent(rows: list[dict[str, Any]], quantity: str) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Seconds over spheres, memory over spheres, seconds over modes; exponents in the legends."""
-    figure, axes = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
-    for name in dict.fromkeys(row["curve"] for row in rows):
-        curve = [row for row in rows if row["curve"] == name]
-        over_modes = "spheres" in name
-        for quantity, ax in (("seconds", axes[2 if over_modes else 0]), ("peak_gb", axes[1])):
-            points = [(row["x"], row[quantity]) for row in curve if row[quantity]]
-            if not points or (over_modes and quantity == "peak_gb"):
-                continue
-            slope = exponent(curve, quantity)
-            label = name if slope is None else f"{name}: {slope:.2f}"
-            ax.loglog(*zip(*points, strict=True), "o-", label=label)
-    labels = (("spheres", "run time, s"), ("spheres", "peak memory, GB"), ("modes", "run time, s"))
-    for ax, (x, y) in zip(axes, labels, strict=True):
-        ax.set(xlabel=f"number of {x}", ylabel=y)
+def notes(rows: list[dict[str, Any]], over_modes: str) -> list[str]:
+    """Exponents, and the largest point of each curve."""
+    said = []
+    for curve in dict.fromkeys(row["curve"] for row in rows):
+        own = [row for row in rows if row["curve"] == curve and row["seconds"]]
+        slopes = [exponent(own, quantity) for quantity in ("seconds", "mb")]
+        if None in slopes:
+            continue
+        x, what = ("k", "modes") if curve == over_modes else ("n", "spheres")
+        last = own[-1]
+        said.append(
+            f"{curve}: seconds grow as {x}^{slopes[0]:.2f}, bytes as {x}^{slopes[1]:.2f}; "
+            f"{last['seconds']:.3g} s and {last['mb'] / 1e3:.3g} GB at {last['x']} {what}."
+        )
+    return said
+
+
+def draw(rows: list[dict[str, Any]]) -> Figure:
+    """Seconds and megabytes, over spheres and over modes; exponents in the legends."""
+    figure, axes = diagram.panels(2, 2, width=4.4, height=3.4)
+    for k, curve in enumerate(dict.fromkeys(row["curve"] for row in rows)):
+        own = [row for row in rows if row["curve"] == curve]
+        across = 1 if curve.startswith("lowest modes of") else 0
+        for down, quantity in enumerate(("seconds", "mb")):
+            slope = exponent(own, quantity)
+            name = curve if slope is None else f"{curve}: {slope:.2f}"
+            diagram.curve(axes[down, across], own, "x", quantity, label=name, **diagram.look(k))
+    for (down, across), ax in np.ndenumerate(axes):
+        ax.set_xlabel(("number of spheres", "number of modes")[across])
+        ax.set_ylabel(("processor time (s)", "peak memory (MB)")[down])
+        diagram.decades(ax)
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high * (high / low) ** 0.55)  # room for the legend
         if ax.lines:
-            ax.legend(title="exponent", fontsize=7)
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Measure, write table and figure; returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="packings of up to 600 spheres")
-    parser.add_argument("--network", metavar="FILE", help="this sample or network instead")
-    parser.add_argument("-o", "--output", default="results/benchmarks", metavar="DIR")
-    options = parser.parse_args(argv)
-    rows = run(options.quick, options.network)
-    folder = Path(options.output)
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "modes_scaling.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    draw(rows, folder / "modes_scaling.png")
-    print(table(rows))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            ax.legend(fontsize=7, title="exponent", title_fontsize=7, loc="upper left")
+    return figure

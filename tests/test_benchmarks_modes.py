@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.modes_scaling import draw, exponent, resized
+from benchmarks import modes_scaling
+from benchmarks.modes_scaling import exponent, resized
+from benchmarks.report import write
 from modal import gallery
 from modal.assembly import stiffness_matrix
 from modal.network import validate
@@ -33,11 +35,22 @@ def test_larger_samples_are_copies():
     assert resized(gallery.fcc(2, 10), 240).n_particles == 240
 
 
-def test_exponent_and_figure(tmp_path):
-    rows = [
-        {"curve": "a", "x": x, "seconds": 1e-6 * x**1.5, "peak_gb": None} for x in (10, 100, 1000)
-    ]
+def test_exponents_are_those_of_power_laws():
+    rows = [{"curve": "a", "x": x, "seconds": 1e-6 * x**1.5, "mb": None} for x in (10, 100, 1000)]
     assert exponent(rows, "seconds") == pytest.approx(1.5)
-    assert exponent(rows, "peak_gb") is None
-    draw(rows, tmp_path / "a.png")
-    assert (tmp_path / "a.png").stat().st_size > 0
+    assert exponent(rows, "mb") is None
+    assert exponent(rows[:1], "seconds") is None
+
+
+@pytest.mark.slow
+def test_scaling_of_small_packings(tmp_path):
+    """Every task gives its point; counts and certificates are those of the modes themselves."""
+    finding = modes_scaling.run(True, tmp_path)
+    assert all(row["seconds"] > 0 for row in finding.rows), finding.rows
+    lowest = [row for row in finding.rows if row["curve"].startswith("lowest")]
+    assert all(row["result"].startswith("certified") for row in lowest)
+    over_modes = [row["x"] for row in lowest if "spheres" in row["curve"]]
+    assert over_modes == list(modes_scaling.MODES[True])
+    assert len(finding.notes) == len({row["curve"] for row in finding.rows})
+    assert write(finding, "modes_scaling", tmp_path).startswith("## Modes")
+    assert (tmp_path / "modes_scaling.png").stat().st_size > 0
