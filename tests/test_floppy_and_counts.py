@@ -11,7 +11,7 @@ from modal.eigenproblem import Eigenproblem, frequency_of, slipping
 from modal.factor import SOLVERS, available, factorise
 from modal.inertia import count_below, count_negative
 from modal.intervals import lowest_modes, modes_between
-from modal.krylov import TOLERANCE
+from modal.krylov import TOLERANCE, modes_nearest
 from modal.modes import all_modes
 from modal.network import Network, write_network
 from modal.storage import InputError
@@ -139,11 +139,15 @@ def test_lowest_modes_by_every_factorisation(solver):
     assert lowest.residual.max() < TOLERANCE
 
 
-def test_intervals_are_cut_and_complete(monkeypatch):
-    """Slices of at most 40 modes give the same list as the dense solver, each one once."""
+@pytest.mark.parametrize("solver", [None, "superlu"])
+def test_intervals_are_cut_and_complete(monkeypatch, solver):
+    """Slices of at most 40 modes give the same list as the dense solver, each one once.
+
+    The lowest slice has its shift in its middle with PARDISO, just below zero with scipy alone.
+    """
     monkeypatch.setattr("modal.intervals.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.intervals.SLICE", 40)
-    problem = Eigenproblem.of(diluted(0.35, 5, layers=7))
+    problem = Eigenproblem.of(diluted(0.35, 5, layers=7), solver=solver)
     frequency = frequency_of(dense_squares(problem))
     elastic = frequency[problem.floppy.total :]
     # Ends in the middle of gaps, away from the round-off of any frequency.
@@ -155,10 +159,9 @@ def test_intervals_are_cut_and_complete(monkeypatch):
         assert found.frequency == pytest.approx(expected, rel=1e-8)
 
 
-def test_degenerate_spectrum_is_complete():
-    """Uncoupled copies: 100 columns of two spheres, each frequency at least a hundredfold."""
+def columns_side_by_side(copies: int) -> Network:
+    """Uncoupled columns of two spheres: every frequency at least so many times."""
     single = gallery.column(2)
-    copies = 100
     many = {}
     for name in PER_CONTACT:
         data = getattr(single, name)
@@ -172,13 +175,44 @@ def test_degenerate_spectrum_is_complete():
         name: np.concatenate([getattr(single, name)] * copies)
         for name in ("position", "radius", "mass", "inertia")
     }
-    problem = Eigenproblem.of(replace(single, **many, **spheres))
+    return replace(single, **many, **spheres)
+
+
+def test_degenerate_spectrum_is_complete():
+    problem = Eigenproblem.of(columns_side_by_side(100))
     expected = frequency_of(dense_squares(problem))
     assert problem.floppy.total == int((expected < 1.0).sum())
     elastic = expected[problem.floppy.total :]
     lowest = lowest_modes(problem, 120)
     assert lowest.frequency == pytest.approx(elastic[:120], rel=1e-7)
     assert lowest.attributes["certified"]
+
+
+def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypatch):
+    """Where a round of the search finds some only, the next goes on with the same factor."""
+    made, asked = [], []
+
+    def noted(*arguments, **options):
+        made.append(factorise(*arguments, **options))
+        return made[-1]
+
+    def some_of(solve, size, count, sigma, held):
+        asked.append(count)
+        return modes_nearest(solve, size, min(count, 30), sigma, held)
+
+    monkeypatch.setattr("modal.intervals.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.intervals.factorise", noted)
+    monkeypatch.setattr("modal.intervals.modes_nearest", some_of)
+    problem = Eigenproblem.of(columns_side_by_side(100))
+    expected = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    low, high = 0.999 * expected[0], 1.001 * expected[0]
+    wanted = int(((expected >= low) & (expected < high)).sum())
+    assert wanted >= 100
+    found = modes_between(problem, low, high)
+    assert found.attributes["certified"]
+    assert len(found.frequency) == wanted
+    assert len(asked) > 3
+    assert len(made) == 1
 
 
 def test_stiffness_contrast_of_a_million():
