@@ -30,8 +30,8 @@ JOBS = (
 )
 
 
-FULL_SIZE = ("modes", "modes_scaling")
-"""Tables of 35,201 spheres and more, which have commands of their own; run only when named."""
+LONG = ("modes", "modes_scaling", "protocol")
+"""Tables of 35,201 spheres and more, and of whole chains; run only when named."""
 
 
 def result(name: str, quick: bool, scratch: Path) -> report.Finding:
@@ -52,7 +52,7 @@ def index(folder: Path) -> None:
         "repeated; each task has a process of its own, whose peak memory is given.",
         "",
     ]
-    for name in (*JOBS, *FULL_SIZE):
+    for name in (*JOBS, *LONG):
         page = folder / f"{name}.md"
         if page.exists():
             title = page.read_text().splitlines()[0].lstrip("# ")
@@ -62,7 +62,7 @@ def index(folder: Path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the jobs; returns the exit status, 2 if a job could not be done."""
-    known = (*JOBS, *FULL_SIZE)
+    known = (*JOBS, *LONG)
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description=__doc__.splitlines()[0]
     )

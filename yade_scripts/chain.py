@@ -41,13 +41,12 @@ PREPARATION = "approach", "cool", "jam"
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
 CLOUD, LOOSE = 0.2, 0.5
 """Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
-COMPACTION_RATE, APPROACH_RATE = 400.0, 8.0
-"""Strain rates, 1/s, from CLOUD to LOOSE, and from there until HOT."""
+COMPACTION_RATE = 400.0
+"""Strain rate, 1/s, from CLOUD to LOOSE."""
 HOT = 5e5
 """Mean stress, Pa, of the agitated spheres at which the compaction ends."""
-INERTIAL_NUMBER = 0.01
-AGITATED_DAMPING, DAMPING = 0.02, 0.2
-"""Local damping until HOT and after. The weak one decides how dense the packing jams."""
+DAMPING = 0.2
+"""Local damping after HOT."""
 MARGIN = 0.1
 COOLING = 6000
 """Steps at constant volume, after which the agitation is over."""
@@ -60,10 +59,42 @@ PATIENCE = 12000
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 
-readParamsFromTable(noTableOk=True, mu_comp=0.4, spheres=35201, width=14.65, seed=1, highest=1e7)
-from yade.params.table import highest, mu_comp, seed, spheres, width  # noqa: E402
+readParamsFromTable(
+    noTableOk=True,
+    mu_comp=0.4,
+    spheres=35201,
+    width=14.65,
+    seed=1,
+    highest=1e7,
+    # Strain rate, 1/s, from LOOSE to HOT, and local damping until then, which decides how dense
+    # the packing jams; inertial number of the servo; time step over its limit.
+    approach_rate=8.0,
+    agitated_damping=0.02,
+    inertial_number=0.01,
+    fraction=compression.STABILITY,
+)
+from yade.params.table import (  # noqa: E402
+    agitated_damping,
+    approach_rate,
+    fraction,
+    highest,
+    inertial_number,
+    mu_comp,
+    seed,
+    spheres,
+    width,
+)
 
-STUDY = {"mu_comp": float(mu_comp), "spheres": int(spheres), "width": float(width), "seed": seed}
+STUDY = {
+    "mu_comp": float(mu_comp),
+    "spheres": int(spheres),
+    "width": float(width),
+    "seed": seed,
+    "approach_rate": float(approach_rate),
+    "agitated_damping": float(agitated_damping),
+    "inertial_number": float(inertial_number),
+    "fraction": float(fraction),
+}
 
 
 def stages():
@@ -112,7 +143,7 @@ def cloud():
     position = diameter * random_places(side / diameter, length / diameter)
     sides, walls = np.array([side, side]), np.array([0.0, length])
     build_scene(Sample(position, sides, walls, mu_comp), margin=MARGIN, damping=0.0)
-    O.dt = compression.time_step(1e6)
+    O.dt = compression.time_step(1e6, fraction)
     drive(compression.ConstantRate(spheres, COMPACTION_RATE))
     steps = int(math.log(LOOSE / CLOUD) / 3 / COMPACTION_RATE / O.dt)
     O.run(steps, wait=True)
@@ -139,12 +170,12 @@ def drive(new_control):
 def stage_control(stage):
     """Control, damping, and the test for the end of a stage."""
     if stage == "approach":
-        rate = compression.ConstantRate(spheres, APPROACH_RATE)
-        return rate, AGITATED_DAMPING, lambda: control.stress.mean() > HOT
+        rate = compression.ConstantRate(spheres, approach_rate)
+        return rate, agitated_damping, lambda: control.stress.mean() > HOT
     if stage == "cool":
         return compression.ConstantRate(spheres, 0.0), DAMPING, lambda: False
     stress, *at_rest = (JAMMING_STRESS, 0.1, 1e-2) if stage == "jam" else (float(stage), *SETTLED)
-    servo = compression.Servo(spheres, stress, INERTIAL_NUMBER)
+    servo = compression.Servo(spheres, stress, inertial_number)
     return (
         servo,
         DAMPING,
@@ -164,7 +195,7 @@ def leg(sample):
     ended, step = False, 0
     while step < LEG and not ended:
         target = getattr(control, "target", 1e5)
-        O.dt = compression.time_step(max(target, 1.5 * control.stress.mean()))
+        O.dt = compression.time_step(max(target, 1.5 * control.stress.mean()), fraction)
         O.run(CHECK, wait=True)
         step += CHECK
         ended = done() or study["step"] + step >= patience
@@ -188,7 +219,6 @@ def leg(sample):
         "unbalanced": compression.unbalanced(),
         "void_ratio": compression.void_ratio(spheres),
         "coordination_number": coordination_number(),
-        "rates_and_damping": f"{APPROACH_RATE} 1/s, I {INERTIAL_NUMBER}, damping {damping}",
     }
     after.study = study
     after.provenance = {

@@ -21,9 +21,9 @@ STABILITY = 0.7
 """Time step over its limit 1 / (pi f_max): overlaps may exceed the mean eightfold."""
 
 
-def time_step(stress):
+def time_step(stress, fraction=STABILITY):
     """Stable time step of statics at `stress` (Pa), s."""
-    return STABILITY / (math.pi * HIGHEST_FREQUENCY * (stress / 1e5) ** (1 / 6))
+    return fraction / (math.pi * HIGHEST_FREQUENCY * (stress / 1e5) ** (1 / 6))
 
 
 def rate_of_inertial_number(inertial_number, stress):

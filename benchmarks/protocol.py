@@ -1,0 +1,176 @@
+"""The study's way to a sample: what its rates, damping, time step, start and short cuts change.
+
+Each row is one small packing at 100 kPa, brought to rest with the friction of the wave. Rows of the
+chain walk from the cloud with one choice changed; the others start from a state of it, or, without
+friction, from one of the minimiser.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import yade_job
+from benchmarks.report import Finding
+from modal.equilibrium import balance_of, relax
+from modal.minimiser import minimise
+from modal.random_packing import random_sample
+from modal.sample import Sample, read_sample, write_sample
+from modal.statics import static_velocity
+from modal.statistics import summary
+from modal.storage import InputError
+
+TITLE = "Random samples: what the protocol and its short cuts change"
+SPHERES, WIDTH = {True: 200, False: 1000}, {True: 4.0, False: 6.0}
+STRESS, PEAK = 1e5, 1e6
+MU, MU_WAVE, MU_WAVE_FRICTIONLESS = 0.4, 0.5, 0.1
+SETTLING = {True: 2000, False: 20_000}
+"""Steps of YADE with real masses, twice what the long waves of the full size would need."""
+FRICTIONLESS = {True: 2000, False: 20_000}
+CHAINS = {
+    "the study's chain": {},
+    "another start": {"seed": 2},
+    "a third start": {"seed": 3},
+    "half the rates": {"approach_rate": 4.0, "inertial_number": 0.005},
+    "twice the rates": {"approach_rate": 16.0, "inertial_number": 0.02},
+    "half the time step": {"fraction": 0.35},
+    "no damping until hot": {"agitated_damping": 0.0},
+    "damping 0.1 until hot": {"agitated_damping": 0.1},
+}
+QUICK = "the study's chain", "half the time step"
+
+
+def state_row(what: str, sample: Sample, steps: int, seconds: float) -> dict[str, Any]:
+    """Density, contacts and velocity of a sample as it is; V_P is that of its springs."""
+    network = sample.network()
+    found = summary(network, sample.friction)
+    _, balance = balance_of(sample, network)
+    try:
+        velocity = static_velocity(network)[0]
+    except InputError:
+        velocity = None  # a packing of --quick has no bulk
+    return {
+        "sample": what,
+        "e": found["void_ratio"],
+        "Z": found["coordination_number"],
+        "Z_of_force_bearing": found["coordination_number_without_rattlers"],
+        "V_P_m_s": velocity,
+        "residual": balance.residual,
+        "beyond_friction": balance.sliding if sample.friction > 0 else 0,
+        "steps": steps,
+        "seconds": seconds,
+    }
+
+
+def chain(folder: Path, what: str, quick: bool, changed: dict[str, float]) -> tuple[Sample, Any]:
+    """The 100 kPa state of a chain with some choices changed, not yet at rest; its study."""
+    columns = {"mu_comp": MU, "spheres": SPHERES[quick], "width": WIDTH[quick], "highest": STRESS}
+    columns |= changed
+    own = folder / what.replace(" ", "_").replace("'", "")
+    own.mkdir()
+    table = f"{' '.join(columns)}\n{' '.join(f'{value:g}' for value in columns.values())}\n"
+    yade_job.run_script("chain", table, own)
+    sample = read_sample(own / f"chain_mu{MU:g}" / f"{STRESS:g}Pa.sample.h5")
+    return replace(sample, friction=MU_WAVE), sample.study
+
+
+def at_rest(what: str, sample: Sample, before: tuple[int, float]) -> dict[str, Any]:
+    """Row of a sample brought to rest by `modal relax`."""
+    start = time.process_time()
+    rested, balance = relax(sample)
+    seconds = time.process_time() - start
+    return state_row(what, rested, before[0] + balance.steps, before[1] + seconds)
+
+
+def frictionless(folder: Path, quick: bool) -> list[dict[str, Any]]:
+    """Unloading from 1 MPa without friction: by the minimiser, and by YADE's dynamics."""
+    start = replace(random_sample(SPHERES[quick], PEAK, aspect=4.0, tolerance=1e-4), friction=0.0)
+    begun = time.process_time()
+    low, rest = minimise(start, STRESS, tolerance=1e-5)
+    seconds = time.process_time() - begun
+    rows = [state_row("no friction, 1 MPa to 100 kPa by the minimiser", low, rest.steps, seconds)]
+    moving = folder / "frictionless.sample.h5", folder / "frictionless.low.sample.h5"
+    write_sample(moving[0], start)
+    run = yade_job.measured(
+        "compress",
+        folder,
+        sample=str(moving[0]),
+        output=str(moving[1]),
+        stress=STRESS,
+        inertial_number=0.01,
+        steps=FRICTIONLESS[quick],
+    )
+    what = "no friction, the same by YADE"
+    rows.append(state_row(what, read_sample(moving[1]), int(run.value["step"][-1]), run.seconds))
+    return rows
+
+
+def run(quick: bool, folder: Path) -> Finding:
+    """One row for each way."""
+    if not yade_job.available():
+        raise InputError("protocol: YADE is not installed; apt-get install yade")
+    rows, own = [], None
+    for what, changed in CHAINS.items():
+        if quick and what not in QUICK:
+            continue
+        sample, study = chain(folder, what, quick, changed)
+        own = own or (sample, study)
+        cost = int(study["steps"]), float(study["seconds"])
+        rows.append(at_rest(what, sample, cost))
+    sample, study = own
+    cost = int(study["steps"]), float(study["seconds"])
+    paths = folder / "state.sample.h5", folder / "settled.sample.h5"
+    write_sample(paths[0], sample)
+    settled = yade_job.measured(
+        "settle",
+        folder,
+        sample=str(paths[0]),
+        output=str(paths[1]),
+        steps=SETTLING[quick],
+        damping=0.5,
+    )
+    rows.append(
+        state_row(
+            "the study's chain, settled in YADE with real masses",
+            read_sample(paths[1]),
+            cost[0] + SETTLING[quick],
+            cost[1] + settled.seconds,
+        )
+    )
+    rows += frictionless(folder, quick)
+    task = (
+        f"{SPHERES[quick]} spheres, friction {MU:g} in compression and {MU_WAVE:g} at rest, "
+        f"{STRESS / 1e3:g} kPa; V_P from the springs' response to a steady push. Seconds of the "
+        "chain are those of the clock."
+    )
+    return Finding(TITLE, task, rows, notes(rows))
+
+
+def notes(rows: list[dict[str, Any]]) -> list[str]:
+    """Each change beside the scatter of the starts."""
+    by = {row["sample"]: row for row in rows}
+    names = {"e": ".4f", "Z": ".3f", "V_P_m_s": ".1f"}
+    first, said = rows[0], []
+    starts = [by[name] for name in ("the study's chain", "another start", "a third start")
+              if name in by]  # fmt: skip
+    if len(starts) > 2:
+        scatter = {name: float(np.std([row[name] for row in starts], ddof=1)) for name in names}
+        text = ", ".join(f"{name} {scatter[name]:{form}}" for name, form in names.items())
+        said.append(f"Standard deviation of {len(starts)} starts: {text}.")
+    for row in rows[1:]:
+        base = first
+        if row["sample"].startswith("no friction"):
+            base = by["no friction, 1 MPa to 100 kPa by the minimiser"]
+            if row is base:
+                continue
+        changes = ", ".join(
+            f"{name} {row[name] - base[name]:+{form}}"
+            for name, form in names.items()
+            if row[name] is not None and base[name] is not None
+        )
+        said.append(f"{row['sample']}: {changes}; residual {row['residual']:.1e}.")
+    return said
