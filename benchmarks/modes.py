@@ -3,15 +3,17 @@
     python -m benchmarks.modes [--quick] [--network FILE] [--rows NAME ...]
 
 The sample is case 6 (35,201 spheres; --quick: a packing of 300 made on the spot). Every task of the
-command line runs in a process of its own, whose seconds and peak memory it reports itself. A task
-that fails says why in its row. --rows picks some: assembly, product, highest, lowest,
-lowest-scipy, count, below, density, crystal.
+command line runs in a process of its own, whose seconds (without the imports) and peak memory it
+reports itself; processor time, of all threads, is that of the whole process. A task that fails says
+why in its row. --rows picks some: assembly, product, highest, lowest, lowest-scipy, count, below,
+density, crystal.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -41,7 +43,11 @@ LONGEST = 3600
 
 
 def modal(*arguments: str | float | Path) -> dict[str, Any]:
-    """What one command of modal prints as JSON; InputError with its own line if it fails."""
+    """What one command of modal prints as JSON, and its processor time, imports included, in s.
+
+    InputError with the command's own line if it fails.
+    """
+    before = _processor_time()
     command = [sys.executable, "-m", "modal", *map(str, arguments), "--json"]
     try:
         done = subprocess.run(
@@ -52,7 +58,13 @@ def modal(*arguments: str | float | Path) -> dict[str, Any]:
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
         raise InputError(last)
-    return json.loads(done.stdout)
+    return json.loads(done.stdout) | {"processor_seconds": _processor_time() - before}
+
+
+def _processor_time() -> float:
+    """Of all commands so far that have ended, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def best_of(times: int, action: Callable[[], Any]) -> float:
@@ -68,6 +80,7 @@ def best_of(times: int, action: Callable[[], Any]) -> float:
 def _row(result: dict[str, Any], note: str) -> dict[str, Any]:
     return {
         "seconds": result["seconds"],
+        "processor_s": result["processor_seconds"],
         "peak_gb": result["peak_memory_bytes"] / 1e9,
         "result": note,
     }
@@ -76,7 +89,12 @@ def _row(result: dict[str, Any], note: str) -> dict[str, Any]:
 def assembly(network: Network) -> dict[str, Any]:
     """K as a sparse matrix."""
     seconds = best_of(3, lambda: stiffness_matrix(network))
-    return {"seconds": seconds, "peak_gb": None, "result": f"{network.n_contacts} contacts"}
+    return {
+        "seconds": seconds,
+        "processor_s": None,
+        "peak_gb": None,
+        "result": f"{network.n_contacts} contacts",
+    }
 
 
 def product(network: Network) -> dict[str, Any]:
@@ -94,6 +112,7 @@ def product(network: Network) -> dict[str, Any]:
     error = np.linalg.norm(out - wanted) / np.linalg.norm(wanted)
     return {
         "seconds": seconds,
+        "processor_s": None,
         "peak_gb": held / 1e9,
         "result": f"relative difference from the sparse matrix {error:.1e}",
     }
@@ -195,7 +214,8 @@ def run(
             try:
                 measured = action()
             except InputError as error:
-                measured = {"seconds": None, "peak_gb": None, "result": f"failed: {error}"}
+                measured = dict.fromkeys(("seconds", "processor_s", "peak_gb"))
+                measured["result"] = f"failed: {error}"
             rows.append({"what": what, "at most": at_most, **measured})
             print(f"{what}: {measured['result']}", file=sys.stderr, flush=True)
     return rows

@@ -42,12 +42,15 @@ def wall_to_wall_chain(network: Network) -> np.ndarray:
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
     come, go = np.concatenate([i, j]), np.concatenate([j, i])
     cost = np.concatenate([length, length]) * weight[go]
-    # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
-    order = np.lexsort((cost, go, come))
-    come, go, cost = come[order], go[order], cost[order]
-    once = np.ones(len(cost), bool)
-    once[1:] = (np.diff(come) != 0) | (np.diff(go) != 0)
-    graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=(network.n_particles,) * 2)
+    shape = (network.n_particles,) * 2
+    graph = sp.coo_matrix((cost, (come, go)), shape=shape).tocsr()
+    if graph.nnz < len(cost):
+        # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
+        order = np.lexsort((cost, go, come))
+        come, go, cost = come[order], go[order], cost[order]
+        once = np.ones(len(cost), bool)
+        once[1:] = (np.diff(come) != 0) | (np.diff(go) != 0)
+        graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=shape)
     distance = dijkstra(graph, indices=first)
     nearest = distance[goal].min()
     if not np.isfinite(nearest):

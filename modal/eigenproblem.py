@@ -68,9 +68,8 @@ class Eigenproblem:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
         return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
 
-    @cached_property
-    def scaled(self) -> sp.csr_matrix:
-        """A = M^-1/2 K M^-1/2 as a sparse matrix."""
+    def assembled(self) -> sp.csr_matrix:
+        """A = M^-1/2 K M^-1/2 as a sparse matrix, made anew: next to a factor it need not stay."""
         K = stiffness_matrix(self.network, translations_only=self.dof == 3)
         scale = 1 / np.sqrt(self.mass)
         K.data *= scale[K.indices]
@@ -78,9 +77,14 @@ class Eigenproblem:
         return K
 
     @cached_property
+    def scaled(self) -> sp.csr_matrix:
+        """`assembled`, for what comes back to it."""
+        return self.assembled()
+
+    @cached_property
     def bound(self) -> float:
         """Largest row sum of A: an upper bound of the largest omega^2."""
-        A = self.scaled
+        A = self.assembled()
         sizes = sp.csr_matrix((abs(A.data), A.indices, A.indptr), A.shape)
         return float((sizes @ np.ones(self.size)).max())
 
@@ -96,7 +100,7 @@ class Eigenproblem:
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square, with square an omega^2."""
-        return (self.scaled - square * sp.identity(self.size, format="csr")).tocsr()
+        return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
 
     def chain(self) -> np.ndarray | None:
         """The wall-to-wall chain, or None where the network has none."""

@@ -39,17 +39,18 @@ def _orthonormal(block: np.ndarray, basis: np.ndarray, held: Held) -> tuple:
     In exact arithmetic the last two blocks of V are all that the block has in common with it, so
     they go first; what round-off brought back of the others is then small, and one pass over all
     of V leaves the block orthogonal to round-off. Where nothing is left of a column, Q goes on in
-    a direction that round-off chose, and a degenerate frequency shows more of its modes.
+    a direction that round-off chose, and a degenerate frequency shows more of its modes. The block
+    is overwritten.
     """
     width = block.shape[1]
     within = np.zeros((basis.shape[1], width))
     coupling = np.eye(width)
     for first in (max(0, basis.shape[1] - 2 * width), 0):
-        block = held.out_of(block)
+        held.take_out_of(block)
         inside = basis[:, first:].T @ block
-        block = block - basis[:, first:] @ inside
+        block -= basis[:, first:] @ inside
         within[first:] += inside @ coupling
-        block, factor = qr(block, mode="economic", check_finite=False)
+        block, factor = qr(block, overwrite_a=True, mode="economic", check_finite=False)
         coupling = factor @ coupling
     return block, within, coupling
 
@@ -61,10 +62,10 @@ class Held:
     null: sp.csc_matrix
     found: np.ndarray
 
-    def out_of(self, block: np.ndarray) -> np.ndarray:
-        """The part of the block (size, k) that is orthogonal to the held modes."""
-        block = block - self.null @ (self.null.T @ block)
-        return block - self.found @ (self.found.T @ block)
+    def take_out_of(self, block: np.ndarray) -> None:
+        """Leave of the block (size, k) what is orthogonal to the held modes."""
+        block -= self.null @ (self.null.T @ block)
+        block -= self.found @ (self.found.T @ block)
 
     @property
     def count(self) -> int:
@@ -120,7 +121,7 @@ def modes_nearest(
             converged = residual <= TOLERANCE * abs(inverse[chosen])
             if converged.all() or full:
                 break
-            look = dimension + max(2 * width, 1.5 * (count - converged.sum()))
+            look = dimension + max(width, 1.5 * (count - converged.sum()))
         basis[:, dimension : dimension + width] = block
         dimension += width
     square = sigma + 1 / inverse[chosen]
