@@ -1,4 +1,7 @@
-"""Table of compact samples: density, contacts, stresses and balance, measured from each file."""
+"""Table of compact samples: density, contacts, stresses and balance, measured from each file.
+
+Below it what each stage of the longest chain among them has cost.
+"""
 
 from __future__ import annotations
 
@@ -36,6 +39,8 @@ HEADER = (
     "seconds",
 )
 NOISE = "noise_layer", "noise_sphere"
+PREPARATION = "cloud", "approach", "cool", "jam"
+"""Stages of a chain before its first stress, which is a stage of its own like all that follow."""
 
 
 def row(path: str | Path) -> list[str]:
@@ -87,9 +92,34 @@ def _velocity(network: Network) -> float | None:
         return None  # too short a packing has no bulk
 
 
+def stages(path: str | Path) -> list[list[str]]:
+    """Stage, steps, seconds, contacts at its end, steps a second, in the order of the chain."""
+    study = read_sample(path).study
+    names = [name.removeprefix("steps_") for name in study if name.startswith("steps_")]
+    before = [name for name in PREPARATION if name in names]
+    rows = []
+    for name in [*before, *sorted(set(names) - set(before), key=float)]:
+        steps, seconds, contacts = (
+            float(study[f"{what}_{name}"]) for what in ("steps", "seconds", "contacts")
+        )
+        label = name if name in PREPARATION else f"{float(name):g} Pa"
+        per_second = _number(steps / seconds, ".1f")
+        rows.append([label, f"{steps:.0f}", f"{seconds:.0f}", f"{contacts:.0f}", per_second])
+    return rows
+
+
 def table(paths: list[str]) -> str:
-    """Markdown table of all samples, in the order given."""
-    rows = [HEADER, ["---"] * len(HEADER), *(row(path) for path in paths)]
+    """Markdown table of all samples, in the order given, and of the longest chain's stages."""
+    text = _markdown(HEADER, [row(path) for path in paths])
+    longest = max((stages(path) for path in paths), key=len, default=[])
+    if longest:
+        header = "stage", "steps", "seconds", "contacts", "steps a second"
+        text += "\n" + _markdown(header, longest)
+    return text
+
+
+def _markdown(header: tuple[str, ...], rows: list[list[str]]) -> str:
+    rows = [header, ["---"] * len(header), *rows]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
 
 

@@ -29,6 +29,22 @@ def test_table_measures_the_sample(tmp_path, capsys):
     assert lines[2][4] == "0.516"
 
 
+def test_stages_of_the_longest_chain_are_listed(tmp_path):
+    sample = random_sample(150, 1e7, aspect=1.5, tolerance=1e-3)
+    costs = {"cool": (600, 3.0, 10), "1e+07": (50, 2.0, 500), "cloud": (100, 0.5, 0)}
+    study = {}
+    for name, cost in costs.items():
+        study |= zip([f"steps_{name}", f"seconds_{name}", f"contacts_{name}"], cost, strict=True)
+    for name, known in (("long", study), ("short", {})):
+        path = tmp_path / f"{name}.sample.h5"
+        write_sample(path, replace(sample, friction=0.1, study=known))
+    lines = table([str(tmp_path / f"{name}.sample.h5") for name in ("short", "long")]).splitlines()
+    cells = [[c.strip() for c in line.split("|")[1:-1]] for line in lines[5:]]
+    assert cells[0][0] == "stage"
+    assert [row[0] for row in cells[2:]] == ["cloud", "cool", "1e+07 Pa"]
+    assert cells[3] == ["cool", "600", "3", "10", "200.0"]
+
+
 def test_a_file_that_is_no_sample(tmp_path, capsys):
     assert main(["samples", str(tmp_path / "absent.sample.h5")]) == 2
     assert capsys.readouterr().err.count("\n") == 1

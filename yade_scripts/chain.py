@@ -202,7 +202,9 @@ def leg(sample):
         if not np.isfinite(control.stress).all():
             raise InputError(f"{study['stage']}: the stress is not finite; unstable time step")
         if sys.stdout.isatty():
-            print(f"\r{progress(study['stage'], study['step'] + step)}", end="", flush=True)
+            left = (patience - study["step"] - step) * (time.perf_counter() - started) / step
+            to_go = f", at most {left:.0f} s to go in this stage" if left < math.inf else ""
+            print(f"\r{progress(study['stage'], study['step'] + step)}{to_go}", end="", flush=True)
     after = read_scene(spheres, mu_comp, moving=True)
     xx, yy, zz = control.stress
     seconds = time.perf_counter() - started
