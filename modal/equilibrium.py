@@ -30,9 +30,9 @@ LOCAL_DAMPING = 0.3
 DRAG = 0.3
 """Share of the velocity lost at each step, times the length in diameters: half of what is critical
 for the longest wave along the packing, whose frequency falls as its length grows."""
-LATE, LATE_DRAG = 1e-6, 0.1
-"""Residual below which the drag is lowered, and by which factor: the waves are gone, a few loose
-spheres have some micrometres to go."""
+OWN_DRAG = 0.3
+"""What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
+that waves die and a loose sphere that has some micrometres to go is not held up."""
 TOLERANCE = 1e-9
 """Mean net force over mean contact force at which a sample counts as balanced."""
 SINGLE = 10.0
@@ -123,12 +123,14 @@ def relax(
     arm = np.array([1.0] * 3 + [radius] * 3)
     lightness = np.array([1.0] * 3 + [2.5] * 3)
     velocity = np.zeros((len(sample.position), 6))
+    height = sample.position[:, 2] - sample.position[:, 2].min()
+    layer = (height / (2 * radius)).astype(int)
+    in_layer = np.maximum(np.bincount(layer), 1)
     for step in range(max_steps + 1):
         push = contacts.load / arm
         if step % LOOK == 0:
             size = np.sqrt((push**2).sum(axis=1)) / contacts.mean_force
             residual, largest = float(size.mean()), float(size.max())
-            late = residual < LATE
             if watch:
                 watch(
                     Balance(residual, largest, RESERVE, contacts.sliding, contacts.touching, step)
@@ -138,7 +140,10 @@ def relax(
         mass = np.maximum(contacts.stiffness, LIGHTEST * contacts.stiffness.mean()) / PACE
         push -= LOCAL_DAMPING * np.copysign(push, velocity)
         velocity += push * (lightness / mass[:, None])
-        velocity *= 1 - drag * (LATE_DRAG if late else 1.0)
+        velocity *= 1 - OWN_DRAG * drag
+        for axis in range(3):
+            mean = np.bincount(layer, velocity[:, axis]) / in_layer
+            velocity[:, axis] -= drag * mean[layer]
         contacts.move(velocity / arm)
     rested = contacts.sample()
     _, state = balance_of(rested, rested.network())

@@ -24,19 +24,17 @@ STRAIN_TOLERANCE, STRAIN_SHIFT = 1e-6, 1e-12
 
 
 def spring_motion(
-    network: Network, load: np.ndarray, tolerance: float, shift: float | np.ndarray
+    network: Network, load: np.ndarray, tolerance: float, shift: float
 ) -> tuple[np.ndarray, int]:
     """The motion (n, 6) that the springs balance `load` (n, 6) with, and the products K u spent.
 
-    `tolerance` of the residual in the norm of the preconditioner; `shift`, one number or one for
-    each sphere, over the mean diagonal of K is added to it, so that what nothing holds does not go
-    far.
+    `tolerance` of the residual in the norm of the preconditioner; `shift` times the mean diagonal
+    of K is added to it, so that what nothing holds does not go far.
     """
     blocks = _own_blocks(network)
-    shift = np.broadcast_to(shift, len(blocks))[:, None]
     # Translations and rotations differ in unit, so each has its own mean.
     mean = np.einsum("nii->ni", blocks).reshape(-1, 2, 3).mean(axis=(0, 2)).repeat(3)
-    inverse = np.linalg.inv(blocks + np.maximum(shift, 1e-8)[:, :, None] * np.diag(mean))
+    inverse = np.linalg.inv(blocks + max(shift, 1e-8) * np.diag(mean))
     operator, held = ContactOperator(network), shift * mean
     motion, rest = np.zeros_like(load), load.copy()
     eased = np.einsum("nij,nj->ni", inverse, rest)
