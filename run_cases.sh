@@ -46,8 +46,9 @@ state() { # case: the state of its chain under the stress of the case
     local mu stress; mu=$(column "$1" 2) stress=$(column "$1" 4)
     if [ "$mu" = 0 ]; then
         # Of two walks through one pressure the last counts; names begin with their number.
-        find products/chain_mu0 -name "*_$(awk "BEGIN {printf \"%g\", $stress / 1000}")kPa.sample.h5" \
-            2>/dev/null | sort | tail -1 || true
+        local name found; name="*_$(awk "BEGIN {printf \"%g\", $stress / 1000}")kPa.sample.h5"
+        found=$(find products/chain_mu0 -name "$name" 2>/dev/null | sort | tail -1 || true)
+        echo "${found:-products/chain_mu0/$name}"
     else
         printf 'products/chain_mu%s/%s' "$mu" "$(printf '%gPa.sample.h5' "$stress")"
     fi
