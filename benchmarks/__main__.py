@@ -30,7 +30,7 @@ JOBS = (
 )
 
 
-LONG = ("modes", "modes_scaling", "protocol")
+LONG = ("modes", "modes_scaling", "protocol", "agreement")
 """Tables of 35,201 spheres and more, and of whole chains; run only when named."""
 
 
