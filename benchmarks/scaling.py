@@ -229,7 +229,7 @@ def limit(ax: Axes, rows: list[dict[str, Any]], look: dict[str, Any]) -> None:
     known = [row for row in rows if row.get("seconds_limit")]
     if known:
         label = f"memory limit of {known[0]['curve']}"
-        style = look | {"marker": None, "ls": (0, (1, 1))}
+        style = look | {"marker": None, "lw": 0.7}
         diagram.curve(ax, known, "x", "seconds_limit", label=label, **style)
 
 
