@@ -178,7 +178,8 @@ def run(quick: bool, folder: Path) -> Finding:
         "times the residual. I is the inertial number of the largest strain rate. The servo drives "
         "these packings straight to the stress. The study's chain first drives the cloud, at a "
         "constant rate and hardly damped, to 500 kPa, lets the agitation die at constant volume, "
-        "and walks over 10, 1 and 10 kPa to the stress; its rows give its end."
+        "and walks over 10, 1 and 10 kPa to the stress; its rows give its end. What its rates, "
+        "damping and time step change: `python -m benchmarks protocol`."
     )
     shown = [row for row in rows if not row["method"].startswith(CHAIN)]
     figures = {"preparation": diagram.work_precision(shown, ERRORS), "settling": settling(traces)}
