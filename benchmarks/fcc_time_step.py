@@ -88,7 +88,7 @@ class Columns:
         if layers not in self.ready:
             network = yade_job.in_yades_order(gallery.fcc(WIDTH, layers))
             yade_job.prepare_wave(network, folder)
-            start = yade_job.wave_start(folder)
+            start = yade_job.wave_start(folder, self.times)
             self.ready[layers] = network, Chain.of_network(network), start
         return folder, *self.ready[layers]
 

@@ -204,7 +204,7 @@ def record_rows(folder: Path, size: dict[str, int], times: int) -> list[dict[str
     return rows
 
 
-def step_rows(folder: Path, size: dict[str, int]) -> list[dict[str, Any]]:
+def step_rows(folder: Path, size: dict[str, int], times: int) -> list[dict[str, Any]]:
     """Lazy and sleeping collider, and blocked rotations, in YADE's steps."""
     network = gallery.fcc(3, size["long"])
     sample = Sample(network.position, network.cell_size[:2], network.wall_position, friction=0.1)
@@ -231,7 +231,7 @@ def step_rows(folder: Path, size: dict[str, int]) -> list[dict[str, Any]]:
                 rotations=rotations,
                 output=str(output),
             )
-            for _ in range(3)
+            for _ in range(times)
         ]
         seconds = statistics.median(run.seconds for run in each)
         runs.append(Measured(None, seconds, each[0].peak_mb))
@@ -286,7 +286,7 @@ def run(quick: bool, folder: Path) -> Finding:
     size, times = SIZES[quick], 1 if quick else 3
     rows = modes_rows(folder, size, times) + record_rows(folder, size, times)
     if yade_job.available():
-        rows += step_rows(folder, size)
+        rows += step_rows(folder, size, times)
         rows.append(lattice_row(folder, size["compressed"]))
     task = (
         "The same task with and without each short cut; the error is that of the result with the "

@@ -149,7 +149,8 @@ def linear_rows(network: Network, path: Path, quick: bool, duration: float) -> l
 def yade_rows(network: Network, folder: Path, quick: bool, duration: float) -> list[dict[str, Any]]:
     """YADE at both amplitudes; seconds are those of the steps."""
     yade_job.prepare_wave(network, folder)
-    start = yade_job.wave_start(folder)
+    times = 1 if quick else 3
+    start = yade_job.wave_start(folder, times)
     rows = []
     for amplitude in AMPLITUDES:
         for fraction in DEM_STEPS[quick]:
@@ -158,7 +159,7 @@ def yade_rows(network: Network, folder: Path, quick: bool, duration: float) -> l
                 fraction=fraction,
                 amplitude=amplitude,
                 duration=duration,
-                times=1 if quick else 3,
+                times=times,
             )
             have = by_layers(signals.chain_displacement, signals.chain_position) / amplitude
             last = float(signals.time[-1])

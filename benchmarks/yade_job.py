@@ -105,6 +105,6 @@ def wave(
     return read_signals(written), seconds, peak
 
 
-def wave_start(folder: Path) -> float:
+def wave_start(folder: Path, times: int) -> float:
     """Processor time, s, of a wave run of a single interval: what a start costs."""
-    return wave(folder, fraction=0.5, amplitude=2.5e-9, duration=1.1e-5, times=3)[1]
+    return wave(folder, fraction=0.5, amplitude=2.5e-9, duration=1.1e-5, times=times)[1]
