@@ -237,7 +237,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
         ax.set_ylabel(("processor time (s)", "peak memory (MB)")[down])
         diagram.decades(ax)
         low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** 0.55)  # room for the legend
+        ax.set_ylim(low, high * (high / low) ** (0.5, 0.1)[across])  # room for the legend
         if ax.lines:
             ax.legend(fontsize=7, title="exponent", title_fontsize=7, loc="upper left")
     return figure
