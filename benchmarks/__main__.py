@@ -48,8 +48,8 @@ def index(folder: Path) -> None:
         "# Run time against error",
         "",
         "Made by `python -m benchmarks` (`--quick` in three minutes; names pick some). Each page "
-        "says on what machine. Seconds are processor time of one thread, medians of three runs, "
-        "or of one where it takes most of ten seconds or `--quick` was given; each task has a "
+        "says on what machine. Seconds are processor time of one thread, medians of three runs; "
+        "tasks of about ten seconds and more, and those of `--quick`, run once. Each task has a "
         "process of its own, whose peak memory is given.",
         "",
     ]
