@@ -21,7 +21,7 @@ BLOCK = 12
 """Right-hand sides of one solve."""
 TOLERANCE = 1e-10
 """Residual of (A - sigma)^-1 at which a mode counts as converged, relative to its eigenvalue. That
-of A relative to omega^2 was 50 times as large at most for the lowest 100 of 35,201 spheres."""
+of A relative to omega^2 was up to 50 times as large for the lowest 100 of 35,201 spheres."""
 ROWS = 4096
 """Rows of the basis that are combined together."""
 SEED = 20170729
