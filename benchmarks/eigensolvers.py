@@ -205,7 +205,7 @@ def notes(rows: list[dict[str, Any]], exact: np.ndarray, floppy: int) -> list[st
         result = typed_row.get("failure")
         prefix = zero if typed_row.get("zero_modes") else ""
         said.append(f"{typed_row['method']}, {typed_row['setting']}: {prefix}{result}.")
-    loose = [row for row in rows if row.get("zero_modes") not in (None, 0, floppy)]
+    loose = [row for row in known if row["zero_modes"] not in (0, floppy)]
     if loose:
         said.append(
             f"Of {floppy} zero modes {len(loose)} runs of eigsh list only some, "
