@@ -27,21 +27,28 @@ from modal.storage import InputError
 TITLE = "Random samples: what the protocol and its short cuts change"
 SPHERES, WIDTH = {True: 200, False: 1000}, {True: 4.0, False: 6.0}
 STRESS, PEAK = 1e5, 1e6
-MU, MU_WAVE, MU_WAVE_FRICTIONLESS = 0.4, 0.5, 0.1
+MU, MU_WAVE = 0.4, 0.5
 SETTLING = {True: 2000, False: 20_000}
 """Steps of YADE with real masses, twice what the long waves of the full size would need."""
 FRICTIONLESS = {True: 2000, False: 20_000}
+OWN, HALF = "the study's chain", "half the time step"
+BY_MINIMISER = "no friction, 1 MPa to 100 kPa by the minimiser"
+STARTS = {OWN: 6, HALF: 3}
+"""Random starts of these chains; the others have one."""
 CHAINS = {
-    "the study's chain": {},
-    "another start": {"seed": 2},
-    "a third start": {"seed": 3},
+    OWN: {},
+    HALF: {"fraction": 0.35},
     "half the rates": {"approach_rate": 4.0, "inertial_number": 0.005},
     "twice the rates": {"approach_rate": 16.0, "inertial_number": 0.02},
-    "half the time step": {"fraction": 0.35},
     "no damping until hot": {"agitated_damping": 0.0},
     "damping 0.1 until hot": {"agitated_damping": 0.1},
 }
-QUICK = "the study's chain", "half the time step"
+SETTLED = "the study's chain, settled in YADE with real masses"
+BY_YADE = "no friction, the same by YADE"
+PAIRS = {SETTLED: OWN, BY_YADE: BY_MINIMISER}
+"""Samples that come from the same state."""
+COLUMNS = {"e": ".4f", "Z": ".3f", "V_P_m_s": ".1f"}
+"""What is compared, and its digits."""
 
 
 def state_row(what: str, sample: Sample, steps: int, seconds: float) -> dict[str, Any]:
@@ -70,7 +77,7 @@ def chain(folder: Path, what: str, quick: bool, changed: dict[str, float]) -> tu
     """The 100 kPa state of a chain with some choices changed, not yet at rest; its study."""
     columns = {"mu_comp": MU, "spheres": SPHERES[quick], "width": WIDTH[quick], "highest": STRESS}
     columns |= changed
-    own = folder / what.replace(" ", "_").replace("'", "")
+    own = folder / f"{what} {changed['seed']}".replace(" ", "_").replace("'", "")
     own.mkdir()
     table = f"{' '.join(columns)}\n{' '.join(f'{value:g}' for value in columns.values())}\n"
     yade_job.run_script("chain", table, own)
@@ -92,7 +99,7 @@ def frictionless(folder: Path, quick: bool) -> list[dict[str, Any]]:
     begun = time.process_time()
     low, rest = minimise(start, STRESS, tolerance=1e-5)
     seconds = time.process_time() - begun
-    rows = [state_row("no friction, 1 MPa to 100 kPa by the minimiser", low, rest.steps, seconds)]
+    rows = [state_row(BY_MINIMISER, low, rest.steps, seconds)]
     moving = folder / "frictionless.sample.h5", folder / "frictionless.low.sample.h5"
     write_sample(moving[0], start)
     run = yade_job.measured(
@@ -104,8 +111,7 @@ def frictionless(folder: Path, quick: bool) -> list[dict[str, Any]]:
         inertial_number=0.01,
         steps=FRICTIONLESS[quick],
     )
-    what = "no friction, the same by YADE"
-    rows.append(state_row(what, read_sample(moving[1]), int(run.value["step"][-1]), run.seconds))
+    rows.append(state_row(BY_YADE, read_sample(moving[1]), int(run.value["step"][-1]), run.seconds))
     return rows
 
 
@@ -114,13 +120,15 @@ def run(quick: bool, folder: Path) -> Finding:
     if not yade_job.available():
         raise InputError("protocol: YADE is not installed; apt-get install yade")
     rows, own = [], None
-    for what, changed in CHAINS.items():
-        if quick and what not in QUICK:
+    for what, seed in [
+        (name, seed) for name in CHAINS for seed in range(1, 1 + STARTS.get(name, 1))
+    ]:
+        if quick and (seed > 1 or what not in STARTS):
             continue
-        sample, study = chain(folder, what, quick, changed)
+        sample, study = chain(folder, what, quick, CHAINS[what] | {"seed": seed})
         own = own or (sample, study)
         cost = int(study["steps"]), float(study["seconds"])
-        rows.append(at_rest(what, sample, cost))
+        rows.append(at_rest(what, sample, cost) | {"start": seed})
     sample, study = own
     cost = int(study["steps"]), float(study["seconds"])
     paths = folder / "state.sample.h5", folder / "settled.sample.h5"
@@ -135,7 +143,7 @@ def run(quick: bool, folder: Path) -> Finding:
     )
     rows.append(
         state_row(
-            "the study's chain, settled in YADE with real masses",
+            SETTLED,
             read_sample(paths[1]),
             cost[0] + SETTLING[quick],
             cost[1] + settled.seconds,
@@ -151,26 +159,27 @@ def run(quick: bool, folder: Path) -> Finding:
 
 
 def notes(rows: list[dict[str, Any]]) -> list[str]:
-    """Each change beside the scatter of the starts."""
-    by = {row["sample"]: row for row in rows}
-    names = {"e": ".4f", "Z": ".3f", "V_P_m_s": ".1f"}
-    first, said = rows[0], []
-    starts = [by[name] for name in ("the study's chain", "another start", "a third start")
-              if name in by]  # fmt: skip
-    if len(starts) > 2:
-        scatter = {name: float(np.std([row[name] for row in starts], ddof=1)) for name in names}
-        text = ", ".join(f"{name} {scatter[name]:{form}}" for name, form in names.items())
-        said.append(f"Standard deviation of {len(starts)} starts: {text}.")
-    for row in rows[1:]:
-        base = first
-        if row["sample"].startswith("no friction"):
-            base = by["no friction, 1 MPa to 100 kPa by the minimiser"]
-            if row is base:
-                continue
-        changes = ", ".join(
-            f"{name} {row[name] - base[name]:+{form}}"
-            for name, form in names.items()
-            if row[name] is not None and base[name] is not None
+    """Mean and scatter of the starts, single runs against that mean, and pairs from one state."""
+    said = []
+    for what in CHAINS:
+        own = [row for row in rows if row["sample"] == what and row["V_P_m_s"] is not None]
+        values = [
+            (name, np.array([row[name] for row in own]), form) for name, form in COLUMNS.items()
+        ]
+        if len(own) > 1:
+            text = (
+                f"{name} {x.mean():{form}} ± {x.std(ddof=1):{form}}" for name, x, form in values
+            )
+            said.append(f"{what}, {len(own)} starts, mean and deviation: {', '.join(text)}.")
+        elif own:
+            text = (f"{name} {x[0]:{form}}" for name, x, form in values)
+            said.append(f"{what}, one start: {', '.join(text)}.")
+    for what, base in PAIRS.items():
+        one, other = (next(row for row in rows if row["sample"] == name) for name in (what, base))
+        text = (
+            f"{name} {one[name] - other[name]:+{form}}"
+            for name, form in COLUMNS.items()
+            if one[name] is not None
         )
-        said.append(f"{row['sample']}: {changes}; residual {row['residual']:.1e}.")
+        said.append(f"{what}, against {base}: {', '.join(text)}; residual {one['residual']:.1e}.")
     return said
