@@ -1,4 +1,4 @@
-"""Contact network of a polished random sample as YADE has it, and its noise; caseNN.network.h5.
+"""Contact network of a random sample at rest as YADE has it, and its noise; caseNN.network.h5.
 
     yade-batch cases/random.table yade_scripts/export_random.py
 
