@@ -33,7 +33,7 @@ for the longest wave along the packing, whose frequency falls as its length grow
 OWN_DRAG = 0.3
 """What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
 that waves die and a loose sphere that has some micrometres to go is not held up."""
-TOLERANCE = 1e-9
+TOLERANCE = 1e-10
 """Mean net force over mean contact force at which a sample counts as balanced."""
 SINGLE = 10.0
 """Largest net force of a sphere, over the mean one allowed: a single sphere with more would go by
