@@ -34,7 +34,9 @@ OWN_DRAG = 0.3
 """What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
 that waves die and a loose sphere that has some micrometres to go is not held up."""
 TOLERANCE = 1e-10
-"""Mean net force over mean contact force at which a sample counts as balanced."""
+"""Mean net force over mean contact force at which a sample counts as balanced. What is left moves
+spheres by a share of their overlaps, the more the higher the stress; at 100 kPa and below it is
+round-off of the positions that decides."""
 SINGLE = 10.0
 """Largest net force of a sphere, over the mean one allowed: a single sphere with more would go by
 itself as far as a wave moves it."""

@@ -37,7 +37,7 @@ def add_relax(commands: Any) -> None:
     balance = commands.add_parser("relax", help=text, description=text)
     balance.add_argument("sample", help="*.sample.h5")
     balance.add_argument("--friction", type=float, metavar="MU", help="of the wave; as it is")
-    balance.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-9")
+    balance.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-10")
     balance.add_argument("--network", metavar="FILE", help="write the contact network as well")
     balance.add_argument("--json", action="store_true", help="print one JSON object")
     balance.add_argument("-o", "--output", required=True, metavar="FILE", help="*.sample.h5")
@@ -65,7 +65,9 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
     if options.friction is not None:
         sample = replace(sample, friction=options.friction)
     if not options.tolerance > 0:
-        raise InputError(f"--tolerance {options.tolerance:g}: must be positive; 1e-9 is usual")
+        raise InputError(
+            f"--tolerance {options.tolerance:g}: must be positive; {TOLERANCE:g} is usual"
+        )
     history: list[Balance] = []
 
     def watch(state: Balance) -> None:
