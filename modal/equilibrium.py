@@ -45,6 +45,7 @@ RESERVE = 0.95
 NEAR = 1e-7
 """Residual at which a sample that comes no nearer is taken as it is."""
 LOOK = 100
+"""Steps between two looks at the balance."""
 MAX_STEPS = 60_000
 
 
@@ -131,7 +132,9 @@ def relax(
     for step in range(max_steps + 1):
         push = contacts.load / arm
         if step % LOOK == 0:
-            size = np.sqrt((push**2).sum(axis=1)) / contacts.mean_force
+            # Spheres that have all come apart have no mean force left.
+            scale = max(contacts.mean_force, np.finfo(float).tiny)
+            size = np.sqrt((push**2).sum(axis=1)) / scale
             residual, largest = float(size.mean()), float(size.max())
             if watch:
                 watch(

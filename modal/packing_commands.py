@@ -81,7 +81,10 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
 
     rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
     if state.residual > options.tolerance:
-        _say(f"taken at a residual of {state.residual:.1e}: {options.tolerance:g} was not reached")
+        _say(
+            f"taken at a residual of {state.residual:.1e}: round-off of the positions, or loose "
+            f"spheres, keep it from {options.tolerance:g}"
+        )
     network = rested.network()
     measured = summary(network, rested.friction)
     found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
