@@ -116,9 +116,9 @@ def relax(
             "give a positive one"
         )
     contacts = MovingContacts(sample, RESERVE * sample.friction)
+    length, radius = float(sample.walls[1] - sample.walls[0]), sample.radius
     if contacts.touching == 0:
         raise InputError("the sample has no contacts; compress it before it is brought to rest")
-    length, radius = float(sample.walls[1] - sample.walls[0]), sample.radius
     overlap = float(np.median(sample.contacts().overlap))
     tolerance = max(tolerance, 10 * np.finfo(float).eps * length / overlap)
     drag = DRAG * 2 * radius / length
@@ -130,11 +130,11 @@ def relax(
     layer = (height / (2 * radius)).astype(int)
     in_layer = np.maximum(np.bincount(layer), 1)
     for step in range(max_steps + 1):
+        if contacts.touching == 0:
+            raise InputError("the spheres come apart; compress the sample further first")
         push = contacts.load / arm
         if step % LOOK == 0:
-            # Spheres that have all come apart have no mean force left.
-            scale = max(contacts.mean_force, np.finfo(float).tiny)
-            size = np.sqrt((push**2).sum(axis=1)) / scale
+            size = np.sqrt((push**2).sum(axis=1)) / contacts.mean_force
             residual, largest = float(size.mean()), float(size.max())
             if watch:
                 watch(

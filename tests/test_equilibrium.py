@@ -213,3 +213,14 @@ def test_far_from_rest_is_said(packed):
     position[:, :2] %= packed.side
     with pytest.raises(InputError, match="does not come to rest"):
         relax(replace(packed, position=position), max_steps=3)
+
+
+def test_spheres_that_come_apart_are_said():
+    """A sphere that a wall pushes away, with nothing behind it."""
+    radius = 1e-3
+    walls = np.array([0.0, 4 * radius])
+    pushed = Sample(
+        np.array([[2e-3, 2e-3, radius - 1e-8]]), np.full(2, 4e-3), walls, 0.3, radius=radius
+    )
+    with pytest.raises(InputError, match="come apart"):
+        relax(pushed)
