@@ -28,7 +28,7 @@ SIZE = {True: (300, 5e-5), False: (9000, 2e-4)}
 """Spheres (the lower part of case 6; with --quick a packing made on the spot), duration, s."""
 FRACTIONS = {True: (0.9, 0.5, 0.35, 0.2), False: (0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)}
 NON_LINEAR = 0.02
-"""The time step needs to be below what the contact law does at the study's amplitude, not far below.
+"""The time step needs to be below what the contact law does at the study's amplitude, not far.
 Over their records YADE differs from linear by 3.4 % (case 6) and 7.5 % (case 30) in the layers'
 means, contacts that slide included; in a small sample where none does by 0.4 %, single spheres by
 0.9 % (`python -m benchmarks agreement`)."""
