@@ -54,7 +54,8 @@ class Balance:
     """Residuals of a state: mean and largest net force (and torque over R) over mean N.
 
     friction_used: largest |shear| / (mu N), over 1 in the `sliding` contacts beyond the limit,
-    which a dynamic run would let slide; `steps` so far.
+    which a dynamic run would let slide; `steps` so far. While spheres move `sliding` are those that
+    slid in the last step, and friction_used is not sought (NaN).
     """
 
     residual: float
@@ -108,7 +109,8 @@ def relax(
 
     It needs friction: frictionless packings have motions that nothing resists. The tolerance is
     raised to what round-off of the positions allows; a sample that stalls below `NEAR` is taken
-    as it is, with its residual. `watch` sees the balance every `LOOK` steps.
+    as it is, with its residual. Contacts slide at `RESERVE` of the friction. `watch` sees the
+    balance every `LOOK` steps.
     """
     if not 0 < sample.friction < np.inf:
         raise InputError(
@@ -134,12 +136,10 @@ def relax(
             raise InputError("the spheres come apart; compress the sample further first")
         push = contacts.load / arm
         if step % LOOK == 0:
-            size = np.sqrt((push**2).sum(axis=1)) / contacts.mean_force
+            size = _size(contacts.load, 1 / radius) / contacts.mean_force
             residual, largest = float(size.mean()), float(size.max())
             if watch:
-                watch(
-                    Balance(residual, largest, RESERVE, contacts.sliding, contacts.touching, step)
-                )
+                watch(Balance(residual, largest, np.nan, contacts.sliding, contacts.touching, step))
             if residual <= tolerance and largest <= SINGLE * tolerance:
                 break
         mass = np.maximum(contacts.stiffness, LIGHTEST * contacts.stiffness.mean()) / PACE
