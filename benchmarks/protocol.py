@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import yade_job
+from benchmarks.measure import Measured
 from benchmarks.report import Finding
 from modal.equilibrium import balance_of, relax
 from modal.minimiser import minimise
@@ -93,6 +94,14 @@ def at_rest(what: str, sample: Sample, before: tuple[int, float]) -> dict[str, A
     return state_row(what, rested, before[0] + balance.steps, before[1] + seconds)
 
 
+def by_yade(script: str, folder: Path, start: Sample, **given: float) -> tuple[Sample, Measured]:
+    """What a script of benchmarks/yade makes of a sample, and what that cost."""
+    paths = folder / "start.sample.h5", folder / "end.sample.h5"
+    write_sample(paths[0], start)
+    run = yade_job.measured(script, folder, sample=str(paths[0]), output=str(paths[1]), **given)
+    return read_sample(paths[1]), run
+
+
 def frictionless(folder: Path, quick: bool) -> list[dict[str, Any]]:
     """Unloading from 1 MPa without friction: by the minimiser, and by YADE's dynamics."""
     start = replace(random_sample(SPHERES[quick], PEAK, aspect=4.0, tolerance=1e-4), friction=0.0)
@@ -100,18 +109,15 @@ def frictionless(folder: Path, quick: bool) -> list[dict[str, Any]]:
     low, rest = minimise(start, STRESS, tolerance=1e-5)
     seconds = time.process_time() - begun
     rows = [state_row(BY_MINIMISER, low, rest.steps, seconds)]
-    moving = folder / "frictionless.sample.h5", folder / "frictionless.low.sample.h5"
-    write_sample(moving[0], start)
-    run = yade_job.measured(
+    moved, run = by_yade(
         "compress",
         folder,
-        sample=str(moving[0]),
-        output=str(moving[1]),
+        start,
         stress=STRESS,
         inertial_number=0.01,
         steps=FRICTIONLESS[quick],
     )
-    rows.append(state_row(BY_YADE, read_sample(moving[1]), int(run.value["step"][-1]), run.seconds))
+    rows.append(state_row(BY_YADE, moved, int(run.value["step"][-1]), run.seconds))
     return rows
 
 
@@ -131,24 +137,9 @@ def run(quick: bool, folder: Path) -> Finding:
         rows.append(at_rest(what, sample, cost) | {"start": seed})
     sample, study = own
     cost = int(study["steps"]), float(study["seconds"])
-    paths = folder / "state.sample.h5", folder / "settled.sample.h5"
-    write_sample(paths[0], sample)
-    settled = yade_job.measured(
-        "settle",
-        folder,
-        sample=str(paths[0]),
-        output=str(paths[1]),
-        steps=SETTLING[quick],
-        damping=0.5,
-    )
-    rows.append(
-        state_row(
-            SETTLED,
-            read_sample(paths[1]),
-            cost[0] + SETTLING[quick],
-            cost[1] + settled.seconds,
-        )
-    )
+    steps = SETTLING[quick]
+    settled, spent = by_yade("settle", folder, sample, steps=steps, damping=0.5)
+    rows.append(state_row(SETTLED, settled, cost[0] + steps, cost[1] + spent.seconds))
     rows += frictionless(folder, quick)
     task = (
         f"{SPHERES[quick]} spheres, friction {MU:g} in compression and {MU_WAVE:g} at rest, "
