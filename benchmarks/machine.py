@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-PACKAGES = ("numpy", "scipy", "numba", "pypardiso", "scikit-sparse", "h5py")
+PACKAGES = ("numpy", "scipy", "numba", "pypardiso", "h5py")
 
 
 def processor() -> str:

@@ -1,9 +1,8 @@
 """Factorisations of a shifted, symmetric A - sigma: solves for shift-invert, and inertia.
 
-One interface, four back ends. PARDISO (pypardiso) and CHOLMOD (scikit-sparse) are used where they
-are installed; with scipy alone a definite matrix is factorised as a band along the packing, an
-indefinite one by SuperLU in symmetric mode. Which one is chosen by what is asked and by the
-memory that it will need.
+One interface, three back ends. PARDISO (pypardiso) is used where it is installed; with scipy alone
+a definite matrix is factorised as a band along the packing, an indefinite one by SuperLU in
+symmetric mode. Which one is chosen by what is asked and by the memory that it will need.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from scipy.sparse.linalg import splu
 from modal.band import Band, BandCholesky
 from modal.storage import InputError
 
-SOLVERS = ("pardiso", "cholmod", "banded", "superlu")
-_MODULES = {"pardiso": "pypardiso", "cholmod": "sksparse"}
+SOLVERS = ("pardiso", "banded", "superlu")
 SUPERLU_FILL = 1.4e3
 """Bytes of a SuperLU factor for each nonzero of a packing's matrix: 12 GB for 9 million."""
 PARDISO = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1}
@@ -46,8 +44,7 @@ class Factor:
 
 def available(solver: str) -> bool:
     """Whether the back end is installed."""
-    module = _MODULES.get(solver)
-    return module is None or importlib.util.find_spec(module) is not None
+    return solver != "pardiso" or importlib.util.find_spec("pypardiso") is not None
 
 
 def factorise(matrix: sp.csr_matrix, *, definite: bool, solver: str | None = None) -> Factor:
@@ -57,26 +54,19 @@ def factorise(matrix: sp.csr_matrix, *, definite: bool, solver: str | None = Non
     singular matrix, or more memory than the machine has.
     """
     if solver is None:
-        fast = [name for name in ("cholmod", "pardiso") if available(name)]
-        usable = [name for name in fast if definite or name != "cholmod"]
-        solver = usable[0] if usable else _scipy_choice(matrix, definite)
+        solver = "pardiso" if available("pardiso") else _scipy_choice(matrix, definite)
     if solver not in SOLVERS:
         raise InputError(f"--solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
     if not available(solver):
         raise InputError(
-            f"--solver {solver}: the package {_MODULES[solver]} is not installed; install it or "
-            "choose banded or superlu"
+            "--solver pardiso: the package pypardiso is not installed; install it or choose "
+            "banded or superlu"
         )
-    if not definite and solver in ("cholmod", "banded"):
+    if not definite and solver == "banded":
         raise InputError(
             f"--solver {solver}: only for the low end of the spectrum; take pardiso or superlu"
         )
-    back_end = {
-        "pardiso": _pardiso,
-        "cholmod": _cholmod,
-        "banded": _banded,
-        "superlu": _superlu,
-    }[solver]
+    back_end = {"pardiso": _pardiso, "banded": _banded, "superlu": _superlu}[solver]
     return back_end(matrix, definite)
 
 
@@ -133,18 +123,6 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
 
     negative = 0 if definite else int(solver.get_iparm(23))
     return Factor(solve, negative, "pardiso", release)
-
-
-def _cholmod(matrix: sp.csr_matrix, definite: bool) -> Factor:
-    """SuiteSparse CHOLMOD, supernodal."""
-    from sksparse.cholmod import CholmodNotPositiveDefiniteError, cholesky
-
-    try:
-        factor = cholesky(matrix.tocsc(), mode="supernodal")
-        factor(np.ones(matrix.shape[0]))
-    except CholmodNotPositiveDefiniteError as error:
-        raise InputError(_singular(definite)) from error
-    return Factor(factor, 0, "cholmod")
 
 
 def _banded(matrix: sp.csr_matrix, definite: bool) -> Factor:
