@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from modal.crystal import FccPacking
 from modal.hertz_mindlin import (
     GLASS,
     RADIUS,
@@ -14,7 +15,6 @@ from modal.hertz_mindlin import (
     stiffness_normal,
     stiffness_tangential,
 )
-from modal.lattice import FccCrystal
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.storage import InputError
 
@@ -76,7 +76,7 @@ def fcc(
     Otsubo et al. 2017, section 2: 4 x 4 x 200. `width` may be 1 or 2, where a sphere touches
     itself or the same neighbour through several periods. Stress in Pa.
     """
-    crystal = FccCrystal(stress, radius, material)
+    crystal = FccPacking(stress, radius, material)
     d, l_z = crystal.spacing, crystal.layer_distance
     z0 = radius - crystal.wall_overlap
     layer, y, x = np.meshgrid(np.arange(layers), np.arange(width), np.arange(width), indexing="ij")

@@ -1,8 +1,6 @@
 """Theory of the FCC crystal: planar P-waves (Eqs. 5-10) and the full Bloch dispersion.
 
-The crystal stands with [001] along z: square layers with spacing d (one contact distance), each
-layer shifted by half a cell, layer distance l = d / sqrt(2). Each sphere has twelve contacts of
-equal normal force. With rotations the Bloch problem has six branches.
+The waves of the packing of `modal.crystal`. With rotations the Bloch problem has six branches.
 """
 
 from __future__ import annotations
@@ -12,14 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.contact import cross_matrix
-from modal.hertz_mindlin import (
-    GLASS,
-    RADIUS,
-    Material,
-    overlap_of_force,
-    stiffness_normal,
-    stiffness_tangential,
-)
+from modal.crystal import FccPacking
 
 
 def layer_stiffness(kn: float, kt: float) -> float:
@@ -43,62 +34,8 @@ def f_low_pass(C: float, m: float) -> float:
 
 
 @dataclass(frozen=True)
-class FccCrystal:
-    """FCC of equal spheres under isotropic stress (Pa): geometry and contact stiffnesses."""
-
-    stress: float
-    radius: float = RADIUS
-    material: Material = GLASS
-
-    @property
-    def overlap(self) -> float:
-        """Overlap of two spheres, m, that balances the stress with spacing d = 2R - overlap.
-
-        Isotropic stress = 2 sqrt(2) F / d^2; the spacing depends on the overlap, so a fixed
-        point (contraction factor about 2 overlap / d) is iterated to machine precision.
-        """
-        overlap, last = 0.0, -1.0
-        while abs(overlap - last) > 1e-15 * self.radius:
-            last = overlap
-            force = self.stress * (2 * self.radius - overlap) ** 2 / (2 * np.sqrt(2))
-            overlap = float(overlap_of_force(force, self.radius / 2, self.material))
-        return overlap
-
-    @property
-    def spacing(self) -> float:
-        """Contact distance d, m."""
-        return 2 * self.radius - self.overlap
-
-    @property
-    def layer_distance(self) -> float:
-        """l = d / sqrt(2), m."""
-        return self.spacing / np.sqrt(2)
-
-    @property
-    def contact_force(self) -> float:
-        """Normal force of each contact, N."""
-        return self.stress * self.spacing**2 / (2 * np.sqrt(2))
-
-    @property
-    def wall_overlap(self) -> float:
-        """Overlap of a sphere of the outer layers with the flat wall, m (force stress d^2)."""
-        force = self.stress * self.spacing**2
-        return float(overlap_of_force(force, self.radius, self.material))
-
-    @property
-    def mass(self) -> float:
-        """Mass of a sphere, kg."""
-        return self.material.density * 4 / 3 * np.pi * self.radius**3
-
-    @property
-    def kn(self) -> float:
-        """Normal contact stiffness, N/m."""
-        return float(stiffness_normal(self.overlap, self.radius / 2, self.material))
-
-    @property
-    def kt(self) -> float:
-        """Tangential contact stiffness, N/m."""
-        return float(stiffness_tangential(self.overlap, self.radius / 2, self.material))
+class FccCrystal(FccPacking):
+    """Waves in the FCC packing under isotropic stress (Pa): Eqs. 5-10, and all Bloch branches."""
 
     @property
     def C(self) -> float:

@@ -6,7 +6,6 @@
 Environment: WAVE_PRODUCTS names the folder of products (default: products).
 """
 
-import math
 import sys
 from pathlib import Path
 
@@ -17,7 +16,8 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.hertz_mindlin import GLASS, RADIUS, overlap_of_force
+from modal.crystal import FccPacking
+from modal.hertz_mindlin import GLASS, RADIUS
 from modal.network import read_network, write_network
 from modal.storage import InputError
 from yade_scripts.compression import wall_stresses
@@ -44,14 +44,9 @@ def crystal():
     """Centres (n, 3) layer by layer, lateral side and length, m, in balance with the stress."""
     if width < 3:
         raise InputError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
-    overlap = 0.0
-    for _ in range(100):
-        spacing = 2 * RADIUS - overlap
-        force = stress * spacing**2 / (2 * math.sqrt(2))
-        overlap = float(overlap_of_force(force, RADIUS / 2, GLASS))
-    spacing = 2 * RADIUS - overlap
-    rise = spacing / math.sqrt(2)
-    z0 = RADIUS - float(overlap_of_force(stress * spacing**2, RADIUS, GLASS))
+    fcc = FccPacking(stress)
+    spacing, rise = fcc.spacing, fcc.layer_distance
+    z0 = RADIUS - fcc.wall_overlap
     centres = [
         ((a + layer % 2 / 2) * spacing, (b + layer % 2 / 2) * spacing, z0 + layer * rise)
         for layer in range(layers)
