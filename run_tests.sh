@@ -1,6 +1,17 @@
 #!/usr/bin/env bash
-# Set up what the tests need, then run them. Arguments go to pytest.
+# Set up what the tests need, then run them. Arguments go to pytest, which then runs once, as in
+#   ./run_tests.sh -m slow      or      GRANULAR_WITHOUT=numba,pypardiso ./run_tests.sh -k modes
+# Without arguments the whole suite runs, with numba and PARDISO, and then what may depend on them
+# once more without, with scipy alone.
 set -euo pipefail
 cd "$(dirname "$0")"
 ./setup.sh --extra test
-exec .venv/bin/python -m pytest "$@"
+# Two workers with one thread each; a file's tests share what they prepared.
+export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
+[ $# -eq 0 ] || exec "${pytest[@]}" "$@"
+"${pytest[@]}"
+# What runs YADE, or only reads and draws, has no second way.
+export GRANULAR_WITHOUT=numba,pypardiso
+other=("*/test_"{"*yade",faults,analysis,benchmark,"*damaged"}"*.py")
+exec "${pytest[@]}" "${other[@]/#/--ignore-glob=}" tests

@@ -41,7 +41,6 @@ if ! cmp -s pyproject.toml "$stamp"; then
     [ -x .venv/bin/python ] || python3 -m venv .venv
     pip=".venv/bin/python -m pip install --quiet --disable-pip-version-check"
     # The fast packages are optional: where they cannot be had, the rest is installed without.
-    [ "$extra" = test ] || $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
-    [ "$extra" != test ] || $pip -e ".[test]"
+    $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
     cp pyproject.toml "$stamp"
 fi

@@ -1,11 +1,75 @@
-"""Shared by the tests: an independent, slow spectrum of a network."""
+"""Shared by the tests: which optional packages they see, unasked skips, and a slow oracle.
+
+GRANULAR_WITHOUT=numba,pypardiso hides these packages from every import of the run, so that code
+with a second way takes it. With CI=true a test that was skipped without being asked to has failed.
+"""
 
 from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from modal.network import Network
+if TYPE_CHECKING:
+    from modal.network import Network
+
+FAST = ("numba", "pypardiso")
+"""Optional packages of the recommended path."""
+HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
+MAY_BE_ABSENT = ["LAMMPS is not installed"]
+"""Reasons for which a test may be skipped where the tests must be complete."""
+COMPLETE = os.environ.get("CI") == "true"
+
+# No test module has imported modal yet.
+for name in HIDDEN:
+    sys.modules[name] = None
+    MAY_BE_ABSENT.append(f"{name} is not installed")
+
+
+def pytest_configure(config):
+    """Refuse to test the recommended path without its packages where it must be tested."""
+    absent = [name for name in FAST if name not in HIDDEN and not importlib.util.find_spec(name)]
+    if COMPLETE and absent:
+        raise pytest.UsageError(
+            f"{' and '.join(absent)} cannot be imported, so the recommended path would go "
+            f"untested; install .[test,fast], or say GRANULAR_WITHOUT={','.join(absent)}"
+        )
+
+
+def pytest_collection_modifyitems(items):
+    """Files that run YADE come first: they take longest, and no worker is left with one alone."""
+    items.sort(key=lambda item: "yade" not in item.path.name)
+
+
+def pytest_report_header():
+    """Say which path is tested."""
+    return f"hidden packages: {', '.join(HIDDEN) or 'none'}"
+
+
+def refuse_unasked_skip(report):
+    """Turn a skip for a reason that nobody has allowed into a failure."""
+    if COMPLETE and report.skipped and not hasattr(report, "wasxfail"):
+        path, line, reason = report.longrepr
+        if not any(allowed in reason for allowed in MAY_BE_ABSENT):
+            report.outcome = "failed"
+            report.longrepr = f"{path}:{line}: {reason}; with CI=true nothing is skipped unasked"
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport():
+    """Of a test and its fixtures."""
+    return refuse_unasked_skip((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report():
+    """Of a whole module."""
+    return refuse_unasked_skip((yield))
 
 
 def slow_stiffness(network: Network) -> np.ndarray:

@@ -128,7 +128,7 @@ def test_counts_are_exact(share):
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_lowest_modes_by_every_factorisation(solver):
     if not available(solver):
-        pytest.skip(f"{solver} is not installed")
+        pytest.skip("pypardiso is not installed")
     problem = Eigenproblem.of(diluted(0.35, 4, layers=8), solver=solver)
     elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
     lowest = lowest_modes(problem, 40)
