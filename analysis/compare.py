@@ -15,6 +15,7 @@ from analysis.gain import TRAVELS, gain_factor
 from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency, wavelength
 from analysis.paper import stated
 from analysis.products import Products
+from analysis.ridge import ridge
 from analysis.velocity import (
     arrival_times,
     at_frequency,
@@ -82,9 +83,9 @@ def compare(case: Products) -> list[Row]:
     put("f_low_pass", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
     note = "theory Eq. 6; others: slope at long waves, unbiased"
     put("velocity", "V_P, long waves", "m/s", note, theory=chain.velocity)
-    diameter = 2 * float(network.radius.mean())
-    lam = wavelength(chain.velocity, f_theory) / diameter
-    put("lambda_over_d", "lambda_low-pass / D", "1", theory=lam)
+    lam = wavelength(chain.velocity, f_theory) / case.diameter
+    note = "theory Eq. 7; modal: last resonance; others: where the waves turn round"
+    put("lambda_edge", "lambda_low-pass / D, band edge", "1", note, theory=lam)
     void = float(np.prod(network.cell_size[:2])) * network.length
     solid = float((4 / 3 * np.pi * network.radius**3).sum())
     put("void_ratio", "void ratio, wall to wall", "1", yade=void / solid - 1)
@@ -114,8 +115,8 @@ def _modal_rows(case: Products, put) -> None:
             edge, speed = measured.low_pass_frequency, measured.velocity
             put("f_low_pass", "", "", modal=edge / 1e3)
             put("velocity", "", "", modal=speed)
-            lam = wavelength(speed, edge) / (2 * float(case.network.radius.mean()))
-            put("lambda_over_d", "", "", modal=lam)
+            kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / chain.distance
+            put("lambda_edge", "", "", modal=2 * np.pi / kappa / case.diameter)
             rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
             text = "dispersion, RMS deviation from Eq. 9"
             put("rms", text, "%", "up to kappa l = 0.9 pi", modal=100 * rms)
@@ -142,8 +143,7 @@ def _signal_rows(case: Products, signals: Signals, producer: str, put) -> None:
     edge, speed = measured.low_pass_frequency, measured.velocity
     put("f_low_pass", "", "", **{producer: edge / 1e3})
     put("velocity", "", "", **{producer: speed})
-    lam = wavelength(speed, edge) / (2 * case.network.radius.mean())
-    put("lambda_over_d", "", "", **{producer: lam})
+    put("lambda_edge", "", "", **{producer: ridge(signals).edge_wavelength / case.diameter})
     rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
     text = "dispersion, RMS deviation from Eq. 9"
     put("rms", text, "%", "up to kappa l = 0.9 pi", **{producer: 100 * rms})

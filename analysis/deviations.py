@@ -67,6 +67,8 @@ SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
     ("threshold_2", "f_low-pass, 2 % rule, DEM, kHz", lambda m: m.passband.of_dem[0].value / 1e3),
     ("threshold_2", "f_low-pass, 2 % rule, linear, kHz", lambda m: m.low_pass[0].value / 1e3),
     ("threshold_2", "f_low-pass, unbiased, DEM, kHz", lambda m: m.dem_band_edge / 1e3),
+    ("lambda_edge", "lambda / D at the band edge, linear", lambda m: m.edge_wavelength[0]),
+    ("lambda_edge", "lambda / D at the band edge, DEM", lambda m: m.edge_wavelength[1]),
     ("lambda_over_d", "lambda_low-pass / D, 2 %", lambda m: m.low_pass_wavelength(0)),
     ("lambda_over_d_1", "lambda_low-pass / D, 1 %", lambda m: m.low_pass_wavelength(1)),
     ("translations_only", "f_max without rotations / f_low-pass", _translations),

@@ -117,5 +117,5 @@ def threshold_curves(
 
 
 def wavelength(velocity: float, f_low_pass: float) -> float:
-    """lambda_low-pass, m, of a lattice with this long-wave velocity: 2 l, with Eq. 7 for l."""
+    """lambda_low-pass, m, by Eq. 7, which holds for nearest neighbours alone: theory's 2 l."""
     return 2 * velocity / (np.pi * f_low_pass)

@@ -15,6 +15,7 @@ from analysis.gain import Gain, gain_factor
 from analysis.lowpass import Plateau
 from analysis.passband import Passband
 from analysis.products import Products
+from analysis.ridge import Ridge, ridge
 from analysis.standing import Standing, standing_modes
 from analysis.velocity import at_frequency, first_peak_times, wall_velocity
 from modal.layers import force_bearing
@@ -223,15 +224,31 @@ class Measures:
             return np.nan
         return chain_dispersion(self.case.signals).low_pass_frequency
 
+    @cached_property
+    def ridge(self) -> Ridge:
+        """Frequency over wave number along the chain of a crystal, linear wave."""
+        return ridge(self.case.wave)
+
+    @cached_property
+    def edge_wavelength(self) -> tuple[float, float]:
+        """Wavelength at a crystal's band edge / D, of linear wave and DEM run; NaN for others.
+
+        Measured where the waves of the record turn round, not computed from the lattice (Eq. 7).
+        """
+        if not self.case.is_crystal:
+            return np.nan, np.nan
+        run = self.case.signals
+        dem = np.nan if run is None else ridge(run).edge_wavelength
+        return self.ridge.edge_wavelength / self.case.diameter, dem / self.case.diameter
+
     def wavelength_at(self, frequency: float) -> float:
         """Wavelength, m, of the coherent wave at a frequency, Hz.
 
-        Where its wave number is no longer measured, from the structure factor's ridge.
+        Where its wave number is no longer measured, from the structure factor's ridge. NaN beyond
+        the band edge of a crystal.
         """
         if self.case.is_crystal:
-            found = chain_dispersion(self.case.wave)
-            cosine = np.clip(found.cosine(2 * np.pi * frequency), -1, 1)
-            return 2 * np.pi * found.distance / float(np.arccos(cosine))
+            return self.ridge.wavelength(frequency)
         kappa = self.coherent.at(frequency, self.coherent.wavenumber)
         f, wavenumber = self.resonances
         rising = np.maximum.accumulate(f) == f if len(f) else np.zeros(0, bool)
@@ -240,7 +257,10 @@ class Measures:
         return 2 * np.pi / kappa
 
     def low_pass_wavelength(self, rule: int) -> float:
-        """lambda_low-pass / D at the frequency of a rule, in the order of `THRESHOLDS`."""
+        """lambda / D at the frequency of a rule, in the order of `THRESHOLDS`.
+
+        NaN where that frequency lies beyond the band edge of a crystal, as the rule's may.
+        """
         return self.wavelength_at(self.low_pass[rule].value) / self.case.diameter
 
     @cached_property

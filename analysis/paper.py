@@ -38,7 +38,7 @@ STATED = (
     Stated("void_ratio", (8,), 0.516, "1", "Fig. 13"),
     Stated("void_ratio", (22,), 0.646, "1", "Fig. 12"),
     Stated("void_ratio", (30,), 0.687, "1", "Fig. 12"),
-    Stated("lambda_over_d", _ALL, 2**0.5, "1", "section 5.1, Fig. 18"),
+    Stated("lambda_edge", _ALL, 2**0.5, "1", "section 5.1, Fig. 18"),
     Stated("translations_only", _ALL, 1.0, "1", "section 5.1, Fig. 8"),
     Stated("exponent", _ALL, 1 / 6, "1", "section 2, Fig. 6"),
 )

@@ -70,6 +70,8 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate]], ...] = (
     ("f_low-pass 1 %, linear wave, kHz", lambda m: in_khz(m.low_pass[1])),
     ("band edge, DEM, kHz", lambda m: m.dem_band_edge / 1e3),
     ("band edge, linear wave, kHz", lambda m: m.band_edge / 1e3),
+    ("lambda/D at the band edge, linear wave", lambda m: m.edge_wavelength[0]),
+    ("lambda/D at the band edge, YADE", lambda m: m.edge_wavelength[1]),
     ("lambda_low-pass/D 2 %", lambda m: m.low_pass_wavelength(0)),
     ("lambda_low-pass/D 1 %", lambda m: m.low_pass_wavelength(1)),
     ("mean free path at f_low-pass / D", lambda m: m.free_path),

@@ -101,10 +101,14 @@ def velocity_low_pass(cases: list[Measures]) -> Picture:
 
 
 def wavelength_cases(cases: list[Measures]) -> Picture:
-    """Fig. 18: lambda_low-pass / D against void ratio, 2 % and 1 % rule."""
+    """Fig. 18: lambda_low-pass / D against void ratio, 2 % and 1 % rule; crystals: band edge."""
     panel = Panel("void ratio", r"$\lambda_{low-pass}/D$", yscale="log")
     for name, members, style in _marked(cases):
         e = [m.void_ratio for m in members]
+        if name == "FCC":
+            edge = [m.edge_wavelength[0] for m in members]
+            panel.line(e, edge, f"{name}, band edge", **style)
+            continue
         two, one = ([m.low_pass_wavelength(k) for m in members] for k in (0, 1))
         panel.line(e, two, f"{name}, 2 %", **style)
         panel.line(e, one, "1 %" if len(panel.series) == 1 else "", **style | {"marker": "+"})

@@ -1,0 +1,110 @@
+"""Wavelength over frequency against lattices of closed form, among them one without sqrt 2."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from analysis.exact_chain import Chain, chain_signals
+from analysis.measures import Measures
+from analysis.products import Products
+from analysis.ridge import ridge
+from modal.gallery import fcc
+from modal.lattice import FccCrystal
+from modal.signals import Signals
+
+CHAIN = Chain.of_crystal(FccCrystal(1e5))
+DIAMETER = np.sqrt(2) * CHAIN.distance
+
+
+def second_neighbours(share: float, passages: float) -> Signals:
+    """Chain with springs C to the next and share C to the second neighbour, by its own modes.
+
+    For this test alone; the record holds what the FCC's would, at the same amplitude and pulse.
+    """
+    n, spring = CHAIN.layers, CHAIN.stiffness
+    stiffness = np.zeros((n, n))
+    for reach, c in ((1, spring), (2, share * spring)):
+        i = np.arange(n - reach)
+        stiffness[i, i] += c
+        stiffness[i + reach, i + reach] += c
+        stiffness[i, i + reach] -= c
+        stiffness[i + reach, i] -= c
+    stiffness[[0, -1], [0, -1]] += CHAIN.wall_stiffness
+    square, shape = eigh(stiffness / CHAIN.mass)
+    omega, drive = np.sqrt(square), 2 * np.pi * 1e5
+    velocity = np.sqrt(1 + 4 * share) * CHAIN.velocity
+    time = np.arange(0, passages * n * CHAIN.distance / velocity, 4e-7)
+    record = chain_signals(CHAIN, time)
+
+    def answer(t):
+        """To 1 - cos(drive t) from rest at t = 0."""
+        t = np.maximum(t, 0)[:, None]
+        beat = (np.cos(drive * t) - np.cos(omega * t)) / (omega**2 - drive**2)
+        return (1 - np.cos(omega * t)) / omega**2 - beat
+
+    force = 2.5e-9 * CHAIN.wall_stiffness / CHAIN.mass * shape[0]
+    record.chain_displacement = (force * (answer(time) - answer(time - 1e-5))) @ shape.T
+    return record
+
+
+def closed_form(share: float, kappa: np.ndarray) -> np.ndarray:
+    """Frequency, Hz, of an endless such chain."""
+    half = kappa * CHAIN.distance / 2
+    square = np.sin(half) ** 2 + share * np.sin(2 * half) ** 2
+    return np.sqrt(4 * CHAIN.stiffness / CHAIN.mass * square) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("passages", [1.0, 1.95])
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_each_lattice_gives_its_own_wavelengths(share, passages):
+    """With springs to second neighbours of C / 2 the band ends at cos kappa l = -1/2: 3 l, not 2 l.
+
+    A window of T resolves 1/T, 3 to 6 kHz of 140; a peak is found to some thirtieth of that, about
+    0.1 kHz, which is 0.5 % of the lowest frequency asked for. At the edge the resolution of the
+    chain decides, 1 / 100 of the wave number.
+    """
+    edge = np.arccos(-0.5 if share else -1.0) / CHAIN.distance
+    found = ridge(second_neighbours(share, passages))
+    for part in (0.1, 0.25, 0.5):
+        frequency = float(closed_form(share, part * edge))
+        assert found.wavelength(frequency) == pytest.approx(2 * np.pi / (part * edge), rel=5e-3)
+    assert found.edge_wavelength == pytest.approx(2 * np.pi / edge, rel=1e-2)
+    assert found.edge_frequency == pytest.approx(closed_form(share, edge), rel=3e-3)
+
+
+def test_other_distance_gives_other_ratio_to_the_diameter():
+    """Spheres in a straight row are a diameter apart: 2 D, with nothing of the FCC in it."""
+    row = Chain(mass=1e-6, stiffness=3e6, wall_stiffness=1e6, distance=1e-3, layers=120)
+    time = np.arange(0, 120 * row.distance / row.velocity, 1e-7)
+    found = ridge(chain_signals(row, time, frequency=3e5))
+    assert found.edge_wavelength == pytest.approx(2e-3, rel=1e-2)
+
+
+@pytest.mark.parametrize("over", [1.01, 1.2, 2.0])
+def test_no_wavelength_beyond_the_band_edge(over):
+    found = ridge(second_neighbours(0.0, 1.0))
+    assert np.isnan(found.wavelength(over * CHAIN.low_pass_frequency))
+
+
+def test_noise_that_hides_the_edge_gives_none_rather_than_another():
+    record = chain_signals(CHAIN, np.arange(0, 3.5e-4, 4e-7))
+    rng, top = np.random.default_rng(3), abs(record.chain_displacement).max()
+    exact = 2 * CHAIN.distance
+    for share, seen in ((1e-3, True), (0.3, False)):
+        noise = share * top * rng.standard_normal(record.chain_displacement.shape)
+        noisy = chain_signals(CHAIN, record.time)
+        noisy.chain_displacement = record.chain_displacement + noise
+        found = ridge(noisy).edge_wavelength
+        assert found == pytest.approx(exact, rel=1e-2) if seen else np.isnan(found)
+
+
+def test_measured_case_has_no_wavelength_above_its_edge(tmp_path):
+    """The linear wave of an FCC column: sqrt 2 measured at its edge, and nothing above."""
+    case = Products("case02", tmp_path)
+    case.network = fcc(1, 200)
+    found = Measures(case)
+    assert found.edge_wavelength[0] == pytest.approx(np.sqrt(2), rel=1e-2)
+    edge = case.chain.low_pass_frequency
+    assert np.isnan(found.wavelength_at(1.05 * edge)) and np.isnan(found.wavelength_at(2 * edge))
+    half = 2 * np.pi / (np.pi / 2 / case.chain.distance)  # kappa l = pi / 2
+    assert found.wavelength_at(edge * np.sin(np.pi / 4)) == pytest.approx(half, rel=5e-3)
