@@ -20,6 +20,7 @@ from modal.layers import force_bearing
 from modal.network import Network
 from modal.operator import ContactOperator
 from modal.progress import progress
+from modal.provenance import Provenance
 from modal.storage import InputError, atomic_h5, get, open_h5, put
 from modal.wave import top_of_spectrum
 
@@ -140,9 +141,16 @@ def _jackson(count: int) -> np.ndarray:
     return turn / (orders + 1)
 
 
-def write_structure(path: str | Path, found: StructureFactor, network_sha256: str = "") -> None:
+def write_structure(
+    path: str | Path,
+    found: StructureFactor,
+    network_sha256: str = "",
+    made: Provenance | None = None,
+) -> None:
     """Write atomically."""
     with atomic_h5(path) as file:
+        if made:
+            made.write(file)
         file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
         file.attrs["resolution"] = found.resolution
         put(file, "frequency", found.frequency, "Hz")

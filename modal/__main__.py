@@ -19,6 +19,7 @@ from modal.leapfrog import leapfrog
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import all_modes, highest_modes, memory_of_all
 from modal.packing_commands import add_pack, add_relax, pack, relax_sample
+from modal.provenance import is_current, made_by
 from modal.response import frequency_response, write_response
 from modal.sample import read_packing
 from modal.signals import write_signals
@@ -27,6 +28,9 @@ from modal.statistics import contacts_per_particle, profile, summary, write_prof
 from modal.storage import InputError, sha256
 from modal.tangent import PRE_STRESS
 from modal.wave import propagate
+
+PRODUCERS = ("modes", "density", "wave", "response", "relax")
+"""Commands that write one product, made from sources with settings."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -80,6 +84,10 @@ def _parser() -> argparse.ArgumentParser:
     response.add_argument("--resolution", type=float, default=1e3, metavar="HZ")
     response.add_argument("--pre-stress", choices=PRE_STRESS, default="none")
     response.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
+    for name in PRODUCERS:
+        commands.choices[name].add_argument(
+            "--if-stale", action="store_true", help="keep FILE if sources and settings are the same"
+        )
     lattice = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
     lattice.add_argument("--stress", type=float, default=1e5, metavar="PA")
     lattice.add_argument("--json", action="store_true", help="print one JSON object")
@@ -136,7 +144,7 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
     floppy = problem.floppy
     modes.attributes["floppy_modes"] = floppy.total
     if options.output:
-        write_modes(options.output, modes)
+        write_modes(options.output, modes, options.made)
     return {
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
@@ -195,7 +203,7 @@ def _wave(options: argparse.Namespace) -> dict[str, Any]:
         signals = wave.signals
         accuracy = {"products_with_k": wave.products, "truncation": wave.truncation}
     if options.output:
-        write_signals(options.output, signals)
+        write_signals(options.output, signals, options.made)
     return {
         "particles_of_the_chain": len(signals.chain_particle),
         "times": len(signals.time),
@@ -213,7 +221,7 @@ def _response(options: argparse.Namespace) -> dict[str, Any]:
         pre_stress=options.pre_stress,
     )
     if options.output:
-        write_response(options.output, found, sha256(options.network))
+        write_response(options.output, found, sha256(options.network), options.made)
     return {
         "resolution_hz": found.resolution,
         "frequencies": len(found.frequency),
@@ -238,6 +246,10 @@ def _lattice(options: argparse.Namespace) -> dict[str, Any]:
         "f_low_pass_hz": crystal.low_pass_frequency,
         "long_wave_velocity_m_per_s": crystal.velocity,
     }
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
 
 
 def _print(result: dict[str, Any]) -> None:
@@ -271,7 +283,16 @@ def main(argv: list[str] | None = None) -> int:
     start = time.perf_counter()
     try:
         options = _parser().parse_args(argv)
-        result = commands[options.command](options)
+        options.made = None
+        if options.command in PRODUCERS and options.output:
+            arguments = sys.argv[1:] if argv is None else argv
+            options.made = made_by(options.command, vars(options), arguments)
+        elif getattr(options, "if_stale", False):
+            raise InputError("--if-stale is about the file of -o; give one")
+        if getattr(options, "if_stale", False) and is_current(options.output, options.made, _say):
+            result = {"current": options.output}
+        else:
+            result = commands[options.command](options)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from modal.network import Network
 from modal.operator import ContactOperator
 from modal.progress import progress
+from modal.provenance import Provenance
 from modal.storage import InputError, atomic_h5, put
 from modal.wave import GROWTH, top_of_spectrum
 
@@ -183,12 +184,19 @@ def _moments(
     return moments[:, :, :count]
 
 
-def write_density(path: str | Path, states: DensityOfStates, network_sha256: str = "") -> None:
+def write_density(
+    path: str | Path,
+    states: DensityOfStates,
+    network_sha256: str = "",
+    made: Provenance | None = None,
+) -> None:
     """Write density and counts on `states.grid()` atomically."""
     frequency = states.grid()
     density, density_error = states.density(frequency)
     below, below_error = states.count_below(frequency)
     with atomic_h5(path) as file:
+        if made:
+            made.write(file)
         file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
         file.attrs.update(resolution=states.resolution, vectors=len(states.moments))
         put(file, "frequency", frequency, "Hz")

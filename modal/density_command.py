@@ -41,7 +41,7 @@ def density(options: argparse.Namespace) -> dict[str, Any]:
         zero_modes=floppy.basis,
     )
     if options.output:
-        write_density(options.output, states, sha256(options.network))
+        write_density(options.output, states, sha256(options.network), options.made)
     frequency = states.grid()
     below = states.count_below(frequency)[0]
     size = 6 * network.n_particles

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.provenance import Provenance
 from modal.storage import InputError, atomic_h5, get, open_h5, put
 
 SCHEMA = "granular-modes"
@@ -48,9 +49,11 @@ class ModeSet:
     attributes: dict[str, Any] = field(default_factory=dict)
 
 
-def write_modes(path: str | Path, modes: ModeSet) -> None:
-    """Write the modes atomically."""
+def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:
+    """Write the modes atomically, and what they were made from."""
     with atomic_h5(path) as file:
+        if made:
+            made.write(file)
         file.attrs.update(modes.attributes)
         file.attrs.update(schema=SCHEMA, schema_version=VERSION)
         for name, (_, units) in _UNITS.items():

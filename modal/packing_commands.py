@@ -10,10 +10,11 @@ from typing import Any
 
 from modal.equilibrium import TOLERANCE, Balance, relax
 from modal.network import write_network
+from modal.provenance import Provenance, packing_of
 from modal.random_packing import ASPECT, WALK, check_stress, cloud, walk
 from modal.sample import read_sample, write_sample
 from modal.statistics import summary
-from modal.storage import InputError, sha256
+from modal.storage import InputError
 
 
 def add_pack(commands: Any) -> None:
@@ -92,15 +93,26 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
     rested = replace(
         rested,
         study=sample.study | measured | found,
-        provenance=sample.provenance
-        | {"relaxed_by": "python -m modal relax", "parent_sha256": sha256(options.sample)},
+        provenance=_with_parent(options.made, sample.provenance),
     )
     write_sample(options.output, rested)
     if options.network:
         network.study |= rested.study
-        network.provenance = rested.provenance | {"parent_sha256": sha256(options.output)}
+        (parent,) = packing_of(options.output)
+        made = replace(options.made, sources=(parent,))
+        network.provenance = made.attributes() | {
+            "parent": parent.name,
+            "parent_sha256": parent.sha256,
+        }
         write_network(options.network, network)
     return {"residual_before": history[0].residual} | asdict(state) | measured
+
+
+def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:
+    """The attributes of a moved sample: its state is seldom kept, so what that said stays."""
+    (state,) = made.sources
+    kept = {f"parent_{k}": value for k, value in parent.items() if not k.startswith("parent")}
+    return made.attributes() | kept | {"parent": state.name, "parent_sha256": state.sha256}
 
 
 def _say(text: str) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from modal.assembly import mass_diagonal
 from modal.network import Network
 from modal.operator import ContactOperator
+from modal.provenance import Provenance
 from modal.receivers import Receivers
 from modal.storage import InputError, atomic_h5, put
 from modal.wave import chebyshev_moments, top_of_spectrum
@@ -116,9 +117,16 @@ def frequency_response(
     )
 
 
-def write_response(path: str | Path, response: Response, network_sha256: str = "") -> None:
+def write_response(
+    path: str | Path,
+    response: Response,
+    network_sha256: str = "",
+    made: Provenance | None = None,
+) -> None:
     """Write the response atomically; complex numbers as a last axis of real and imaginary part."""
     with atomic_h5(path) as file:
+        if made:
+            made.write(file)
         file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
         file.attrs.update(resolution=response.resolution)
         put(file, "frequency", response.frequency, "Hz")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from modal.provenance import Provenance
 from modal.storage import InputError, atomic_h5, get, open_h5, put
 
 SCHEMA = "granular-wave-signals"
@@ -83,9 +84,11 @@ _ATTRIBUTES = {
 }
 
 
-def write_signals(path: str | Path, signals: Signals) -> None:
-    """Write the signals atomically."""
+def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
+    """Write the signals atomically, and what they were made from."""
     with atomic_h5(path) as file:
+        if made:
+            made.write(file)
         file.attrs.update(schema=SCHEMA, schema_version=VERSION)
         for name, kind in _ATTRIBUTES.items():
             file.attrs[name] = kind(getattr(signals, name))

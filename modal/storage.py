@@ -77,14 +77,22 @@ def _remove_abandoned(path: Path) -> None:
 
 
 @contextmanager
-def open_h5(path: str | Path, schema: str, version: int) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading; refuse what is missing, damaged or of another schema."""
+def open_h5(
+    path: str | Path, schema: str | None = None, version: int | None = None
+) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading; refuse what is missing, damaged or of another schema.
+
+    Without a schema every file is taken.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file; check the name")
     try:
         _refuse_endless_heap(path)
         with h5py.File(path, "r") as file:
+            if schema is None:
+                yield file
+                return
             found, found_version = file.attrs.get("schema"), file.attrs.get("schema_version")
             if isinstance(found, bytes):
                 found = found.decode(errors="replace")

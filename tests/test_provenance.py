@@ -1,0 +1,183 @@
+"""What products say of their making: recorded, compared, refused where two do not belong."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from modal import gallery
+from modal.__main__ import main
+from modal.network import write_network
+from modal.provenance import (
+    Provenance,
+    changes,
+    packing_of,
+    read_provenance,
+    require_same_packing,
+)
+from modal.sample import Sample, sample_of_network, write_sample
+from modal.storage import InputError, sha256
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS = {
+    "modes": ["--lowest", "4"],
+    "density": ["--resolution", "2e4"],
+    "wave": ["--duration", "2e-5"],
+    "response": ["--highest", "3e4", "--resolution", "1e4"],
+}
+"""Commands that make a product of a packing, with options that make it small."""
+OTHER = {"modes": "5", "density": "1.5e4", "wave": "2.5e-5", "response": "2.5e4"}
+"""Other values of the first of those options."""
+
+
+@pytest.fixture
+def network(tmp_path) -> Path:
+    """A column of 12 spheres."""
+    path = tmp_path / "case02.network.h5"
+    write_network(path, gallery.fcc(1, 12, 1e5))
+    return path
+
+
+def made(command: str, network: Path, *options: str) -> Path:
+    """The product of a command beside the network; later options replace earlier ones."""
+    output = network.with_name(f"case02.{command}.h5")
+    assert main([command, str(network), *COMMANDS[command], *options, "-o", str(output)]) == 0
+    return output
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_product_says_what_it_was_made_from(command, network):
+    """The digest is that of the bytes on the disk; the text of the settings is canonical."""
+    path = made(command, network)
+    with h5py.File(path) as file:
+        said = dict(file["provenance"].attrs)
+    assert json.loads(said["sources"]) == [
+        {
+            "role": "packing",
+            "name": "case02.network.h5",
+            "sha256": hashlib.sha256(network.read_bytes()).hexdigest(),
+        }
+    ]
+    settings = json.loads(said["settings"])
+    assert said["settings"] == json.dumps(settings, sort_keys=True, separators=(",", ":"))
+    option, value = COMMANDS[command][:2]
+    assert settings[option.removeprefix("--")] == float(value)
+    assert said["command"].startswith(f"python -m modal {command} case02.network.h5 --")
+    assert str(network.parent) not in "".join(said.values())
+    assert f"numpy {np.__version__}" in said["versions"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_current_product_is_kept_and_a_stale_one_made_again(command, network, capsys):
+    path = made(command, network)
+    before = path.stat().st_mtime_ns
+    made(command, network, "--if-stale")
+    assert path.stat().st_mtime_ns == before
+    capsys.readouterr()
+    option, value = COMMANDS[command][0], OTHER[command]
+    made(command, network, "--if-stale", option, value)
+    told = capsys.readouterr().err
+    old = json.loads(COMMANDS[command][1])
+    assert f"stale, {option[2:]} was {old}, is {json.loads(value)}; making it again" in told
+    assert path.stat().st_mtime_ns != before
+    assert read_provenance(path).settings[option[2:]] == json.loads(value)
+
+
+def test_changed_source_makes_a_product_stale(network, capsys):
+    path = made("wave", network)
+    old = hashlib.sha256(network.read_bytes()).hexdigest()
+    write_network(network, gallery.fcc(1, 12, 2e5))
+    new = hashlib.sha256(network.read_bytes()).hexdigest()
+    made("wave", network, "--if-stale")
+    told = capsys.readouterr().err
+    assert f"was case02.network.h5 ({old[:8]}), is case02.network.h5 ({new[:8]})" in told
+    assert read_provenance(path).packing[0].sha256 == new
+
+
+def test_if_stale_needs_a_file(network, capsys):
+    assert main(["modes", str(network), "--if-stale"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_file_of_an_earlier_version_is_read_and_counts_as_of_unknown_origin(network):
+    path = made("modes", network)
+    with h5py.File(path, "r+") as file:
+        del file["provenance"]
+    packing = packing_of(network)
+    assert "of unknown origin" in require_same_packing(path, packing)
+    assert changes(path, Provenance(settings={"lowest": 4}, sources=packing)) != []
+
+
+def test_digest_of_an_earlier_version_is_compared(network):
+    """Signals and responses have always named their network at the root."""
+    path = made("wave", network)
+    with h5py.File(path, "r+") as file:
+        del file["provenance"]
+    assert require_same_packing(path, packing_of(network)) == ""
+    write_network(network, gallery.fcc(1, 12, 2e5))
+    with pytest.raises(InputError, match=r"wave\.h5: made from .* not from case02"):
+        require_same_packing(path, packing_of(network))
+
+
+def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
+    """Both ways round; not to another export, nor to the network of another sample."""
+    sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
+    packing = gallery.fcc(3, 4, 1e5)
+    column = sample_of_network(
+        Sample(packing.position, packing.cell_size[:2], packing.wall_position, 0.1).network(), 0.1
+    )
+    write_sample(sample, column)
+    exported = column.network()
+    exported.provenance = Provenance("export", {}, packing_of(sample)).attributes()
+    write_network(network, exported)
+    of_sample, of_network = tmp_path / "s.modes.h5", tmp_path / "n.modes.h5"
+    for source, product in ((sample, of_sample), (network, of_network)):
+        assert main(["modes", str(source), "--highest", "1", "-o", str(product)]) == 0
+        for packing_file in (sample, network):
+            assert require_same_packing(product, packing_of(packing_file)) == ""
+    exported.stiffness_normal = 2 * exported.stiffness_normal
+    other = tmp_path / "b.network.h5"
+    write_network(other, exported)
+    with pytest.raises(InputError, match=r"made from a\.network\.h5 .* not from b\.network\.h5"):
+        require_same_packing(of_network, packing_of(other))
+
+
+def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
+    state, rested = ROOT / "tests/data/friction150.sample.h5", tmp_path / "case30.sample.h5"
+    relax = ["relax", str(state), "--tolerance", "1e-6", "-o", str(rested)]
+    assert main([*relax, "--network", str(tmp_path / "case30.network.h5")]) == 0
+    said = read_provenance(rested)
+    assert [(s.role, s.sha256) for s in said.sources] == [("state", sha256(state))]
+    assert [s.sha256 for s in packing_of(rested)] == [sha256(rested)]
+    network = packing_of(tmp_path / "case30.network.h5")
+    assert [s.name for s in network] == ["case30.network.h5", "case30.sample.h5"]
+    before = rested.stat().st_mtime_ns
+    assert main([*relax, "--if-stale"]) == 0
+    assert rested.stat().st_mtime_ns == before
+    assert main([*relax, "--if-stale", "--friction", "0.7"]) == 0
+    assert "friction was absent, is 0.7" in capsys.readouterr().err
+
+
+@given(
+    st.dictionaries(
+        st.text(min_size=1),
+        st.one_of(
+            st.booleans(),
+            st.integers(-(2**53), 2**53),
+            st.floats(allow_nan=False, allow_infinity=False),
+            st.text(),
+            st.lists(st.floats(allow_nan=False, allow_infinity=False)),
+        ),
+    )
+)
+def test_settings_survive_the_file_exactly(settings):
+    """A number that came back changed would make every product stale."""
+    said = Provenance("", settings).attributes()
+    assert json.loads(said["settings"]) == settings
