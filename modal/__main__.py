@@ -31,6 +31,8 @@ from modal.wave import propagate
 
 PRODUCERS = ("modes", "density", "wave", "response", "relax")
 """Commands that write one product, made from sources with settings."""
+SHORT = 3
+"""Exit status of `modes` where some of the modes asked for are missing from the list."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -53,6 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     info = network_command("info", "what is in a packing: stresses, density, coordination")
     info.add_argument("--layers", metavar="FILE", help="write the layers along z, *.csv")
     modes = network_command("modes", "natural frequencies and mode shapes")
+    modes.epilog = f"Exit status {SHORT}: modes are missing from the list; it says how many."
     choice = modes.add_mutually_exclusive_group()
     choice.add_argument("--lowest", type=int, metavar="K")
     choice.add_argument("--highest", type=int, metavar="K")
@@ -145,6 +148,7 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
     modes.attributes["floppy_modes"] = floppy.total
     if options.output:
         write_modes(options.output, modes, options.made)
+    _say_what_is_not(modes, options.output)
     return {
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
@@ -152,12 +156,22 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
         "floppy_modes_by_kind": floppy.by_kind(),
         "degrees_of_freedom": problem.size,
         "certified": bool(modes.attributes["certified"]),
-        "missing": int(modes.attributes.get("missing", 0)),
+        "missing": int(modes.attributes["missing"]),
         "solver": modes.attributes["solver"],
         "p_wave_resonances": 0
         if modes.resonance_frequency is None
         else len(modes.resonance_frequency),
     }
+
+
+def _say_what_is_not(modes: ModeSet, output: str | None) -> None:
+    """A line each on standard error for what the list of modes lacks."""
+    reason = modes.attributes.get("uncertified_because")
+    if reason:
+        print(f"not certified: {reason}", file=sys.stderr)
+    left_out = modes.attributes.get("shapes_left_out")
+    if output and left_out:
+        print(f"{output} has no mode shapes: {left_out}", file=sys.stderr)
 
 
 def _count(options: argparse.Namespace) -> dict[str, Any]:
@@ -268,7 +282,10 @@ def _print(result: dict[str, Any]) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; returns the exit status, 2 for a user's mistake (one line on stderr)."""
+    """Run one command; returns the exit status.
+
+    2 for a user's mistake (one line on stderr), 3 for a list of modes that lacks some.
+    """
     commands = {
         "pack": pack,
         "relax": relax_sample,
@@ -309,7 +326,7 @@ def main(argv: list[str] | None = None) -> int:
         print(json.dumps(result))
     else:
         _print(result)
-    return 0
+    return SHORT if result.get("missing") else 0
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,8 +22,8 @@ SMALL = 600
 """Degrees of freedom up to which the dense spectrum costs less than anything else."""
 TOGETHER = 24
 """Modes that are measured together: bounds the memory."""
-LARGEST_SHAPES = 4e9
-"""Bytes of mode shapes up to which they are kept."""
+LARGEST_SHAPES = 2e9
+"""Bytes of mode shapes up to which they are kept: about 1,200 modes of 35,201 spheres."""
 _OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 
 
@@ -88,6 +89,11 @@ class Eigenproblem:
         sizes = sp.csr_matrix((abs(A.data), A.indices, A.indptr), A.shape)
         return float((sizes @ np.ones(self.size)).max())
 
+    @property
+    def resolution(self) -> float:
+        """What round-off leaves of an omega^2 of zero: eps times A's largest diagonal entry."""
+        return float(np.finfo(float).eps * self.diagonal.max(initial=0.0))
+
     @cached_property
     def operator(self) -> ContactOperator:
         """A without a matrix, where that is compiled."""
@@ -121,12 +127,21 @@ def frequency_of(square: np.ndarray) -> np.ndarray:
     return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)
 
 
+def relative_residual(difference: np.ndarray, square: np.ndarray, resolution: float) -> np.ndarray:
+    """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (size, k) and omega^2 (k,).
+
+    Below `resolution`, where omega^2 is round-off, that takes its place: zero modes have a
+    residual of some units.
+    """
+    own = np.maximum(np.abs(square), max(resolution, np.finfo(float).tiny))
+    return np.linalg.norm(difference, axis=0) / own
+
+
 def measure(
     problem: Eigenproblem,
     square: np.ndarray,
     vector: np.ndarray,
     chain: np.ndarray | None,
-    norm: float,
     *,
     keep_shapes: bool = False,
 ) -> ModeSet:
@@ -134,7 +149,7 @@ def measure(
     count = len(square)
     columns = {name: np.full(count, np.nan) for name in _OBSERVABLES}
     kept = np.empty((count, problem.network.n_particles, 6)) if keep_shapes else None
-    pure = []
+    pure = [np.empty((0, problem.network.n_particles, 6))]
     for first in range(0, count, TOGETHER):
         some = slice(first, min(first + TOGETHER, count))
         unit = np.ascontiguousarray(vector[:, some])
@@ -150,7 +165,7 @@ def measure(
         difference = problem.operator.apply(unit)
         unit *= square[some]
         difference -= unit
-        columns["residual"][some] = np.linalg.norm(difference, axis=0) / norm
+        columns["residual"][some] = relative_residual(difference, square[some], problem.resolution)
     result = ModeSet(frequency=frequency_of(square), **columns, mode_shape=kept)
     if chain is not None:
         planar = columns["chi_z"] > PLANAR
@@ -166,37 +181,63 @@ def measure(
     return result
 
 
+def shapes_left_out(problem: Eigenproblem, count: int) -> str:
+    """Why the shapes of `count` modes are not kept, or an empty text where they are."""
+    needed = 48.0 * count * problem.network.n_particles
+    if needed <= LARGEST_SHAPES:
+        return ""
+    return (
+        f"{count} mode shapes would take {needed / 1e9:.2g} GB (limit {LARGEST_SHAPES / 1e9:.2g} "
+        "GB); ask for fewer modes to have them"
+    )
+
+
 def found_modes(
     problem: Eigenproblem,
     square: np.ndarray,
     vector: np.ndarray,
     interval: str,
     solver: str,
-    norm: float | None = None,
+    of: int = 0,
 ) -> ModeSet:
-    """Observables of modes, residuals relative to `norm` or the bound of all omega^2."""
-    keep = problem.shapes and 8 * vector.size <= LARGEST_SHAPES
-    norm = problem.bound if norm is None else norm
-    modes = measure(problem, square, vector, problem.chain(), norm, keep_shapes=keep)
+    """Observables of modes; with their shapes if asked for and not too large.
+
+    `of` is the number of modes of the whole list, where these are a part of it.
+    """
+    left_out = shapes_left_out(problem, max(of, len(square))) if problem.shapes else ""
+    keep = problem.shapes and not left_out
+    modes = measure(problem, square, vector, problem.chain(), keep_shapes=keep)
     modes.attributes = {"interval": interval, "certified": False, "solver": solver}
+    if left_out:
+        modes.attributes["shapes_left_out"] = left_out
     return modes
+
+
+def certificate(missing: int, because: str = "") -> dict[str, Any]:
+    """Attributes that say whether a list is complete, how many modes it lacks, and `because`.
+
+    Without modes missing, a text says why the list may still not be the one that was asked for.
+    """
+    if missing:
+        because = f"{missing} modes are missing: they did not converge" + because
+    attributes = {"certified": not because, "missing": missing}
+    return attributes | ({"uncertified_because": because} if because else {})
 
 
 def subset(modes: ModeSet, chosen: slice, interval: str) -> ModeSet:
-    per_mode = ("frequency", "residual", "chi_z", "chi_z_chain", "rotation_share", "mode_shape")
-    for name in per_mode:
-        data = getattr(modes, name)
-        setattr(modes, name, data[chosen] if data is not None else None)
-    low, high = modes.frequency[0], modes.frequency[-1]
-    if modes.resonance_frequency is not None:
-        inside = (modes.resonance_frequency >= low) & (modes.resonance_frequency <= high)
+    """A new list: the `chosen` modes, and those P resonances that are among them."""
+    arrays = {name: getattr(modes, name) for name in ("frequency", *_OBSERVABLES, "mode_shape")}
+    arrays = {name: None if data is None else data[chosen] for name, data in arrays.items()}
+    resonance = modes.resonance_frequency
+    if resonance is not None:
+        inside = np.isin(resonance, arrays["frequency"])
         for name in ("resonance_frequency", "resonance_wavenumber", "resonance_shape"):
-            setattr(modes, name, getattr(modes, name)[inside])
-    modes.attributes["interval"] = interval
-    return modes
+            arrays[name] = getattr(modes, name)[inside]
+    return replace(modes, **arrays, attributes={**modes.attributes, "interval": interval})
 
 
 def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None:
+    """InputError where a network has fewer modes to list than `count`."""
     if not 1 <= count <= available_modes:
         raise InputError(
             f"{count} modes asked, the network has {problem.size} degrees of freedom and "

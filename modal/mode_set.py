@@ -30,11 +30,14 @@ _UNITS = {
 class ModeSet:
     """k modes in ascending order of frequency.
 
-    frequency (k,) Hz; residual (k,) relative to the largest eigenvalue; chi_z, chi_z_chain (k,)
+    frequency (k,) Hz; residual (k,) |A v - omega^2 v| / omega^2 of the unit vector v, with A =
+    M^-1/2 K M^-1/2, which round-off keeps above about eps |A| / omega^2; chi_z, chi_z_chain (k,)
     Eq. 2 over all particles and over the chain; rotation_share (k,) of the kinetic energy;
     mode_shape (k, n, 6), mass-normalised, where asked for. resonance_* hold the P-wave
     resonances r = 1, 2, ...: frequency, wave number pi r / L (Eq. 4) and the z-component along
-    the chain. attributes: interval, certified, solver, floppy modes.
+    the chain. attributes: interval; certified, whether an exact count says that the list is
+    complete, else uncertified_because; missing, modes that were asked for and not found; solver;
+    floppy modes; shapes_left_out, why there are none although they were asked for.
     """
 
     frequency: np.ndarray

@@ -6,17 +6,22 @@ the top of the spectrum goes to ARPACK. The low end and intervals: `modal.interv
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 from modal.eigenproblem import (
     SMALL,
     Eigenproblem,
+    certificate,
     check_count,
     found_modes,
     frequency_of,
-    measure,
+    relative_residual,
+    shapes_left_out,
     subset,
 )
 from modal.krylov import start_block
@@ -33,10 +38,16 @@ RESIDUAL = 1e-9
 
 def all_modes(problem: Eigenproblem) -> ModeSet:
     """Every mode; dense, or by symmetry. InputError where neither fits."""
-    chain, norm = problem.chain(), problem.bound
+    return dense_modes(problem, lambda frequency: slice(0, problem.size), "all")
+
+
+def dense_modes(
+    problem: Eigenproblem, chosen: Callable[[np.ndarray], slice], interval: str
+) -> ModeSet:
+    """Those modes that are `chosen` from the ascending frequencies (size,) of all of them."""
     group = lateral_translations(problem.network, problem.scaled, problem.dof)
     if not group.trivial:
-        return _all_by_symmetry(problem, group, chain, norm)
+        return _dense_by_symmetry(problem, group, chosen, interval)
     if problem.size > DENSE_LIMIT:
         raise InputError(
             f"all {problem.size} modes would need {3 * 8 * problem.size**2 / 1e9:.0f} GB dense "
@@ -44,8 +55,9 @@ def all_modes(problem: Eigenproblem) -> ModeSet:
             "ask for --lowest, --highest or --between"
         )
     square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
-    modes = measure(problem, square, vector, chain, norm, keep_shapes=problem.size <= 600)
-    modes.attributes = {"interval": "all", "certified": True, "solver": "dense"}
+    part = chosen(frequency_of(square))
+    modes = found_modes(problem, square[part], vector[:, part], interval, "dense")
+    modes.attributes |= certificate(0)
     return modes
 
 
@@ -57,11 +69,11 @@ def memory_of_all(problem: Eigenproblem) -> str:
     return f"{cells} dense blocks of {size} rows, {3 * 16 * size**2 / 1e9:.2g} GB at a time"
 
 
-def _all_by_symmetry(
+def _dense_by_symmetry(
     problem: Eigenproblem,
     group: LateralTranslations,
-    chain: np.ndarray | None,
-    norm: float,
+    chosen: Callable[[np.ndarray], slice],
+    interval: str,
 ) -> ModeSet:
     """Modes block by block. A Bloch wave is of the same size in every cell, so one column of
     cells has the observables; only the laterally uniform block (q = 0) has planar resonances."""
@@ -70,8 +82,9 @@ def _all_by_symmetry(
     in_column = np.full(problem.network.n_particles, -1)
     for image in group.orbit:
         in_column[image] = np.arange(len(column))
+    chain = problem.chain()
     column_chain = in_column[chain] if chain is not None else None
-    parts = []
+    parts, waves = [], []
     resonances: tuple[np.ndarray, ...] | None = None
     blocks = symmetry_blocks(problem.scaled, group, problem.dof)
     for block, U, multiplicity in blocks:
@@ -86,23 +99,60 @@ def _all_by_symmetry(
                 resonances = planar_resonances(
                     frequency_of(square), uniform, rotations, chain, problem.network
                 )
-        residual = np.linalg.norm(block @ inner - inner * square, axis=0) / norm
+        residual = relative_residual(block @ inner - inner * square, square, problem.resolution)
         rows = (frequency_of(square), residual, chi_z(shape), chain_chi, rotations)
         parts.extend([np.array(rows)] * multiplicity)
+        if problem.shapes:
+            waves.append((U, inner))
     table = np.concatenate(parts, axis=1)
-    modes = ModeSet(*table[:, np.argsort(table[0], kind="stable")])
+    order = np.argsort(table[0], kind="stable")
+    modes = ModeSet(*table[:, order])
     if resonances is not None:
         modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
-    cells = f"{group.cells[0]}x{group.cells[1]}"
-    modes.attributes = {"interval": "all", "certified": True, "solver": f"symmetry {cells}"}
+    solver = f"symmetry {group.cells[0]}x{group.cells[1]}"
+    modes.attributes = {"solver": solver} | certificate(0)
+    part = chosen(modes.frequency)
+    modes = subset(modes, part, interval)
+    if problem.shapes:
+        left_out = shapes_left_out(problem, len(modes.frequency))
+        if left_out:
+            modes.attributes["shapes_left_out"] = left_out
+        else:
+            modes.mode_shape = _shapes_of_waves(problem, waves, order[part])
     return modes
+
+
+def _shapes_of_waves(
+    problem: Eigenproblem, waves: list[tuple[sp.csr_matrix, np.ndarray]], wanted: np.ndarray
+) -> np.ndarray:
+    """Shape (k, n, 6): those mode shapes of the Bloch waves U w that are `wanted` (k,).
+
+    The waves of q and -q are each other's conjugates: sqrt(2) times real and imaginary part are
+    two orthonormal standing waves of the same frequency. They are numbered block by block.
+    """
+    place = np.full(problem.size, -1)
+    place[wanted] = np.arange(len(wanted))
+    shapes = np.empty((len(wanted), problem.network.n_particles, 6))
+    first = 0
+    for U, inner in waves:
+        wave = U @ inner
+        standing = [wave.real]
+        if np.iscomplexobj(wave):
+            standing = [np.sqrt(2) * wave.real, np.sqrt(2) * wave.imag]
+        for vector in standing:
+            rows = place[first : first + vector.shape[1]]
+            some = rows >= 0
+            shapes[rows[some]] = particle_motion(vector[:, some], problem.mass, problem.dof)
+            first += vector.shape[1]
+    return shapes
 
 
 def highest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     """The `count` highest modes, by ARPACK on products with A alone."""
     check_count(problem, count, problem.size)
     if problem.size <= SMALL or count > problem.size // 4:
-        return subset(all_modes(problem), slice(problem.size - count, None), f"highest {count}")
+        top = slice(problem.size - count, problem.size)
+        return dense_modes(problem, lambda frequency: top, f"highest {count}")
     start = start_block(problem.size, 1)[:, 0]
     # A basis of half of ARPACK's usual size takes more products, which cost less than the basis.
     square, vector = eigsh(
@@ -110,8 +160,6 @@ def highest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     )
     order = np.argsort(square)
     vector = vector[:, order]
-    modes = found_modes(
-        problem, square[order], vector, f"highest {count}", "arpack", norm=square.max()
-    )
-    modes.attributes["certified"] = False
+    modes = found_modes(problem, square[order], vector, f"highest {count}", "arpack")
+    modes.attributes |= certificate(0, "the highest modes are not counted")
     return modes
