@@ -187,7 +187,8 @@ def _gain_rows(case: Products, put) -> None:
     for column, record in records.items():
         found = None if record is None else gain_factor(record, duration)
         if found is not None:
-            note = f"receiver over source wall, resolution {found.resolution:.0f} Hz"
+            same = found.undamped(duration / TRAVELS)
+            note = f"resolution {found.resolution:.0f} Hz: an undamped column has {same:.3g}"
             frequency, height = found.first_maximum()
             put("gain_f", "gain factor, first maximum", "kHz", note, **{column: frequency / 1e3})
             put("gain", "gain factor at its first maximum", "1", note, **{column: height})

@@ -4,6 +4,10 @@ A record that is cut before the packing has come to rest blurs its spectrum in a
 Under a window exp(-gamma t) that has fallen to e^-DECAY at the record's end the cut does not
 matter, and the resolution is stated: gamma / pi, the full width of a resonance at half its power.
 Two records are compared under the same window.
+
+The height of a maximum is that window's. Between rigid walls L apart the gain is 1 / |cos(q L)|,
+and under the window Im q = gamma / V even without any damping: 1 / sinh(gamma L / V) on a maximum.
+So no height stands alone; beside it stand the resolution and what an undamped column has under it.
 """
 
 from __future__ import annotations
@@ -16,8 +20,10 @@ from modal.signals import Signals
 
 DECAY = 7.0
 """gamma T: the cut leaves e^-7 = 1e-3 of the last reflection."""
-TRAVELS = 6
-"""Travel times from wall to wall in a record for the gain: e^-7 at the end is e^-1.2 a travel."""
+RESOLUTION = 0.376
+"""In f_1 = V / 2 L: maxima lie f_1 apart."""
+TRAVELS = DECAY / (0.5 * np.pi * RESOLUTION)
+"""Travel times from wall to wall in a record that this resolution needs."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +41,19 @@ class Gain:
         if not len(at):
             return np.nan, np.nan
         k = at[0]
-        bend = g[k - 1] - 2 * g[k] + g[k + 1]
-        shift = 0.5 * (g[k - 1] - g[k + 1]) / bend
-        height = g[k] - 0.25 * (g[k - 1] - g[k + 1]) * shift
-        return float(self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])), float(
-            height
-        )
+        # Near a resonance 1 / g^2 is a parabola.
+        before, top, behind = 1 / g[k - 1 : k + 2] ** 2
+        bend = before - 2 * top + behind
+        shift = 0.5 * (before - behind) / bend
+        place = self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])
+        return float(place), float((top - 0.25 * (before - behind) * shift) ** -0.5)
+
+    def undamped(self, passage: float) -> float:
+        """Height of the maxima of a column without damping under the same window.
+
+        `passage` is the time, s, of a wave from wall to wall.
+        """
+        return float(1 / np.sinh(np.pi * self.resolution * passage))
 
 
 def gain_factor(signals: Signals, duration: float, highest: float = 2e4) -> Gain | None:

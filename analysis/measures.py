@@ -298,12 +298,25 @@ class Measures:
         return gain_factor(record, float(record.time[-1]))
 
     @cached_property
-    def gain_maxima(self) -> tuple[float, float]:
-        """Place of the first maximum, in f_1 = V_P / 2 L, and the height of the largest."""
+    def gain_place(self) -> float:
+        """Frequency of the gain's first maximum, in f_1 = V_P / 2 L."""
         if self.gain is None:
-            return np.nan, np.nan
-        f_1 = self.long_wave.value / (2 * self.case.network.length)
-        return self.gain.first_maximum()[0] / f_1, float(self.gain.gain.max())
+            return np.nan
+        return self.gain.first_maximum()[0] * 2 * self.passage
+
+    @property
+    def passage(self) -> float:
+        """Time, s, of the longest waves from wall to wall."""
+        return self.case.network.length / self.long_wave.value
+
+    @cached_property
+    def gain_height(self) -> str:
+        """The gain at its first maximum with its resolution, and an undamped column's under it."""
+        height = np.nan if self.gain is None else self.gain.first_maximum()[1]
+        if not np.isfinite(height):
+            return ""
+        same = self.gain.undamped(self.passage)
+        return f"{height:.3g} at {self.gain.resolution:.0f} Hz (undamped column: {same:.3g})"
 
 
 def groups(cases: list[Measures]) -> dict[str, list[Measures]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.gain import RESOLUTION as GAIN_RESOLUTION
 from analysis.products import Products
 from analysis.structure_factor import structure_factor, write_structure
 from modal.density import density_of_states, write_density
@@ -17,8 +18,8 @@ from modal.eigenproblem import Eigenproblem
 from modal.response import frequency_response, write_response
 from modal.storage import sha256
 
-GAIN_RESOLUTION, GAIN_REACH = 0.376, 18
-"""Resolution and highest frequency of the gain, in f_1 = V / 2 L of the affine wave."""
+GAIN_REACH = 18
+"""Highest frequency of the gain, in f_1 = V / 2 L of the affine wave, as its resolution is."""
 RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
 """Hz, of the structure factor and of the density of states."""
 

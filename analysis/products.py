@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.effective_medium import of_contacts
 from analysis.exact_chain import Chain
+from analysis.gain import TRAVELS
 from analysis.structure_factor import StructureFactor, read_structure
 from modal.density import SCHEMA as DENSITY_SCHEMA
 from modal.density import VERSION as DENSITY_VERSION
@@ -28,8 +29,8 @@ KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
 EXTRA_KINDS = ("sample", "band.modes", "structure", "density", "response")
 """Read where they are there: compact sample, a band of higher modes, and what the names say."""
-PASSAGES, GAIN_PASSAGES = 1.3, 6.0
-"""Records of the linear wave, in passages from wall to wall of the affine wave."""
+PASSAGES = 1.3
+"""Record of the linear wave, in passages from wall to wall of the affine wave."""
 
 
 def case_name(text: str) -> str:
@@ -191,9 +192,12 @@ class Products:
 
     @cached_property
     def long_wave(self) -> Signals:
-        """The same over `GAIN_PASSAGES`, for the gain factor."""
+        """The same over `analysis.gain.TRAVELS` passages, for the gain factor."""
+        motion = self._motion
+        # The source stress nearly vanishes where the gain is largest: the pulse needs ten samples.
+        interval = min(self.interval, 0.1 / motion.frequency)
         return propagate(
-            self.network, GAIN_PASSAGES * self.passage, motion=self._motion, interval=self.interval
+            self.network, TRAVELS * self.passage, motion=motion, interval=interval
         ).signals
 
     @property
@@ -209,11 +213,9 @@ class Products:
     def linear(self, duration: float | None = None) -> Signals:
         """The linear wave of the network, exact tangent, at the times of the recorded wave.
 
-        With `duration` (s), or where there is no record, every microsecond instead.
+        With `duration` (s), or where there is no record, ten times a period of the pulse instead.
         """
-        recorded, motion, interval = self.signals, Pulse(), 1e-6
-        if recorded is not None:
-            motion = Pulse(recorded.amplitude, recorded.input_frequency)
+        recorded, motion, interval = self.signals, self._motion, 0.1 / self._motion.frequency
         if recorded is not None and duration is None:
             duration, interval = float(recorded.time[-1]), float(recorded.time[1])
         if duration is None:

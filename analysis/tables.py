@@ -50,7 +50,7 @@ class Table:
         return [table, text]
 
 
-QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate]], ...] = (
+QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...] = (
     ("stress, kPa", lambda m: m.case.stress / 1e3),
     ("e", lambda m: m.void_ratio),
     ("Z", lambda m: m.coordination[0]),
@@ -76,8 +76,8 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate]], ...] = (
     ("lambda_low-pass/D 1 %", lambda m: m.low_pass_wavelength(1)),
     ("mean free path at f_low-pass / D", lambda m: m.free_path),
     ("f_max, kHz", lambda m: m.f_max / 1e3),
-    ("largest gain", lambda m: m.gain_maxima[1]),
-    ("first gain maximum over f_1", lambda m: m.gain_maxima[0]),
+    ("gain at its first maximum, at a resolution", lambda m: m.gain_height),
+    ("first gain maximum over f_1", lambda m: m.gain_place),
 )
 """Heading, and how it is measured."""
 
@@ -87,8 +87,10 @@ def in_khz(found: Plateau) -> Estimate:
     return Estimate(1e-3 * found.value, 1e-3 * found.error)
 
 
-def number(found: float | Estimate, digits: int = 5) -> str:
+def number(found: float | Estimate | str, digits: int = 5) -> str:
     """A value, with its uncertainty where there is one; empty where there is no value."""
+    if isinstance(found, str):
+        return found
     value, error = (found.value, found.error) if isinstance(found, Estimate) else (found, np.nan)
     if not np.isfinite(value):
         return ""

@@ -4,13 +4,17 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.gain import gain_factor
+from analysis.compare import compare
+from analysis.gain import TRAVELS, gain_factor
+from analysis.measures import Measures
+from analysis.products import find
 from modal import gallery
 from modal.__main__ import main
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.network import RECEIVER_WALL, SOURCE_WALL, write_network
 from modal.receivers import wall_pattern
 from modal.response import frequency_response
+from modal.signals import Signals
 from modal.source import Pulse
 from modal.storage import InputError
 from modal.wave import propagate
@@ -103,3 +107,54 @@ def test_response_on_the_command_line(tmp_path, capsys):
         assert capsys.readouterr().err.count("\n") == 1
     with pytest.raises(InputError):
         frequency_response(gallery.fcc(2, 3), tolerance=2)
+
+
+def undamped_column(window: float, travels: float) -> Signals:
+    """Wall stresses of a rod with equal walls, rigid but for the pulse, by its reflections alone.
+
+    L / V is one millisecond: an arrival at the receiver after 1, 3, 5, ... passages, each doubled,
+    an arrival at the source after 2, 4, ...; nothing is lost, and no code of the project is used.
+    `window` is the length of a smooth push of the wall, a Gaussian of so many seconds.
+    """
+    time = np.arange(0, travels * 1e-3, 5e-6)
+
+    def push(delay):
+        return np.exp(-(((time - delay - 5 * window) / window) ** 2))
+
+    source, receiver = push(0.0), np.zeros_like(time)
+    for k in range(1, int(travels) + 1):
+        if k % 2:
+            receiver += 2 * push(1e-3 * k)
+        else:
+            source += 2 * push(1e-3 * k)
+    chain = np.zeros((len(time), 1))
+    return Signals(
+        time, np.array([0]), np.zeros(1), chain, 0 * time, source, receiver,
+        "rod", "", 1.0, 1 / window, 5e-6, 0.0, "",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("travels", [6.0, TRAVELS])
+def test_height_of_the_gain_is_the_windows(travels):
+    """Of a rod without damping it is 1 / sinh(gamma L / V): no height without its resolution.
+
+    What the cut leaves, e^-7, is 1e-3 of the transform; the parabola through the top adds its own.
+    """
+    found = gain_factor(undamped_column(2e-5, travels), travels * 1e-3 * (1 - 1e-2), highest=2e3)
+    frequency, height = found.first_maximum()
+    assert height == pytest.approx(1 / np.sinh(np.pi * found.resolution * 1e-3), rel=1e-2)
+    assert height == pytest.approx(found.undamped(1e-3), rel=1e-2)
+    if travels == TRAVELS:  # with 6 passages the maxima run into each other
+        assert frequency == pytest.approx(250, rel=2e-2)
+
+
+def test_report_and_comparison_state_one_gain(tmp_path):
+    """The height of case 2 is the same in both, with the resolution and the undamped column's."""
+    network = gallery.fcc(1, 200)
+    write_network(tmp_path / "case02.network.h5", network)
+    case = find("2", tmp_path)
+    row = next(row for row in compare(case) if row.id == "gain")
+    shown = Measures(case).gain_height
+    assert float(shown.split()[0]) == pytest.approx(row.values["linear"], rel=1e-2)
+    assert "Hz (undamped column: 1.6" in shown and "undamped column has 1.6" in row.note
+    assert float(shown.split()[0]) == pytest.approx(1.6, rel=2e-2)
