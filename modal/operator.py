@@ -162,11 +162,12 @@ if numba is not None:
 
 
 class ContactOperator(LinearOperator):
-    """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) float arrays.
+    """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) arrays.
 
     Six entries a particle, u (m) then theta; three with `translations_only`. `mass_scaled` gives
     the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.tangent`. Equal to the
-    matrix of `modal.assembly` up to round-off, and symmetric unless `pre_stress` is "full".
+    matrix of `modal.assembly` up to round-off, and symmetric unless `pre_stress` is "full". Real
+    numbers are what it is made for; complex ones take two products.
     """
 
     def __init__(
@@ -199,15 +200,21 @@ class ContactOperator(LinearOperator):
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
 
     def accumulate(self, u: np.ndarray, out: np.ndarray, factor: float = 1.0) -> np.ndarray:
-        """out += factor K u in place; u and out of shape (6n,) or (6n, k), C order, float64."""
+        """out += factor K u in place; u and out of shape (6n,) or (6n, k), out in C order.
+
+        Both real, or both complex.
+        """
         for name, array in (("u", u), ("out", out)):
             if array.shape[0] != self.shape[0] or array.shape != u.shape:
                 raise ValueError(f"{name} has shape {array.shape}, the operator {self.shape}")
         if numba is None:
             out += factor * (self._matrix @ u)
             return out
-        if not (out.flags.c_contiguous and out.dtype == np.float64):
-            raise ValueError("out must be a C-contiguous float64 array")
+        if np.iscomplexobj(u) and out.dtype == np.complex128:
+            out += factor * (self.apply(u.real) + 1j * self.apply(u.imag))
+            return out
+        if np.iscomplexobj(u) or not (out.flags.c_contiguous and out.dtype == np.float64):
+            raise ValueError("out must be a C-contiguous float64 array, or complex as u is")
         shape = (-1, self.dof, u.size // self.shape[0])
         source = np.ascontiguousarray(u, dtype=float).reshape(shape)
         target = out.reshape(shape)
@@ -220,7 +227,7 @@ class ContactOperator(LinearOperator):
     def apply(self, u: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
         """K u for u of shape (6n,) or (6n, k); written into `out` where it is given."""
         if out is None:
-            out = np.zeros(u.shape)
+            out = np.zeros(u.shape, complex if np.iscomplexobj(u) else float)
         else:
             out[...] = 0
         return self.accumulate(u, out)

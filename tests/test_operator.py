@@ -122,6 +122,36 @@ def test_without_numba_the_matrix_does_the_same(monkeypatch):
     assert plain.accumulate(x, x.copy(), 2.0) == pytest.approx(x + 2 * compiled, rel=1e-11)
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("pre_stress", PRE_STRESS)
+@pytest.mark.parametrize("width", [None, 1, 3])
+@pytest.mark.parametrize("kind", [float, complex])
+def test_real_and_complex_vectors(kind, width, pre_stress, compiled, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr(operator, "numba", None)
+    elif operator.numba is None:
+        pytest.skip("numba is not installed")
+    network, rng = random_springs(5), np.random.default_rng(6)
+    K = stiffness_matrix(network, pre_stress=pre_stress)
+    shape = (K.shape[0],) if width is None else (K.shape[0], width)
+    x = rng.standard_normal(shape).astype(kind)
+    if kind is complex:
+        x += 1j * rng.standard_normal(shape)
+    applied = ContactOperator(network, pre_stress=pre_stress)
+    found = applied @ x
+    assert found.dtype == kind
+    bound = 2 * round_off(K, x)
+    assert (abs(found - K @ x) <= bound).all()
+    total = applied.accumulate(x, x.copy(), 2.0)
+    assert (abs(total - (x + 2 * (K @ x))) <= 3 * bound + EPS * abs(x)).all()
+
+
+def test_complex_vector_does_not_fit_a_real_result():
+    applied = ContactOperator(random_springs(5))
+    with pytest.raises((ValueError, TypeError)):
+        applied.accumulate(np.ones(applied.shape[0], complex), np.zeros(applied.shape[0]))
+
+
 def test_a_repeated_sample_is_the_larger_crystal():
     """Copies of a crystal of one sphere a layer: the same spectrum as the crystal made at once."""
     repeated = gallery.repeat(gallery.fcc(1, 3), 3, 2)
