@@ -21,8 +21,8 @@ from modal.network import Network
 from modal.operator import ContactOperator
 from modal.progress import progress
 from modal.provenance import Provenance
+from modal.spectrum import bound_of_spectrum
 from modal.storage import InputError, atomic_h5, get, open_h5, put
-from modal.wave import top_of_spectrum
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
@@ -92,7 +92,7 @@ def structure_factor(
     if not 0 < resolution < np.inf or len(orders) == 0 or orders.min() < 1:
         raise InputError("resolution must be a positive number of Hz, the orders 1 or more")
     operator = ContactOperator(network, mass_scaled=True)
-    top, _ = top_of_spectrum(operator)
+    top, _ = bound_of_spectrum(operator)
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
     f_top = float(np.sqrt(top) / (2 * np.pi))

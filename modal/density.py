@@ -21,8 +21,8 @@ from modal.network import Network
 from modal.operator import ContactOperator
 from modal.progress import progress
 from modal.provenance import Provenance
+from modal.spectrum import bound_of_spectrum, largest_growth
 from modal.storage import InputError, atomic_h5, put
-from modal.wave import GROWTH, top_of_spectrum
 
 SCHEMA = "granular-density-of-states"
 VERSION = 1
@@ -118,7 +118,7 @@ def density_of_states(
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
     operator = ContactOperator(network, mass_scaled=True)
     size = operator.shape[0]
-    top, products = top_of_spectrum(operator)
+    top, products = bound_of_spectrum(operator)
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
     highest = np.sqrt(top) / (2 * np.pi)
@@ -179,7 +179,8 @@ def _moments(
         before, now = now, before
     last = 2 * (count // 2)
     moments[:, :, last] = 2 * by_component(before, before) - moments[:, :, 0]
-    if not abs(moments[:, :, last].sum(axis=1)).max() <= GROWTH * 6 * len(start):
+    first, largest = (moments[:, :, k].sum(axis=1) for k in (0, last))
+    if not (abs(largest) <= largest_growth(operator, last) * first).all():
         raise InputError("the recurrence grows: K has a negative direction; no density of states")
     return moments[:, :, :count]
 

@@ -53,6 +53,11 @@ class Receivers:
         self.count = 2 + len(self.chain) + len(self.layers.position)
         self.count += network.n_particles if particles else 0
 
+    def source_force(self, u: np.ndarray, displacement: float) -> float:
+        """The force, N, that moves the source wall at its `displacement` and the motion u (6n,)."""
+        at, row = self._near_walls[0]
+        return self.source_stiffness * displacement - float(row @ u[at])
+
     def observe(self, u: np.ndarray, out: np.ndarray) -> None:
         """Write the row (count,) for the motion u (6n,), m and rad."""
         along = u[2::6]

@@ -24,7 +24,7 @@ from modal.operator import ContactOperator
 from modal.provenance import Provenance
 from modal.receivers import Receivers
 from modal.storage import InputError, atomic_h5, put
-from modal.wave import chebyshev_moments, top_of_spectrum
+from modal.wave import moments_within_spectrum
 
 SCHEMA = "granular-frequency-response"
 VERSION = 1
@@ -83,21 +83,27 @@ def frequency_response(
     receivers = Receivers(network, pre_stress=pre_stress)
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     scale = 1 / np.sqrt(mass_diagonal(network))
-    top, products = top_of_spectrum(operator)
-    highest = np.sqrt(top) / (2 * np.pi) if highest is None else highest
-    if not resolution < highest < np.inf:
-        raise InputError(f"highest frequency {highest:g} Hz: must exceed the resolution")
-    frequency = np.arange(resolution / 4, highest, resolution / 4)
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
-    z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
-    root = np.sqrt(z * z - 1)
-    w = np.where(abs(z + root) > 1, z + root, z - root)
-    count = int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
-    rows = chebyshev_moments(operator, receivers.source * scale, scale, top, count, receivers)
+    planned: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+
+    def count_for(top: float) -> int:
+        end = np.sqrt(top) / (2 * np.pi) if highest is None else highest
+        if not resolution < end < np.inf:
+            raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
+        frequency = np.arange(resolution / 4, end, resolution / 4)
+        z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
+        root = np.sqrt(z * z - 1)
+        w = np.where(abs(z + root) > 1, z + root, z - root)
+        planned[top] = frequency, w
+        return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
+
+    start = receivers.source * scale
+    rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
+    frequency, w = planned[top]
     rows[0] /= 2
     value = np.empty((len(frequency), receivers.count), complex)
-    order = np.arange(count)
+    order = np.arange(len(rows))
     for start in range(0, len(frequency), CHUNK):
         part = slice(start, start + CHUNK)
         power = np.exp(-np.log(w[part])[:, None] * order)
@@ -113,7 +119,7 @@ def frequency_response(
         layer_position=receivers.layers.position,
         layer_displacement=value[:, c : c + nl],
         resolution=resolution,
-        products=products + count - 1,
+        products=products,
     )
 
 

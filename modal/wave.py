@@ -12,10 +12,10 @@ a tangent that is not quite symmetric needs nothing else.
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 
 from modal.assembly import mass_diagonal
 from modal.network import Network
@@ -24,14 +24,11 @@ from modal.progress import progress
 from modal.receivers import Receivers
 from modal.signals import Signals
 from modal.source import Motion, Pulse
+from modal.spectrum import GrowthError, largest_growth, top_of_spectrum, wider_top
 from modal.storage import InputError
 
-LANCZOS_STEPS = 40
-"""Most products spent on the top of the spectrum."""
-TOP_MARGIN = 1.02
-"""Over the largest eigenvalue estimated; each per cent costs half a per cent of products."""
-GROWTH = 1e3
-"""T_k(X) c never grows if the spectrum lies in the interval; growth shows that it does not."""
+LOOK = 50
+"""Products between two looks at the growth of a recurrence."""
 
 
 @dataclass(frozen=True)
@@ -41,35 +38,6 @@ class LinearWave:
     signals: Signals
     products: int
     truncation: float
-
-
-def top_of_spectrum(operator: ContactOperator) -> tuple[float, int]:
-    """A bound of the largest omega^2, rad^2/s^2, of a mass-scaled operator; products it took.
-
-    Lanczos from a fixed random vector; the residual of the largest Ritz value is added
-    (Y. Zhou and R.-C. Li, Linear Algebra Appl. 435, 480, 2011).
-    """
-    now = np.random.default_rng(20170729).standard_normal(operator.shape[0])
-    now /= np.linalg.norm(now)
-    before, beta = np.zeros_like(now), 0.0
-    diagonal: list[float] = []
-    off: list[float] = []
-    scale = 0.0
-    for step in range(1, LANCZOS_STEPS + 1):
-        ahead = operator.apply(now)
-        diagonal.append(float(ahead @ now))
-        ahead -= diagonal[-1] * now + beta * before
-        beta = float(np.linalg.norm(ahead))
-        scale = max(scale, abs(diagonal[-1]) + beta)
-        exhausted = beta <= 1e-12 * scale
-        if exhausted or step % 5 == 0:
-            ritz, vector = eigh_tridiagonal(np.array(diagonal), np.array(off))
-            bound = float(ritz[-1] + beta * abs(vector[-1, -1]))
-            if exhausted or bound < 1.005 * ritz[-1]:
-                break
-        off.append(beta)
-        before, now = now, ahead / beta
-    return max(bound, 0.0) * TOP_MARGIN, step
 
 
 def chebyshev_moments(
@@ -82,7 +50,7 @@ def chebyshev_moments(
 ) -> np.ndarray:
     """Shape (count, receivers.count): the receivers' rows of M^-1/2 T_k(2 A / top - 1) start.
 
-    `operator` is A, `start` (6n,); `scale` is M^-1/2. InputError where the interval was too small.
+    `operator` is A, `start` (6n,); `scale` is M^-1/2. GrowthError where it grows.
     """
     rows = np.empty((count, receivers.count))
     before, now, spare = start.copy(), np.empty_like(start), np.empty_like(start)
@@ -102,12 +70,39 @@ def chebyshev_moments(
             before, now = now, before
         np.multiply(now, scale, out=spare)
         receivers.observe(spare, rows[k])
-        if k % 50 == 49 and not np.linalg.norm(now) <= GROWTH * first:
-            raise InputError(
-                "the recurrence grows: the network is unstable (strong pre-stress or negative "
-                "stiffness); take pre-stress none"
-            )
+        if k % LOOK == LOOK - 1 or k == count - 1:
+            growth = np.linalg.norm(now) / first if first > 0 else 0.0
+            if not growth <= largest_growth(operator, k):
+                raise GrowthError(now)
     return rows
+
+
+def moments_within_spectrum(
+    operator: ContactOperator,
+    start: np.ndarray,
+    scale: np.ndarray,
+    receivers: Receivers,
+    count_for: Callable[[float], int],
+) -> tuple[np.ndarray, float, int]:
+    """The moments of `chebyshev_moments`, the top of their interval and the products with K spent.
+
+    `count_for` tells how many moments a top needs. Where the recurrence leaves an estimate that is
+    too small, a wider one follows; where it does not grow, modes beyond the interval are in the
+    result as exactly as those within: an expansion holds there, too, and what it leaves out has
+    grown no more than the rest.
+    """
+    top, products = top_of_spectrum(operator)
+    if top == 0:
+        raise InputError("the network has no stiffness; no wave goes through it")
+    while True:
+        count = count_for(top)
+        try:
+            rows = chebyshev_moments(operator, start, scale, top, count, receivers)
+        except GrowthError as found:
+            top, more = wider_top(operator, found, top)
+            products += more + count - 1
+        else:
+            return rows, top, products + count - 1
 
 
 def expansion(
@@ -161,12 +156,16 @@ def propagate(
     receivers = Receivers(network, pre_stress=pre_stress, particles=particles)
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     scale = 1 / np.sqrt(mass_diagonal(network))
-    top, products = top_of_spectrum(operator)
-
     time = np.arange(0, duration + 0.5 * interval, interval)
-    coefficient, truncation = expansion(motion, time, top, tolerance)
     start = receivers.source * scale
-    rows = chebyshev_moments(operator, start, scale, top, len(coefficient), receivers)
+    expanded: dict[float, tuple[np.ndarray, float]] = {}
+
+    def count_for(top: float) -> int:
+        expanded[top] = expansion(motion, time, top, tolerance)
+        return len(expanded[top][0])
+
+    rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
+    coefficient, truncation = expanded[top]
     recorded = coefficient.T @ rows
     signals = receivers.signals(
         time,
@@ -176,4 +175,4 @@ def propagate(
         run_time=clock.perf_counter() - started,
         network_sha256=network_sha256,
     )
-    return LinearWave(signals, products + len(coefficient) - 1, truncation)
+    return LinearWave(signals, products, truncation)

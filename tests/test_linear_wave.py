@@ -1,23 +1,27 @@
 """The Chebyshev wave against modal superposition, energy balance and a short chain."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from modal import gallery
+from modal import wave as wave_module
 from modal.__main__ import main
 from modal.assembly import mass_diagonal
 from modal.eigenproblem import Eigenproblem
 from modal.leapfrog import leapfrog
-from modal.network import SOURCE_WALL, write_network
+from modal.network import SOURCE_WALL, Network, write_network
 from modal.operator import ContactOperator
 from modal.receivers import wall_pattern
+from modal.response import frequency_response
 from modal.sample import read_sample
 from modal.signals import read_signals, source_pulse
 from modal.source import Pulse, SampledMotion, read_motion
+from modal.spectrum import bound_of_spectrum, top_of_spectrum
 from modal.storage import InputError
-from modal.wave import chebyshev_moments, expansion, propagate, top_of_spectrum
+from modal.wave import chebyshev_moments, expansion, propagate
 
 
 def test_pulse_response_solves_the_oscillator():
@@ -83,12 +87,51 @@ def test_relative_error_of_1e_8_within_the_known_number_of_products():
 
 
 @pytest.mark.parametrize("network", [gallery.fcc(2, 30), gallery.column(40), gallery.column(2)])
-def test_top_of_spectrum_is_a_close_bound(network):
+def test_top_of_spectrum_is_close(network):
     operator = ContactOperator(network, mass_scaled=True)
     top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
     bound, products = top_of_spectrum(operator)
     assert 1 < bound / top < 1.06
     assert products <= 40
+
+
+def with_one_stiff_contact(contact: int, factor: float) -> Network:
+    """A crystal of 144 spheres whose highest mode is a single contact's own."""
+    network = gallery.fcc(3, 16)
+    for name in ("stiffness_normal", "stiffness_tangential"):
+        getattr(network, name)[contact] *= factor
+    return network
+
+
+@pytest.mark.parametrize("factor", [2.0, 10.0])
+def test_bound_of_spectrum(factor):
+    """Never below the top, nor above it by more than the margin, with single stiff contacts too."""
+    stiff = [with_one_stiff_contact(contact, factor) for contact in range(3, 800, 160)]
+    for tried in [gallery.column(2), gallery.fcc(2, 30), *stiff]:
+        operator = ContactOperator(tried, mass_scaled=True)
+        top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
+        bound, products = bound_of_spectrum(operator)
+        assert top < bound < top / 0.98 * (1 + 1e-9)
+        assert products <= 80
+
+
+@pytest.mark.parametrize("share", [0.99, 0.5, 0.05])
+def test_estimate_that_is_too_small_does_not_spoil_a_result(share, monkeypatch):
+    """Wave and response of a network with a stiff contact, from an estimate below its top."""
+    network = with_one_stiff_contact(11, 3.0)
+    options = {"resolution": 5e3, "tolerance": 1e-9}
+    wanted = propagate(network, 3e-4, tolerance=1e-12)
+    gain = frequency_response(network, **options, highest=1e5).gain
+    operator = ContactOperator(network, mass_scaled=True)
+    top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
+    monkeypatch.setattr(wave_module, "top_of_spectrum", lambda _: (share * top, 1))
+    found = propagate(network, 3e-4, tolerance=1e-12)
+    size = abs(wanted.signals.chain_displacement).max()
+    # The tolerance times some hundred coefficients.
+    error = abs(found.signals.chain_displacement - wanted.signals.chain_displacement).max()
+    assert error < 1e-9 * size
+    assert found.products > wanted.products or share == 0.99
+    assert frequency_response(network, **options, highest=1e5).gain == pytest.approx(gain, rel=1e-6)
 
 
 class EveryMotion:
@@ -173,6 +216,56 @@ def test_leapfrog_approaches_the_exact_wave_at_second_order():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
     with pytest.raises(InputError, match="stable up to"):
         leapfrog(network, 1e-4, 2e-6)
+
+
+def squeezed(times: float) -> Network:
+    """A crystal whose contacts press `times` as hard as their springs stand for."""
+    network = gallery.fcc(2, 12)
+    network.force_normal = times * network.force_normal
+    return network
+
+
+def test_step_limit_is_that_of_the_tangent_in_use():
+    """Contacts under tension hold the spheres from aside as well: the highest mode rises."""
+    network = squeezed(-1e5)
+    limits = []
+    for pre_stress in ("none", "normal"):
+        operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+        limits.append(2 / np.sqrt(np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]))
+    assert limits[1] < 0.9 * limits[0]
+    step = (limits[0] + limits[1]) / 2
+    leapfrog(network, 1e-4, step)
+    with pytest.raises(InputError, match="stable up to"):
+        leapfrog(network, 1e-4, step, pre_stress="normal")
+
+
+@pytest.mark.parametrize("pre_stress", ["normal", "full"])
+def test_unstable_network_is_refused_by_both(pre_stress):
+    """Strong forces push the spheres aside: a negative direction, along which motion grows."""
+    network = squeezed(2e4)
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+    lowest = np.linalg.eigvals(operator @ np.eye(operator.shape[0])).real.min()
+    # It grows by more than exp(10) in the time asked for.
+    assert np.sqrt(-lowest) * 3e-4 > 10
+    for simulate in (propagate, partial(leapfrog, time_step=1e-7)):
+        with pytest.raises(InputError, match="unstable"):
+            simulate(network, 3e-4, pre_stress=pre_stress)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.98])
+@pytest.mark.parametrize("corners", [0, 12])
+def test_stable_leapfrog_is_not_refused(share, corners):
+    """Near the limit of the step, and with a wall that jerks, energy stays within its bound."""
+    network = read_sample(Path(__file__).parent / "data" / "friction150.sample.h5").network()
+    top, _ = bound_of_spectrum(ContactOperator(network, mass_scaled=True))
+    step = share * 2 / np.sqrt(top)
+    motion = Pulse()
+    if corners:
+        rng = np.random.default_rng(corners)
+        at, value = np.sort(rng.uniform(1e-6, 9e-5, corners)), rng.standard_normal(corners)
+        motion = SampledMotion(np.append(0, at), 1e-9 * np.append(0, value))
+    found = leapfrog(network, 3e-4, step, motion=motion)
+    assert np.isfinite(found.chain_displacement).all()
 
 
 def test_full_tangent_of_a_packing_with_friction_though_not_symmetric():
