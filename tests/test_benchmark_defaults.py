@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmarks import density, fcc_time_step, preparation, random_time_step, wave
 from modal.density import density_of_states
+from modal.preparation.protocol import SETTLED
 from modal.wave import propagate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,6 +58,6 @@ def test_density_of_states():
 
 def test_wave_and_settled_state_are_measured_at_their_defaults():
     assert inspect.signature(propagate).parameters["tolerance"].default == wave.DEFAULT
-    stress, residual = assigned("chain.py", r"^SETTLED = ([\d.e-]+), ([\d.e-]+)")
+    stress, residual = SETTLED
     assert residual == preparation.DEFAULT
     assert stress == 3 * preparation.DEFAULT

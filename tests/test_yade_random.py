@@ -12,6 +12,7 @@ import pytest
 
 from modal.__main__ import main
 from modal.network import read_network
+from modal.preparation.protocol import SETTLED
 from modal.sample import read_sample, sample_of_network
 from modal.signals import read_signals
 
@@ -69,6 +70,10 @@ def test_states_have_their_stress(products):
         found = [sample.study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")]
         if stress == STRESS:
             assert found == pytest.approx([stress] * 3, rel=5e-3)
+        error, residual = sample.study["stress_error"], sample.study["unbalanced"]
+        assert error == pytest.approx(max(abs(np.array(found) / stress - 1)), abs=1e-12)
+        # Whoever's patience ended first is marked.
+        assert sample.study["settled"] == (error < SETTLED[0] and residual < SETTLED[1])
         assert 0.55 < sample.study["void_ratio"] < 0.8
         assert 3.0 < sample.study["coordination_number"] < 5.0
     network = read_network(products / "case30.network.h5")

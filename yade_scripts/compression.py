@@ -1,4 +1,4 @@
-"""Stress-controlled compression: strain rates of the periodic cell that lead to a wanted stress."""
+"""Stress-controlled compression: stresses of a scene, and its strain rates from a control."""
 
 import math
 
@@ -6,29 +6,8 @@ import numpy as np
 from yade import Matrix3, O
 from yade.utils import getStress, unbalancedForce
 
-from modal.hertz_mindlin import GLASS, RADIUS
+from modal.hertz_mindlin import RADIUS
 from yade_scripts.scene import cell_side, wall_faces
-
-GROWTH, TURN = 1.1, 0.5
-"""Factors of the servo's strain rate, each interval: short of the target, and on crossing it."""
-FIRST = 1e-3
-"""The servo's first strain rate over its limit."""
-INTERVAL = 5
-"""Steps between two settings of the strain rates."""
-HIGHEST_FREQUENCY = 2.16e5
-"""Highest natural frequency of a packing at 100 kPa, Hz; it grows with the sixth root of stress."""
-STABILITY = 0.7
-"""Time step over its limit 1 / (pi f_max): overlaps may exceed the mean eightfold."""
-
-
-def time_step(stress, fraction=STABILITY):
-    """Stable time step of statics at `stress` (Pa), s."""
-    return fraction / (math.pi * HIGHEST_FREQUENCY * (stress / 1e5) ** (1 / 6))
-
-
-def rate_of_inertial_number(inertial_number, stress):
-    """Strain rate, 1/s: I sqrt(stress / density) / D."""
-    return inertial_number * math.sqrt(stress / GLASS.density) / (2 * RADIUS)
 
 
 def principal_stresses(n):
@@ -81,43 +60,19 @@ def deform(n, rates):
         state.vel = (0, 0, now * state.pos[2])
 
 
-class ConstantRate:
-    """Isotropic compression at a constant rate, 1/s."""
+class Drive:
+    """Lets a control of `modal.preparation.protocol` set the strain rates of the scene.
 
-    def __init__(self, n, rate):
-        self.n, self.rate = n, rate
-        self.stress = principal_stresses(n)
-
-    def __call__(self):
-        """Set the rates; to be called every INTERVAL steps between forces and motion."""
-        self.stress = principal_stresses(self.n)
-        deform(self.n, [-self.rate] * 3)
-
-
-class Servo:
-    """Drives three principal stresses to one target within a limited strain rate.
-
-    No stiffness is assumed, because that of a packing falls by orders of magnitude when it comes
-    apart: each strain rate grows until its stress crosses the target, then turns round, halved.
+    To be called between forces and motion.
     """
 
-    def __init__(self, n, target, inertial_number):
-        self.n, self.target = n, target
-        self.limit = rate_of_inertial_number(inertial_number, target)
-        self.rates = np.full(3, FIRST * self.limit)
-        self.stress = principal_stresses(n)
+    def __init__(self, n, control):
+        self.n, self.control = n, control
+        control.stress = principal_stresses(n)
 
     def __call__(self):
-        """Set the rates; to be called every INTERVAL steps between forces and motion."""
-        self.stress = principal_stresses(self.n)
-        outward = np.where(self.stress > self.target, 1.0, -1.0)
-        factor = np.where(outward * self.rates < 0, TURN, GROWTH)
-        self.rates = outward * np.minimum(factor * np.abs(self.rates), self.limit)
-        deform(self.n, self.rates)
-
-    def error(self):
-        """Largest relative deviation of a principal stress from the target."""
-        return float(abs(self.stress / self.target - 1).max())
+        """Measure the stresses and set the rates."""
+        deform(self.n, self.control.follow(principal_stresses(self.n)))
 
 
 def unbalanced():

@@ -19,6 +19,7 @@ from yade.utils import readParamsFromTable
 
 from modal.layers import Layers, firmly_held
 from modal.network import read_network, write_network
+from modal.preparation.protocol import time_step
 from modal.sample import read_sample, write_sample
 from modal.storage import InputError, sha256
 from yade_scripts import compression
@@ -67,7 +68,7 @@ def main():
         )
     unbalanced, walls = compression.unbalanced(), compression.wall_stresses(n)
     network = contact_network(n, sample.study | {"case": str(case)}, {})
-    O.dt = compression.time_step(target)
+    O.dt = time_step(target)
     of_layer, of_sphere = noise(network)
     floor = {"noise_layer": of_layer, "noise_sphere": of_sphere}
     sample.study |= floor

@@ -52,9 +52,11 @@ def read_scene(n, friction, *, moving):
     Positions are wrapped into the cell, velocities with them (they hold the cell's affine motion).
     Shear forces keep their tangential part; the law lets a normal part of second order creep in.
     The motion of the last step has not reached the contacts yet: a step without motion opens and
-    closes them at the present positions; their shear forces miss that one step's increment.
+    closes them at the present positions; their shear forces miss that one step's increment, which
+    the first step after `resume_cell` makes good.
     """
     O.engines = [*O.engines[:3], O.engines[-1]]  # no control in the step without motion
+    _strain_cell(1.0)
     O.dt = NO_TIME
     O.step()
     position, periods = present_positions(n)
@@ -78,6 +80,23 @@ def read_scene(n, friction, *, moving):
         sample.angular_velocity = np.array([state.angVel for state in states])
         sample.strain_rate = rate
     return sample
+
+
+def _strain_cell(power):
+    """Strain the cell by one step at its present rate (power 1), or take it back (-1)."""
+    size = O.cell.hSize
+    for axis in range(3):
+        size[axis, axis] *= (1 + O.dt * O.cell.velGrad[axis, axis]) ** power
+    O.cell.hSize = size
+
+
+def resume_cell():
+    """Make ready for the first step of a sample in motion; `O.dt` is set.
+
+    YADE strains the cell at the beginning of a step, after the spheres have moved at the end of the
+    one before; in a sample both have.
+    """
+    _strain_cell(-1.0)
 
 
 def build_scene(sample, *, margin, damping):

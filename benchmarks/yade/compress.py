@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[2]))
 from yade import O
 from yade.utils import PyRunner
 
+from modal.preparation import protocol
 from modal.sample import read_sample, write_sample
 from yade_scripts import compression
 from yade_scripts.scene import finish
@@ -43,7 +44,7 @@ def coordination_number(n):
 
 def main():
     """Compress, look, write."""
-    global control
+    global drive
     result, given = Path(sys.argv[1]), json.loads(sys.argv[2])
     sample, stress = read_sample(given["sample"]), given["stress"]
     n = len(sample.position)
@@ -64,12 +65,16 @@ def main():
         for column, number in zip(trace.values(), numbers, strict=True):
             column.append(float(number))
 
-    control = compression.Servo(n, stress, given["inertial_number"])
-    runner = PyRunner(command="control()", iterPeriod=compression.INTERVAL)
+    control = protocol.Servo(stress, given["inertial_number"])
+    drive = compression.Drive(n, control)
+    interval = protocol.duration(protocol.CONTROL, stress)
+    runner = PyRunner(
+        command="drive()", iterPeriod=protocol.steps_of(interval, protocol.time_step(stress))
+    )
     O.engines = [*O.engines[:3], runner, O.engines[-1]]
     met = jammed = None
     while steps < LONGEST and not (jammed and steps - jammed >= given["steps"]):
-        O.dt = compression.time_step(max(stress, 1.5 * control.stress.mean()))
+        O.dt = protocol.time_step(max(stress, 1.5 * control.stress.mean()))
         O.run(CHECK, wait=True)
         steps += CHECK
         if met is None and control.stress.mean() > stress:

@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[2]))
 
 from yade import O
 
+from modal.preparation import protocol
 from modal.sample import read_sample, write_sample
 from yade_scripts import compression
 from yade_scripts.scene import finish
@@ -27,7 +28,7 @@ def main():
     sample = read_sample(given["sample"])
     n = len(sample.position)
     build_scene(sample, margin=0.05, damping=given["damping"])
-    O.dt = compression.time_step(compression.principal_stresses(n).mean())
+    O.dt = protocol.time_step(compression.principal_stresses(n).mean())
     started = time.process_time()
     O.run(given["steps"], wait=True)
     seconds = time.process_time() - started

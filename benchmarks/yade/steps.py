@@ -20,6 +20,7 @@ import numpy as np
 from yade import O
 from yade.utils import PyRunner
 
+from modal.preparation import protocol
 from modal.sample import read_sample
 from modal.signals import source_pulse
 from modal.source import AMPLITUDE, INPUT_FREQUENCY
@@ -62,10 +63,10 @@ def main():
     if wave:
         runner = PyRunner(command="drive()", iterPeriod=1)
     else:
-        control = compression.Servo(n, given["stress"], 0.01)
-        runner = PyRunner(command="control()", iterPeriod=compression.INTERVAL)
+        control = compression.Drive(n, protocol.Servo(given["stress"], protocol.INERTIAL_NUMBER))
+        runner = PyRunner(command="control()", iterPeriod=5)
     O.engines = [*O.engines[:3], runner, O.engines[-1]]
-    O.dt = compression.time_step(given["stress"])
+    O.dt = protocol.time_step(given["stress"])
     O.run(WARM, wait=True)
     started = time.process_time()
     O.run(given["steps"], wait=True)

@@ -1,0 +1,63 @@
+"""Spheres without contact, placed at random: where the compression of a packing begins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from modal.hertz_mindlin import RADIUS
+from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
+from modal.sample import Sample
+from modal.storage import InputError
+
+ROUNDS = 1000
+"""Random points tried, in units of the number of spheres."""
+
+
+def cloud(study: Study) -> Sample:
+    """The spheres at solid fraction CLOUD, numbered along z, in a cell of its final proportions.
+
+    Numbered along z, neighbours lie close together in memory.
+    """
+    diameter = 2 * RADIUS
+    length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
+    scale = (NOMINAL_FRACTION / CLOUD) ** (1 / 3)
+    side, length = scale * study.width * diameter, scale * length
+    places = random_places(study.spheres, side / diameter, length / diameter, study.seed)
+    sides, walls = np.array([side, side]), np.array([0.0, length])
+    return Sample(diameter * places, sides, walls, study.mu_comp)
+
+
+def random_places(spheres: int, side: float, length: float, seed: int) -> np.ndarray:
+    """Centres (n, 3), in diameters, of spheres placed at random one by one where they fit."""
+    random = np.random.default_rng(seed)
+    across, along = int(side), int(length)  # bins at least one diameter wide
+    if along < 2:
+        raise InputError(
+            f"{spheres} spheres at this width: less than two layers; take a smaller width"
+        )
+    bins: dict[tuple[int, int, int], list[tuple[float, float, float]]] = {}
+    around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1)]
+    places: list[tuple[float, float, float]] = []
+    for _ in range(ROUNDS):
+        points = random.random((spheres, 3)) * (side, side, length - 1) + (0, 0, 0.5)
+        for x, y, z in points:
+            i, j, k = int(x / side * across), int(y / side * across), int(z / length * along)
+            near = (
+                other
+                for a, b, c in around
+                for other in bins.get(((i + a) % across, (j + b) % across, k + c), ())
+            )
+            if all(
+                (abs(x - u) - side * (abs(x - u) > side / 2)) ** 2
+                + (abs(y - v) - side * (abs(y - v) > side / 2)) ** 2
+                + (z - w) ** 2
+                > 1
+                for u, v, w in near
+            ):
+                bins.setdefault((i, j, k), []).append((x, y, z))
+                places.append((x, y, z))
+                if len(places) == spheres:
+                    return np.array(sorted(places, key=lambda place: place[2]))
+    raise InputError(f"{spheres} spheres do not fit into the cloud; take another width")

@@ -1,0 +1,259 @@
+"""The way from a cloud to a packing with friction: its stages, durations, rates and limits.
+
+One definition for YADE (`yade_scripts/chain.py`) and for modal's own loop. Durations are times, not
+numbers of steps: half the step takes twice as many. Their unit is the packing's own time
+D sqrt(density / pressure). What agitates spheres takes a fixed number of these. What settles a
+packing is vibration, whose shortest period is own time times (pressure / E*)^(1/3): such durations
+are given in own times at `REFERENCE`, and the power follows.
+
+While spheres still move freely hardly anything but friction dissipates (Otsubo et al. 2017,
+section 2, have friction alone): damping makes the packing looser. The agitated packing then comes
+to rest at a constant volume: a servo would let it expand until the agitation carries the stress.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.hertz_mindlin import GLASS, RADIUS, Material
+from modal.storage import InputError
+
+HIGHEST = 0.6037
+"""Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz
+contacts in similar packings; 216 kHz for the study's glass at 100 kPa."""
+STABILITY = 0.7
+"""Time step over its limit 1 / (pi f_max): overlaps may exceed the mean eightfold."""
+REFERENCE = 1e5
+"""Pressure, Pa, of the own time in which durations of vibration are given."""
+CONTROL = 0.0127
+"""Between two settings of the strain rates; 5 steps of `STABILITY` at the target stress."""
+CHECK = 0.2542
+"""Between two looks at stress and balance; 100 such steps."""
+LEG = 30
+"""Checks between two checkpoints; 3,000 such steps, in YADE some four minutes at full size."""
+PATIENCE = 30.5
+"""After which a packing that does not settle is taken as it is, and marked; 12,000 such steps. At
+1 kPa these are 6.6 of its own times, at 10 MPa 142."""
+
+PREPARATION = "approach", "cool", "jam"
+STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
+CLOUD, LOOSE = 0.2, 0.5
+"""Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
+COMPACTION_RATE = 400.0
+"""Strain rate, 1/s, from CLOUD to LOOSE."""
+COMPACTION_STRESS = 1e6
+"""Mean stress, Pa, that the time step of the compaction allows for."""
+HOT = 5e5
+"""Mean stress, Pa, of the agitated spheres at which the compaction ends."""
+APPROACH_RATE, AGITATED_DAMPING = 8.0, 0.02
+"""Strain rate, 1/s, from LOOSE to HOT, and local damping until then, which decides how dense the
+packing jams."""
+DAMPING = 0.2
+"""Local damping after HOT."""
+COOLING = 36.5
+"""Own times at HOT, at constant volume, after which the agitation is over; 6,000 steps of a packing
+whose contacts have parted."""
+JAMMING_STRESS = 1e4
+"""Stress, Pa, before the first state: a jammed packing that is let go at once flies apart."""
+JAMMED = 0.1, 1e-2
+SETTLED = 3e-3, 1e-3
+"""When jamming is over, when a state is reached: largest relative error of a principal stress, mean
+residual over contact force."""
+INERTIAL_NUMBER = 0.01
+"""Largest strain rate of the servo times the own time."""
+GROWTH, TURN = 1.1, 0.5
+"""Factors of the servo's strain rate at each setting: short of the target, and on crossing it."""
+FIRST = 1e-3
+"""The servo's first strain rate over its limit."""
+NOMINAL_FRACTION = 0.6
+"""Solid fraction at which `width` and the number of spheres fix the length."""
+ABOVE = 1.5
+"""Stress that the time step allows for, over the present mean."""
+
+
+def own_time(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
+    """D sqrt(density / stress), s."""
+    return 2 * radius * math.sqrt(material.density / stress)
+
+
+def highest_frequency(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
+    """Highest natural frequency of a random packing at `stress` (Pa), Hz."""
+    softness = (stress / material.effective_young) ** (1 / 6)
+    return HIGHEST * math.sqrt(material.effective_young / material.density) * softness / radius
+
+
+def time_step(
+    stress: float, fraction: float = STABILITY, radius: float = RADIUS, material: Material = GLASS
+) -> float:
+    """Stable time step of statics at `stress` (Pa), s."""
+    return fraction / (math.pi * highest_frequency(stress, radius, material))
+
+
+def duration(
+    number: float, stress: float, radius: float = RADIUS, material: Material = GLASS
+) -> float:
+    """Seconds of a vibration's duration, given in own times at `REFERENCE`, at `stress` (Pa)."""
+    stiffer = (stress / REFERENCE) ** (1 / 3)
+    return number * stiffer * own_time(stress, radius, material)
+
+
+def steps_of(seconds: float, dt: float) -> int:
+    """The number of steps nearest to a time, at least one."""
+    return max(1, round(seconds / dt))
+
+
+class ConstantRate:
+    """Isotropic compression at a constant rate, 1/s; `stress` (3,) is what was last measured."""
+
+    target = REFERENCE
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.stress = rate, np.zeros(3)
+
+    def follow(self, stress: np.ndarray) -> np.ndarray:
+        """Strain rates (3,), 1/s, at the principal stresses (3,), Pa."""
+        self.stress = stress
+        return np.full(3, -self.rate)
+
+
+class Servo:
+    """Drives three principal stresses to one target, Pa, within a limited strain rate.
+
+    No stiffness is assumed, because that of a packing falls by orders of magnitude when it comes
+    apart: each strain rate grows until its stress crosses the target, then turns round, halved.
+    """
+
+    def __init__(
+        self,
+        target: float,
+        inertial_number: float,
+        radius: float = RADIUS,
+        material: Material = GLASS,
+    ) -> None:
+        self.target = target
+        self.limit = inertial_number / own_time(target, radius, material)
+        self.rates = np.full(3, FIRST * self.limit)
+        self.stress = np.zeros(3)
+
+    def follow(self, stress: np.ndarray) -> np.ndarray:
+        """Strain rates (3,), 1/s, at the principal stresses (3,), Pa, compression positive."""
+        self.stress = stress
+        outward = np.where(stress > self.target, 1.0, -1.0)
+        factor = np.where(outward * self.rates < 0, TURN, GROWTH)
+        self.rates = outward * np.minimum(factor * np.abs(self.rates), self.limit)
+        return self.rates
+
+    def error(self) -> float:
+        """Largest relative deviation of a principal stress from the target."""
+        return float(abs(self.stress / self.target - 1).max())
+
+
+@dataclass
+class Study:
+    """What tells one chain from another; the defaults are the study's own at friction 0.4.
+
+    width: diameters; approach_rate: 1/s; fraction: time step over its limit.
+    """
+
+    mu_comp: float = 0.4
+    spheres: int = 35201
+    width: float = 14.65
+    seed: int = 1
+    approach_rate: float = APPROACH_RATE
+    agitated_damping: float = AGITATED_DAMPING
+    inertial_number: float = INERTIAL_NUMBER
+    fraction: float = STABILITY
+
+    def __post_init__(self) -> None:
+        for name, kind in Study.__annotations__.items():
+            setattr(self, name, int(getattr(self, name)) if kind == "int" else _number(self, name))
+        if not (0 < self.mu_comp <= 1 and self.spheres >= 100 and self.width >= 4):
+            raise InputError(
+                f"mu_comp {self.mu_comp:g}, {self.spheres} spheres, width {self.width:g}: this "
+                "chain needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least 4 "
+                "diameters"
+            )
+        if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
+            raise InputError(
+                f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
+                f"lie between 0 and 1; {STABILITY:g} and {INERTIAL_NUMBER:g} are usual"
+            )
+        if not (self.approach_rate > 0 and 0 <= self.agitated_damping < 1):
+            raise InputError(
+                f"approach rate {self.approach_rate:g}, agitated damping "
+                f"{self.agitated_damping:g}: the rate must be positive, the damping from 0 to 1"
+            )
+
+    @property
+    def attributes(self) -> dict[str, float | int]:
+        """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
+        return vars(self) | {"protocol": 2}
+
+    def refuse_other(self, found: dict, path: object) -> None:
+        """InputError if a checkpoint's attributes are those of another study."""
+        for name, value in self.attributes.items():
+            if found.get(name) != value:
+                raise InputError(
+                    f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
+                    f"{value}); move it away or take another folder"
+                )
+
+
+def _number(study: Study, name: str) -> float:
+    value = float(getattr(study, name))
+    if not math.isfinite(value):
+        raise InputError(f"{name} {value}: not a finite number; give another")
+    return value
+
+
+def stages(stresses: tuple[float, ...]) -> list[str]:
+    """Names of the stages, in order; a stress in Pa names the walk to it."""
+    return [*PREPARATION, *(f"{stress:g}" for stress in stresses)]
+
+
+class Stage:
+    """One stage's control, damping and durations, s; `ended` tells when it is over."""
+
+    def __init__(self, name: str, study: Study) -> None:
+        self.name, self.study = name, study
+        self.damping, self.limits = DAMPING, (-math.inf, -math.inf)
+        if name in PREPARATION[:2]:
+            self.control: ConstantRate | Servo = ConstantRate(
+                study.approach_rate if name == "approach" else 0.0
+            )
+            self.patience = math.inf if name == "approach" else COOLING * own_time(HOT)
+            if name == "approach":
+                self.damping = study.agitated_damping
+        else:
+            target, self.limits = (
+                (JAMMING_STRESS, JAMMED) if name == "jam" else (float(name), SETTLED)
+            )
+            self.control = Servo(target, study.inertial_number)
+            self.patience = duration(PATIENCE, target)
+        self.check = duration(CHECK, self.control.target)
+        self.interval = duration(CONTROL, self.control.target)
+
+    @property
+    def is_state(self) -> bool:
+        """Whether the stage's end is a state to be written."""
+        return self.name not in PREPARATION
+
+    def time_step(self) -> float:
+        """Stable at the target and at the present stress, s."""
+        stress = max(self.control.target, ABOVE * self.control.stress.mean())
+        return time_step(stress, self.study.fraction)
+
+    def settled(self, unbalanced: float) -> bool:
+        """Whether stresses and balance (residual over contact force) are as near as wanted."""
+        if self.name == "approach":
+            return bool(self.control.stress.mean() > HOT)
+        if self.name == "cool":
+            return False
+        return self.control.error() < self.limits[0] and unbalanced < self.limits[1]
+
+    def impatient(self, seconds: float) -> bool:
+        """Whether the time of the stage is over, to half a check."""
+        return seconds > self.patience - self.check / 2
