@@ -15,7 +15,7 @@ from analysis.figures import FIGURES, draw
 from analysis.measures import Measures
 from analysis.picture import read_picture
 from analysis.prepare import prepare
-from analysis.products import Products, find, require_same_network
+from analysis.products import Products, find
 from analysis.render import save
 from analysis.report import report as write_report
 from analysis.samples import table
@@ -24,6 +24,7 @@ from analysis.stress import power_law, stress_rows
 from analysis.tables import tables
 from analysis.trial import trial
 from modal.network import read_network
+from modal.provenance import packing_of, require_same_packing
 from modal.signals import read_signals
 from modal.storage import InputError
 
@@ -64,7 +65,8 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
     text = "what a report needs beside the run's products: gain, density of states, ridge"
     command("prepare", text).add_argument("case", nargs="+", metavar="CASE", help="1 ... 32")
-    command("status", "which cases have which products")
+    status = command("status", "which cases have which products, and which are stale and why")
+    status.add_argument("--cases", default="cases", metavar="DIR", help="tables of the cases")
     text = "table of compact samples: density, contacts, stresses, balance"
     samples = commands.add_parser("samples", help=text, description=text)
     samples.add_argument("sample", nargs="+", metavar="FILE", help="*.sample.h5")
@@ -157,7 +159,6 @@ def _report(cases: list[Measures], output: Path, argv: list[str]) -> None:
 
 def _agreement(arguments: argparse.Namespace) -> None:
     network, run = read_network(arguments.network), read_signals(arguments.signals)
-    require_same_network(run, network, arguments.network)
     within = np.inf
     if arguments.first is not None:
         if not 1 <= arguments.first <= len(run.chain_position):
@@ -166,6 +167,10 @@ def _agreement(arguments: argparse.Namespace) -> None:
         within = (z - network.wall_position[0]) * (1 + 1e-9)
     paths = {name: getattr(arguments, name) for name in OTHER_RUNS}
     others = {name: read_signals(path) for name, path in paths.items() if path}
+    packing = packing_of(arguments.network)
+    for path in (arguments.signals, *filter(None, paths.values())):
+        if note := require_same_packing(path, packing):
+            print(f"note: {note}", file=sys.stderr)
     _show(report(Agreement(network, run, within), **others), arguments.output)
 
 
@@ -183,7 +188,7 @@ def main(argv: list[str] | None = None) -> int:
             folder = Path(arguments.products)
             if not folder.is_dir():
                 raise InputError(f"{folder}: no such folder; give --products DIR")
-            print(status_table(folder))
+            print(status_table(folder, Path(arguments.cases)))
             return 0
         if arguments.command == "agreement":
             _agreement(arguments)
@@ -199,6 +204,8 @@ def main(argv: list[str] | None = None) -> int:
             for case in cases:
                 print("".join(f"{path}\n" for path in prepare(case)), end="")
             return 0
+        for case in cases:
+            case.check()
         output = Path(arguments.output)
         try:
             output.mkdir(parents=True, exist_ok=True)
@@ -210,6 +217,7 @@ def main(argv: list[str] | None = None) -> int:
                 _figure(arguments.name, [Measures(case) for case in cases], output)
         except OSError as error:
             raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
+        print("".join(f"note: {note}\n" for case in cases for note in case.notes), end="")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -7,6 +7,7 @@ report should.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,37 +16,50 @@ from analysis.products import Products
 from analysis.structure_factor import structure_factor, write_structure
 from modal.density import density_of_states, write_density
 from modal.eigenproblem import Eigenproblem
+from modal.provenance import Provenance, is_current
 from modal.response import frequency_response, write_response
-from modal.storage import sha256
 
 GAIN_REACH = 18
 """Highest frequency of the gain, in f_1 = V / 2 L of the affine wave, as its resolution is."""
 RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
 """Hz, of the structure factor and of the density of states."""
+DENSITY_TOLERANCE = 1e-3
+"""Standard error of a count in parts of all modes."""
 
 
 def prepare(case: Products) -> list[Path]:
-    """Make what is missing: the gain, and for a random case density and structure factor."""
-    network, made = case.network, []
-    digest = sha256(next(case.path(k) for k in ("network", "sample") if case.has(k)))
-    if not case.has("response"):
-        first = 0.5 / case.passage
-        found = frequency_response(
-            network, highest=GAIN_REACH * first, resolution=GAIN_RESOLUTION * first
-        )
-        made.append(case.path("response"))
-        write_response(made[-1], found, digest)
-    if not case.is_crystal and not case.has("density"):
-        made.append(case.path("density"))
+    """Make what is missing or stale: the gain, and for a random case density and structure factor.
+
+    Says of what is stale which setting or source has changed; returns what was made.
+    """
+    network, digest, made = case.network, case.packing[0].sha256, []
+
+    def wanted(kind: str, **settings: Any) -> Provenance | None:
+        """What the file is to be made from, if it has to be made."""
+        command = f"python -m analysis prepare {case.number}"
+        provenance = Provenance(command, settings, case.packing)
+        if is_current(case.path(kind), provenance):
+            return None
+        made.append(case.path(kind))
+        return provenance
+
+    first = 0.5 / case.passage
+    gain = {"highest": GAIN_REACH * first, "resolution": GAIN_RESOLUTION * first}
+    if of_gain := wanted("response", **gain, pre_stress="none"):
+        write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
+    if case.is_crystal:
+        return made
+    settings = {"resolution": DENSITY_RESOLUTION, "tolerance": DENSITY_TOLERANCE}
+    if of_density := wanted("density", **settings):
         zero = Eigenproblem.of(network).floppy.basis
-        states = density_of_states(network, resolution=DENSITY_RESOLUTION, zero_modes=zero)
-        write_density(made[-1], states, digest)
-    if not case.is_crystal and not case.has("structure"):
-        layers = int(network.length / case.diameter)
-        highest = 1.5 * layers / (2 * case.passage)
-        made.append(case.path("structure"))
-        found = structure_factor(network, standing_orders(layers), RESOLUTION, highest)
-        write_structure(made[-1], found, digest)
+        states = density_of_states(network, **settings, zero_modes=zero)
+        write_density(made[-1], states, digest, of_density)
+    layers = int(network.length / case.diameter)
+    ridge = {"resolution": RESOLUTION, "highest": 1.5 * layers / (2 * case.passage)}
+    orders = standing_orders(layers)
+    if of_structure := wanted("structure", **ridge, orders=orders):
+        found = structure_factor(network, orders, **ridge)
+        write_structure(made[-1], found, digest, of_structure)
     return made
 
 

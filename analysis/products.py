@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -17,12 +17,13 @@ from modal.density import SCHEMA as DENSITY_SCHEMA
 from modal.density import VERSION as DENSITY_VERSION
 from modal.mode_set import ModeSet, read_modes
 from modal.network import Network
+from modal.provenance import Source, packing_of, require_same_packing
 from modal.response import SCHEMA as RESPONSE_SCHEMA
 from modal.response import VERSION as RESPONSE_VERSION
 from modal.sample import read_packing
 from modal.signals import Signals, read_signals
 from modal.source import Pulse
-from modal.storage import InputError, get, open_h5, sha256
+from modal.storage import InputError, get, open_h5
 from modal.wave import propagate
 
 KINDS = ("network", "modes", "translations.modes", "signals")
@@ -41,19 +42,14 @@ def case_name(text: str) -> str:
     return f"case{int(match[1]):02d}"
 
 
-def require_same_network(signals: Signals, network: Network, path: Path | str) -> None:
-    """InputError where the signals were recorded on another network than that of the file."""
-    other = signals.network_sha256 and signals.network_sha256 != sha256(path)
-    if other or signals.chain_particle.max() >= network.n_particles:
-        raise InputError(f"{path}: the signals belong to another network; run the wave again")
-
-
 @dataclass
 class Products:
     """Files of one case in a folder; each is None where the file is absent."""
 
     name: str
     folder: Path
+    notes: list[str] = field(default_factory=list)
+    """What a reader should know: products that do not say which packing they are of."""
 
     def path(self, kind: str) -> Path:
         """File name of one kind of product."""
@@ -69,14 +65,37 @@ class Products:
         return self.path(kind).is_file()
 
     @cached_property
-    def network(self) -> Network:
-        """Contact network; without it nothing can be said about a case."""
+    def packing_path(self) -> Path:
+        """The network, or the sample where there is none; without it nothing can be said."""
         for kind in ("network", "sample"):
             if self.has(kind):
-                return read_packing(self.path(kind))
+                return self.path(kind)
         raise InputError(
             f"{self.path('network')}: no such file; run the case first, or give --products DIR"
         )
+
+    @cached_property
+    def packing(self) -> tuple[Source, ...]:
+        """The packing's file and the sample that it was exported from."""
+        return packing_of(self.packing_path)
+
+    @cached_property
+    def network(self) -> Network:
+        """Contact network."""
+        return read_packing(self.packing_path)
+
+    def check(self) -> None:
+        """InputError where any product at hand is of another packing."""
+        for kind in (*KINDS, *EXTRA_KINDS):
+            if kind not in ("network", "sample") and self.has(kind):
+                self.product(kind)
+
+    def product(self, kind: str) -> Path:
+        """File of a product; InputError, naming both files, where it is of another packing."""
+        note = require_same_packing(self.path(kind), self.packing)
+        if note and note not in self.notes:
+            self.notes.append(note)
+        return self.path(kind)
 
     @cached_property
     def chain(self) -> Chain:
@@ -114,44 +133,44 @@ class Products:
     @cached_property
     def modes(self) -> ModeSet | None:
         """Modes with rotations."""
-        return read_modes(self.path("modes")) if self.has("modes") else None
+        return read_modes(self.product("modes")) if self.has("modes") else None
 
     @cached_property
     def translations(self) -> ModeSet | None:
         """Modes without rotations."""
         kind = "translations.modes"
-        return read_modes(self.path(kind)) if self.has(kind) else None
+        return read_modes(self.product(kind)) if self.has(kind) else None
 
     @cached_property
     def band(self) -> ModeSet | None:
         """Modes of a band of higher frequencies, for chi_z."""
-        return read_modes(self.path("band.modes")) if self.has("band.modes") else None
+        return read_modes(self.product("band.modes")) if self.has("band.modes") else None
 
     @cached_property
     def signals(self) -> Signals | None:
         """Signals of the wave run."""
         if not self.has("signals"):
             return None
-        signals = read_signals(self.path("signals"))
+        signals = read_signals(self.product("signals"))
         if signals.chain_displacement.shape[0] < 50 or signals.chain_displacement.shape[1] < 10:
             raise InputError(
                 f"{self.path('signals')}: fewer than 50 times or 10 particles; record more"
             )
-        if self.has("network"):
-            require_same_network(signals, self.network, self.path("network"))
+        if signals.chain_particle.max() >= self.network.n_particles:
+            raise InputError(f"{self.path('signals')}: its chain leaves the network; run it again")
         return signals
 
     @cached_property
     def structure(self) -> StructureFactor | None:
         """Dynamic structure factor, from `python -m analysis prepare`."""
-        return read_structure(self.path("structure")) if self.has("structure") else None
+        return read_structure(self.product("structure")) if self.has("structure") else None
 
     @cached_property
     def density(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Frequency (Hz), modes per Hz and modes below, of the whole spectrum; zero modes in it."""
         if not self.has("density"):
             return None
-        with open_h5(self.path("density"), DENSITY_SCHEMA, DENSITY_VERSION) as file:
+        with open_h5(self.product("density"), DENSITY_SCHEMA, DENSITY_VERSION) as file:
             frequency = get(file, "frequency", "f", (None,))
             density = get(file, "all/density", "f", frequency.shape)
             return frequency, density, get(file, "all/count_below", "f", frequency.shape)
@@ -161,7 +180,7 @@ class Products:
         """Frequency (Hz), gain and resolution (Hz) from `python -m modal response`."""
         if not self.has("response"):
             return None
-        with open_h5(self.path("response"), RESPONSE_SCHEMA, RESPONSE_VERSION) as file:
+        with open_h5(self.product("response"), RESPONSE_SCHEMA, RESPONSE_VERSION) as file:
             frequency = get(file, "frequency", "f", (None,))
             gain = get(file, "gain", "f", frequency.shape)
             return frequency, gain, float(file.attrs["resolution"])

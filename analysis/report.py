@@ -18,6 +18,7 @@ from analysis.picture import write_picture
 from analysis.products import EXTRA_KINDS, KINDS
 from analysis.render import save_png
 from analysis.tables import Table, tables
+from modal.provenance import read_provenance
 from modal.storage import InputError, sha256
 
 CSS = (
@@ -102,16 +103,17 @@ def _figure(png: Path, number: str, caption: str) -> str:
 
 
 def _provenance(cases: list[Measures]) -> Table:
-    """Every file that was read, its digest, and how it was made as far as it says."""
+    """Every file that was read, its digest, its command and its sources as far as it says."""
     rows = []
     for m in cases:
-        made = m.case.network.provenance
         for kind in (*KINDS, *EXTRA_KINDS):
             path = m.case.path(kind)
             if path.is_file():
-                how = str(made.get("command", "")) if kind in ("network", "sample") else ""
-                rows.append([path.name, sha256(path)[:16], how])
+                made = read_provenance(path)
+                how = made.command or "of unknown origin"
+                sources = ", ".join(map(str, made.sources))
+                rows.append([path.name, sha256(path)[:16], how, sources])
             elif kind in ABSENT and not (m.case.is_crystal and kind in FOR_RANDOM):
-                rows.append([path.name, "absent", ABSENT[kind]])
-    header = ["file", "SHA-256, first 16 digits", "command, or what its absence means"]
+                rows.append([path.name, "absent", ABSENT[kind], ""])
+    header = ["file", "SHA-256, first 16 digits", "command, or what its absence means", "made from"]
     return Table("Provenance", header, rows)

@@ -6,16 +6,18 @@ Below it what each stage of the longest chain among them has cost.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from analysis.paper import COORDINATION_AT_1_KPA, stated
 from modal.equilibrium import balance_of
-from modal.network import Network
+from modal.network import Network, read_network
+from modal.provenance import read_provenance
 from modal.sample import read_sample
 from modal.statics import static_velocity
 from modal.statistics import summary
-from modal.storage import InputError
+from modal.storage import InputError, sha256
 
 HEADER = (
     "sample",
@@ -47,8 +49,9 @@ def row(path: str | Path) -> list[str]:
     """One sample as text, in the order of `HEADER`; what its file does not tell stays empty.
 
     Everything physical is measured from the packing itself, V_P from the springs' response to a
-    steady push; only the target stress, mu_comp, the noise of a DEM run without a wave and the cost
-    of making it are the file's word. A sample that says nothing of mu_comp and has not been given
+    steady push; only the target stress, mu_comp, the noise of a DEM run without a wave (that of the
+    network exported from it, where it lies beside the sample) and the cost of making it are the
+    file's word. A sample that says nothing of mu_comp and has not been given
     mu_wave was made with its friction.
     """
     sample = read_sample(path)
@@ -78,11 +81,24 @@ def row(path: str | Path) -> list[str]:
         ", ".join(_number(value, "+.2f") for value in off[3:]),
         _number(balance.residual, ".1e"),
         str(balance.sliding) if sample.friction > 0 else "",
-        ", ".join(_number(study[name], ".1e") for name in NOISE if name in study),
+        ", ".join(_number(value, ".1e") for value in _noise(path, study)),
         _number(100 * found.get("crystalline_share_of_bulk", np.nan), ".1f"),
         _number(_velocity(network), ".1f"),
     ]
     return [*cells, *(_number(study.get(name), ".0f") for name in ("steps", "seconds"))]
+
+
+def _noise(path: str | Path, study: dict[str, Any]) -> list[float]:
+    """What moves without a wave, m: as the network says that was exported from this sample.
+
+    Earlier versions have written it into the sample.
+    """
+    exported = Path(str(path).removesuffix(".sample.h5") + ".network.h5")
+    if exported.is_file():
+        parents = {source.sha256 for source in read_provenance(exported).packing}
+        if sha256(path) in parents:
+            study = read_network(exported).study
+    return [float(study[name]) for name in NOISE if name in study]
 
 
 def _velocity(network: Network) -> float | None:

@@ -1,22 +1,85 @@
-"""Which cases have which products."""
+"""Which cases have which products, and which of these are stale and why."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from analysis.products import KINDS, Products
+from analysis.products import EXTRA_KINDS, KINDS, Products
+from modal.provenance import (
+    PACKING,
+    Provenance,
+    Source,
+    differing_settings,
+    differing_sources,
+    packing_of,
+    read_provenance,
+)
+from modal.storage import InputError
+
+TABLES = "fcc.table", "random.table"
+"""Tables of the cases, a column a setting."""
+OTHER_NAMES = {"friction": "mu_wave"}
+"""Settings that the tables call by another name."""
 
 
-def status_table(folder: Path, cases: range = range(1, 33)) -> str:
-    """One line per case that has any product: `yes` or `-` for each kind."""
-    lines = ["case    " + "  ".join(KINDS)]
+def status_table(folder: Path, tables: Path, cases: range = range(1, 33)) -> str:
+    """One line per case that has any product: `yes`, `stale` or `-` for each kind.
+
+    Below it, of each stale product what has changed: a file that it was made from, or a setting
+    of the tables of cases in the folder `tables`.
+    """
+    lines, reasons = ["case    " + "  ".join(KINDS)], []
+    settings = _settings_of_cases(tables)
     for number in cases:
         case = Products(f"case{number:02d}", folder)
-        found = [case.has(kind) for kind in KINDS]
-        if any(found):
-            marks = ("yes" if yes else "-" for yes in found)
+        stale = {
+            kind: why
+            for kind in (*KINDS, *EXTRA_KINDS)
+            if case.has(kind) and (why := _changes(case, kind, settings.get(number, {})))
+        }
+        if any(case.has(kind) for kind in KINDS):
+            marks = ("stale" if k in stale else "yes" if case.has(k) else "-" for k in KINDS)
             cells = (mark.ljust(len(kind)) for mark, kind in zip(marks, KINDS, strict=True))
             lines.append((case.name + "  " + "  ".join(cells)).rstrip())
+        reasons += [f"{case.path(k).name}: stale, {'; '.join(why)}" for k, why in stale.items()]
     if len(lines) == 1:
         lines.append("no case has a product yet")
-    return "\n".join(lines)
+    return "\n".join([*lines, *reasons])
+
+
+def _changes(case: Products, kind: str, row: dict[str, Any]) -> list[str]:
+    """What has changed since the product was made, as far as its file and those beside it tell."""
+    try:
+        made = read_provenance(case.path(kind))
+        known = {name: OTHER_NAMES.get(name, name) for name in made.settings or {}}
+        shared = {name: row[column] for name, column in known.items() if column in row}
+        old = {name: made.settings[name] for name in shared} if made.settings else {}
+        changed = differing_settings(Provenance(settings=old), shared)
+        now = tuple(source for old in made.sources for source in _as_it_is(case, kind, old))
+        roles = {source.role for source in now}
+        before = tuple(source for source in made.sources if source.role in roles)
+        return changed + differing_sources(Provenance(sources=before), Provenance(sources=now))
+    except InputError as error:
+        return [str(error)]
+
+
+def _as_it_is(case: Products, kind: str, old: Source) -> tuple[Source, ...]:
+    """The file that a source has become: of its name beside the product, or the case's packing."""
+    path = case.folder / old.name
+    if old.name and path.is_file():
+        return (Source.of(old.role, path),)
+    if old.role == PACKING and kind != "network" and not old.name:
+        return packing_of(case.packing_path)[:1]
+    return ()
+
+
+def _settings_of_cases(folder: Path) -> dict[int, dict[str, Any]]:
+    """Settings by case number, from the tables that yade-batch reads; empty without them."""
+    found: dict[int, dict[str, Any]] = {}
+    for path in (folder / name for name in TABLES if (folder / name).is_file()):
+        rows = [line.split() for line in path.read_text().splitlines() if line[:1] not in ("#", "")]
+        for row in rows[1:]:
+            values = dict(zip(rows[0], map(float, row), strict=False))
+            found[int(values.pop("case"))] = values
+    return found

@@ -120,10 +120,13 @@ def read_provenance(path: str | Path) -> Provenance:
     with open_h5(path) as file:
         said = dict(file[GROUP].attrs) if GROUP in file else {}
         made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
+        digest = str(file.attrs.get("network_sha256", ""))
         if "settings" in said and "sources" in said:
             sources = tuple(Source(**source) for source in json.loads(said["sources"]))
-            return replace(made, settings=json.loads(said["settings"]), sources=sources)
-        digest = str(file.attrs.get("network_sha256", ""))
+            made = replace(made, settings=json.loads(said["settings"]), sources=sources)
+            if digest and digest != made.packing[0].sha256:
+                raise InputError(f"{path}: names two networks as its own; make it again")
+            return made
         if digest:
             return replace(made, sources=(Source(PACKING, "", digest),))
         if "parent_sha256" in said:

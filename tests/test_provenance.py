@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import h5py
@@ -12,6 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.__main__ import main as analysis_main
+from analysis.samples import table
 from modal import gallery
 from modal.__main__ import main
 from modal.network import write_network
@@ -22,7 +25,7 @@ from modal.provenance import (
     read_provenance,
     require_same_packing,
 )
-from modal.sample import Sample, sample_of_network, write_sample
+from modal.sample import Sample, read_packing, sample_of_network, write_sample
 from modal.storage import InputError, sha256
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -181,3 +184,112 @@ def test_settings_survive_the_file_exactly(settings):
     """A number that came back changed would make every product stale."""
     said = Provenance("", settings).attributes()
     assert json.loads(said["settings"]) == settings
+
+
+@pytest.fixture(scope="module")
+def made_once(tmp_path_factory) -> Path:
+    """A folder with case 2 at 100 kPa and case 3 at 1 MPa: networks, modes and linear waves."""
+    folder = tmp_path_factory.mktemp("study")
+    for case, stress in (("case02", 1e5), ("case03", 1e6)):
+        network = folder / f"{case}.network.h5"
+        write_network(network, gallery.fcc(1, 60, stress))
+        assert main(["modes", str(network), "--all", "-o", str(folder / f"{case}.modes.h5")]) == 0
+        signals = str(folder / f"{case}.signals.h5")
+        assert main(["wave", str(network), "--duration", "2e-4", "-o", signals]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(made_once, tmp_path) -> Path:
+    """A copy of it to spoil."""
+    return Path(shutil.copytree(made_once, tmp_path / "products"))
+
+
+@pytest.mark.parametrize("command", ["compare", "report", "figure"])
+@pytest.mark.parametrize("kind", ["modes", "signals"])
+def test_product_of_another_stress_is_refused_with_both_names(kind, command, folder, capsys):
+    shutil.copy(folder / f"case02.{kind}.h5", folder / f"case03.{kind}.h5")
+    name = "natural_frequencies" if kind == "modes" else "signals"
+    arguments = [command, *([name] if command == "figure" else []), "3"]
+    capsys.readouterr()
+    assert analysis_main([*arguments, "--products", str(folder), "-o", str(folder / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"case03.{kind}.h5: made from case02.network.h5" in line
+    assert "not from case03.network.h5" in line
+
+
+def test_other_runs_of_an_agreement_belong_to_its_network(folder, capsys):
+    arguments = [str(folder / "case03.network.h5"), str(folder / "case03.signals.h5")]
+    other = ["--reverse", str(folder / "case02.signals.h5")]
+    capsys.readouterr()
+    assert analysis_main(["agreement", *arguments, *other]) == 2
+    assert "made from case02.network.h5" in capsys.readouterr().err
+
+
+def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
+    with h5py.File(folder / "case02.modes.h5", "r+") as file:
+        del file["provenance"]
+    arguments = ["compare", "2", "--no-figures", "--products", str(folder), "-o", str(folder)]
+    assert analysis_main(arguments) == 0
+    assert capsys.readouterr().out.count("case02.modes.h5: of unknown origin") == 1
+
+
+def test_status_says_which_product_is_stale_and_why(folder, capsys):
+    """A network made again, and a table of cases that has changed since the wave ran."""
+    cases = folder / "cases"
+    cases.mkdir()
+    table = "# comment\ncase input_frequency stress\n2 1e5 1e5\n3 {} 1e6\n"
+    command = ["status", "--products", str(folder), "--cases", str(cases)]
+    (cases / "fcc.table").write_text(table.format("1e5"))
+    capsys.readouterr()
+    assert analysis_main(command) == 0
+    assert "stale" not in capsys.readouterr().out
+    (cases / "fcc.table").write_text(table.format("2e5"))
+    write_network(folder / "case02.network.h5", gallery.fcc(1, 60, 1.1e5))
+    assert analysis_main(command) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[1].split() == ["case02", "yes", "stale", "-", "stale"]
+    assert out[2].split() == ["case03", "yes", "yes", "-", "stale"]
+    assert any("case02.modes.h5: stale, packing was case02.network.h5 (" in line for line in out)
+    why = "case03.signals.h5: stale, input_frequency was 100000.0, is 200000.0"
+    assert why in [line.strip() for line in out]
+
+
+def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
+    tmp_path, capsys, monkeypatch
+):
+    write_network(tmp_path / "case02.network.h5", gallery.fcc(1, 60, 1e5))
+    command = ["prepare", "2", "--products", str(tmp_path)]
+    assert analysis_main(command) == 0
+    monkeypatch.setattr("analysis.prepare.GAIN_RESOLUTION", 0.5)
+    capsys.readouterr()
+    assert analysis_main(command) == 0
+    assert "case02.response.h5: stale, resolution was " in capsys.readouterr().out
+    assert analysis_main(command) == 0
+    assert capsys.readouterr().out == ""
+    write_network(tmp_path / "case02.network.h5", gallery.fcc(1, 60, 1.1e5))
+    assert analysis_main(command) == 0
+    assert "stale, highest was " in capsys.readouterr().out
+
+
+def test_report_names_command_and_sources_of_every_file(folder, tmp_path):
+    command = ["report", "2", "--products", str(folder), "-o", str(tmp_path / "report")]
+    assert analysis_main(command) == 0
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "python -m modal modes case02.network.h5 --all" in page
+    assert f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})" in page
+
+
+def test_table_of_samples_takes_the_noise_from_the_network_exported_from_it(tmp_path):
+    """The sample itself stays as it was; a network of another sample says nothing about it."""
+    sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
+    shutil.copy(ROOT / "tests/data/friction150.sample.h5", sample)
+    exported = read_packing(sample)
+    exported.study |= {"noise_layer": 1.25e-13, "noise_sphere": 2.5e-13}
+    exported.provenance = Provenance("export", {}, packing_of(sample)).attributes()
+    assert "1.2e-13" not in table([str(sample)])
+    write_network(network, exported)
+    assert "1.2e-13, 2.5e-13" in table([str(sample)])
+    exported.provenance = {}
+    write_network(network, exported)
+    assert "1.2e-13" not in table([str(sample)])
