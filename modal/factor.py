@@ -29,9 +29,21 @@ By default every solution is refined twice, which takes three times as long: fro
 4e-12, which Lanczos does not notice, to 1e-13."""
 
 
+class SingularError(InputError):
+    """A matrix that is singular, or that is not definite as was promised."""
+
+
+BACKWARD = 1e-9
+"""Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
+largest one, round-off may have moved the eigenvalues. Without pivots near zero it is some 1e-12."""
+
+
 @dataclass
 class Factor:
     """A factorised matrix: `solve` (size, k); number of `negative` eigenvalues, None if unknown.
+
+    Unknown where a pivot was replaced, or had to be looked for elsewhere, or was so small that
+    solutions are less accurate than `BACKWARD`: such a factor still solves.
 
     `release` gives back memory that a back end holds outside of Python; no solve after it.
     """
@@ -103,8 +115,7 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
-    upper = sp.triu(matrix, format="csr")
-    upper.sort_indices()
+    upper = _upper_triangle(matrix)
     solver = PyPardisoSolver(mtype=2 if definite else -2)
     for parameter, value in PARDISO.items():
         solver.set_iparm(parameter, value)
@@ -113,7 +124,7 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     try:
         solver.factorize(upper)
     except PyPardisoError as error:
-        raise InputError(_singular(definite)) from error
+        raise SingularError(_singular(definite)) from error
 
     def solve(rhs: np.ndarray) -> np.ndarray:
         return solver.solve(upper, np.asfortranarray(rhs))
@@ -121,8 +132,35 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     def release() -> None:
         solver.free_memory(everything=True)
 
-    negative = 0 if definite else int(solver.get_iparm(23))
-    return Factor(solve, negative, "pardiso", release)
+    # Pivots that were replaced, and those of either sign.
+    perturbed, positive, negative = (int(solver.get_iparm(k)) for k in (14, 22, 23))
+    whole = perturbed == 0 and positive + negative == matrix.shape[0]
+    count = 0 if definite else _certain(negative if whole else None, solve, matrix)
+    return Factor(solve, count, "pardiso", release)
+
+
+def _certain(
+    negative: int | None, solve: Callable[[np.ndarray], np.ndarray], matrix: sp.csr_matrix
+) -> int | None:
+    """The number of negative pivots if the factor is accurate, tried on one right-hand side."""
+    if negative is None:
+        return None
+    rhs = np.random.default_rng(matrix.shape[0]).standard_normal(matrix.shape[0])
+    found = solve(rhs)
+    error, size = np.linalg.norm(matrix @ found - rhs), np.linalg.norm(found)
+    return negative if error <= BACKWARD * abs(matrix.data).max() * size else None
+
+
+def _upper_triangle(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """The upper triangle, with a stored diagonal: PARDISO takes no empty row."""
+    upper = sp.triu(matrix, format="csr")
+    if not np.diff(upper.indptr).all():
+        above, rows = sp.triu(matrix, k=1, format="coo"), np.arange(matrix.shape[0])
+        values = np.concatenate([above.data, matrix.diagonal()])
+        places = np.concatenate([above.row, rows]), np.concatenate([above.col, rows])
+        upper = sp.coo_matrix((values, places), shape=matrix.shape).tocsr()
+    upper.sort_indices()
+    return upper
 
 
 def _banded(matrix: sp.csr_matrix, definite: bool) -> Factor:
@@ -132,14 +170,14 @@ def _banded(matrix: sp.csr_matrix, definite: bool) -> Factor:
     try:
         return Factor(BandCholesky(band).solve, 0, "banded")
     except np.linalg.LinAlgError as error:
-        raise InputError(_singular(definite)) from error
+        raise SingularError(_singular(definite)) from error
 
 
 def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
     """SuperLU in symmetric mode with diagonal pivots.
 
     Where the row permutation equals the column permutation, U's diagonal holds the D of an
-    L D L^T and its signs are the inertia (Sylvester); otherwise the count is unknown.
+    L D L^T and its signs are the inertia (Sylvester).
     """
     _refuse_above_memory(SUPERLU_FILL * matrix.nnz, "SuperLU")
     options = {"SymmetricMode": True}
@@ -148,10 +186,10 @@ def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
             matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
         )
     except RuntimeError as error:
-        raise InputError(_singular(definite)) from error
+        raise SingularError(_singular(definite)) from error
     symmetric = np.array_equal(lu.perm_r, lu.perm_c)
     negative = int((lu.U.diagonal() < 0).sum()) if symmetric else None
-    return Factor(lu.solve, negative, "superlu")
+    return Factor(lu.solve, _certain(negative, lu.solve, matrix), "superlu")
 
 
 def _singular(definite: bool) -> str:
