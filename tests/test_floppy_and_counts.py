@@ -170,9 +170,12 @@ def test_a_matrix_with_an_empty_diagonal_is_counted():
 
 
 def test_growth_of_the_factor_is_no_exact_count():
-    """A leading entry of 1e-12 makes entries of 1e12 without pivots: their signs prove nothing."""
-    matrix = sp.csr_matrix([[1e-12, 1.0], [1.0, 0.3]])
-    assert factorise(matrix, definite=False, solver="superlu").negative is None
+    """The leaves of a star come first; one with 1e-12 makes an entry of 1e12 of the centre's 0.3."""
+    star = np.diag([0.3, 1e-12, 1.0, 1.0])
+    star[0, 1:] = star[1:, 0] = 1.0
+    assert factorise(sp.csr_matrix(star), definite=False, solver="superlu").negative is None
+    star[1, 1] = 1.0
+    assert factorise(sp.csr_matrix(star), definite=False, solver="superlu").negative == 1
     network = gallery.column(2)
     problem = Eigenproblem.of(network)
     block = problem.scaled[:6, :6].toarray()
