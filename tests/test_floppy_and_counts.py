@@ -170,7 +170,7 @@ def test_a_matrix_with_an_empty_diagonal_is_counted():
 
 
 def test_growth_of_the_factor_is_no_exact_count():
-    """The leaves of a star come first; one with 1e-12 makes an entry of 1e12 of the centre's 0.3."""
+    """A star's leaves come first; one of 1e-12 makes an entry of 1e12 of the centre's 0.3."""
     star = np.diag([0.3, 1e-12, 1.0, 1.0])
     star[0, 1:] = star[1:, 0] = 1.0
     assert factorise(sp.csr_matrix(star), definite=False, solver="superlu").negative is None
