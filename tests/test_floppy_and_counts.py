@@ -8,9 +8,10 @@ import scipy.sparse as sp
 
 from modal import gallery
 from modal.__main__ import main
+from modal.assembly import stiffness_matrix
 from modal.eigenproblem import Eigenproblem, frequency_of, slipping
 from modal.factor import SOLVERS, available, factorise
-from modal.inertia import count_below, count_negative
+from modal.inertia import count_below, count_negative, layers_of_contacts
 from modal.intervals import lowest_modes, modes_between
 from modal.krylov import TOLERANCE, modes_nearest
 from modal.mode_set import ModeSet
@@ -139,7 +140,7 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     """At an eigenvalue of one sphere's block of A every sphere of a column asks for a pivot that
     is zero, while no eigenvalue of A is near. PARDISO replaces such pivots: 110 for 136 modes."""
     if not available(solver) and solver != "layers":
-        pytest.skip(f"{solver} is not installed")
+        pytest.skip("pypardiso is not installed")
     problem = Eigenproblem.of(gallery.column(120), solver=solver)
     block = problem.scaled[78:84, 78:84].toarray()
     square = np.linalg.eigvalsh(block)[which]
@@ -188,7 +189,7 @@ def test_growth_of_the_factor_is_no_exact_count():
 def test_a_mode_at_the_frequency_asked_is_refused(solver):
     """Whether a mode lies below its own frequency is round-off: no count is given as exact."""
     if not available(solver) and solver != "layers":
-        pytest.skip(f"{solver} is not installed")
+        pytest.skip("pypardiso is not installed")
     problem = Eigenproblem.of(columns_side_by_side(60), solver=solver)
     frequency = frequency_of(dense_squares(problem))
     for hz in (frequency[-1], frequency[-200]):
@@ -200,6 +201,49 @@ def test_a_mode_at_the_frequency_asked_is_refused(solver):
         # Some round-off decides for all or for none of the equal modes.
         low, high = (frequency < hz * (1 - 1e-9)).sum(), (frequency < hz * (1 + 1e-9)).sum()
         assert count is None or low <= count <= high
+
+
+@pytest.mark.parametrize("contacts_apart", [1, 3])
+def test_layers_of_contacts_of_a_crystal_are_its_planes(contacts_apart):
+    """Contacts join neighbouring layers only, and none is thicker than a plane of the crystal.
+
+    Two clusters, one far above the other, are each counted from their own lowest plane.
+    """
+    crystal = gallery.fcc(3, 12)
+    plane = np.unique(crystal.position[:, 2].round(9), return_inverse=True)[1]
+    cut = plane < 12 // contacts_apart
+    i, j = crystal.particle_i, crystal.particle_j
+    network = with_contacts(crystal, (j < 0) | (cut[i] == cut[j]))
+    matrix = stiffness_matrix(network)
+    layer = layers_of_contacts(matrix, 6, network.position[:, 2])
+    assert np.array_equal(layer, np.where(cut, plane, plane - cut.sum() // 9))
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-9, 1.0, 1e30])
+def test_counts_do_not_depend_on_the_unit_of_stiffness(size):
+    """Sylvester's law is about signs; the chain's matrix with its shift has both, of any size."""
+    chain = sp.diags([-np.ones(19), 2 * np.ones(20), -np.ones(19)], [-1, 0, 1], format="csr")
+    angle = np.arange(1, 21) * np.pi / 21
+    for shift in (0.1, 1.2, 1.99, 3.7):
+        # Eigenvalues of a chain between walls: 2 - 2 cos(angle).
+        expected = int((2 - 2 * np.cos(angle) < shift).sum())
+        shifted = (size * (chain - shift * sp.eye(20))).tocsr()
+        assert count_negative(shifted, 1, np.arange(20.0)) == expected
+        for solver in ("pardiso", "superlu"):
+            if available(solver):
+                found = factorise(shifted, definite=False, solver=solver).negative
+                # PARDISO replaces pivots below some 1e-8 in themselves, and then does not count.
+                assert found == (None if solver == "pardiso" and size < 1e-8 else expected)
+
+
+@pytest.mark.parametrize("zero", [0, 2, 4])
+def test_exactly_singular_is_refused_and_not_counted(zero):
+    """At the frequency of a mode its eigenvalue has no sign, in whichever layer it is met."""
+    diagonal = np.array([3.0, -1, 2, -5, 4])
+    assert count_negative(sp.diags(diagonal, format="csr"), 1, np.arange(5.0)) == 2
+    diagonal[zero] = 0
+    with pytest.raises(InputError, match="singular"):
+        count_negative(sp.diags(diagonal, format="csr"), 1, np.arange(5.0))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

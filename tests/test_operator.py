@@ -100,6 +100,10 @@ def test_accumulate_and_out():
     assert total == pytest.approx(1 - 2 * once, rel=1e-12, abs=1e-12)
     with pytest.raises(ValueError, match="shape"):
         applied.apply(x[:-1])
+    if operator.numba is not None:
+        # A compiled loop that wrote into a copy would leave `out` as it was, without a word.
+        with pytest.raises(ValueError, match="C-contiguous"):
+            applied.accumulate(x, np.zeros((len(x), 2))[:, 0])
 
 
 def test_symmetric_and_usable_by_arpack():

@@ -16,7 +16,7 @@ from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.operator import ContactOperator
 from modal.sample import read_sample
 from modal.storage import InputError
-from modal.tangent import asymmetry, contact_tangent
+from modal.tangent import PRE_STRESS, asymmetry, contact_tangent
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
@@ -148,6 +148,24 @@ def test_a_turned_contact_carries_its_forces_along():
     assert -(K @ motion.ravel()) == pytest.approx(turned.ravel(), abs=1e-13 * abs(K).max())
     shifted = np.tile([1.0, 2.0, 3.0, 0, 0, 0], len(network.mass))
     assert abs(K @ shifted).max() < 1e-13 * abs(K).max()
+
+
+@pytest.mark.parametrize("pre_stress", PRE_STRESS)
+def test_a_wall_has_neither_rows_nor_columns(pre_stress):
+    network = loaded_contacts(4)
+    wall = contact_tangent(network, pre_stress)[network.with_wall]
+    assert len(wall) and wall[:, :6, :6].any()
+    assert not wall[:, 6:].any() and not wall[:, :, 6:].any()
+
+
+def test_asymmetry_is_the_share_of_the_antisymmetric_part():
+    """Symmetric and antisymmetric parts are orthogonal: any share can be made."""
+    random = np.random.default_rng(5).standard_normal((9, 9))
+    even, odd = random + random.T, random - random.T
+    even, odd = even / np.linalg.norm(even), odd / np.linalg.norm(odd)
+    for angle in (0.0, 0.3, np.pi / 2):
+        turned = sp.csr_matrix(np.cos(angle) * even + np.sin(angle) * odd)
+        assert asymmetry(turned) == pytest.approx(np.sin(angle), abs=1e-15)
 
 
 def test_crystal_without_shear_forces_stays_symmetric():

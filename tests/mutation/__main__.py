@@ -1,0 +1,217 @@
+"""Mutation testing of modal's mathematical core: are small wrong changes noticed by the tests?
+
+    python -m tests.mutation [--count 300] [--seed 1] [--modules operator wave] [-o FILE]
+
+Draws mutants from the modules of `TESTS`, puts each into a copy of the project and runs the tests
+of its module there, two mutants at a time. Each result is a line of FILE (by default in a temporary
+folder); the same command goes on where it was stopped. 300 mutants take about 40 minutes on two
+cores. Survivors that compute the same as the original are listed, with the reason, in
+tests/mutation/equivalent.toml.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import hashlib
+import json
+import os
+import queue
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from tests.mutation.mutants import Mutant, drawn, mutants_of
+
+ROOT = Path(__file__).resolve().parents[2]
+EQUIVALENT = Path(__file__).with_name("equivalent.toml")
+TESTS = {
+    "contact": "stiffness operator tangent lattice_and_modes",
+    "tangent": "operator tangent linear_wave",
+    "assembly": "stiffness operator tangent floppy_and_counts",
+    "operator": "operator linear_wave",
+    "inertia": "floppy_and_counts edges lattice_and_modes",
+    "floppy": "floppy_and_counts edges files_and_commands",
+    "krylov": "floppy_and_counts mode_lists edges lattice_and_modes",
+    "spectrum": "linear_wave density response mode_lists edges",
+    "wave": "linear_wave response edges",
+    "density": "density edges files_and_commands",
+}
+"""Test files of a module of modal, the quickest and most likely ones first."""
+MEMORY = 8 << 30
+"""Bytes that one run of the tests may take: a wrong size must not stop the machine."""
+LEFT_BEHIND = (".git", ".venv", "products", "build", "results", "__pycache__", "*.egg-info")
+
+
+class Workplace:
+    """A copy of the project in which one mutant at a time is tested."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / "project"
+        shutil.copytree(ROOT, self.folder, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
+        self.cache = folder / "numba"
+
+    def run(self, module: str, timeout: float) -> tuple[str, str]:
+        """Outcome, and the first test that failed."""
+        files = [f"tests/test_{name}.py" for name in TESTS[module].split()]
+        options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1"]
+        one_thread = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "NUMBA")}
+        paths = {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(self.cache)}
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pytest", *options, *files],
+            cwd=self.folder,
+            env=os.environ | one_thread | paths | {"PYTHONDONTWRITEBYTECODE": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            output, _ = process.communicate(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            return "noticed", "timeout"
+        failed = re.search(r"^(?:FAILED|ERROR) (?:tests/)?(\S+)", output, re.MULTILINE)
+        if process.returncode == 0:
+            return "survived", ""
+        return "noticed", failed[1] if failed else f"exit status {process.returncode}"
+
+    def judge(self, mutant: Mutant, timeout: float) -> tuple[str, str]:
+        """Outcome of the tests with the mutant in place of the module."""
+        path = self.folder / mutant.path
+        source = path.read_bytes()
+        if b"numba" in source:
+            # Compiled code is looked up by the time and size of a file: start without any.
+            shutil.rmtree(self.cache, ignore_errors=True)
+        path.write_bytes(mutant.apply(source))
+        try:
+            return self.run(path.stem, timeout)
+        finally:
+            path.write_bytes(source)
+
+
+@functools.cache
+def digest_of(path: str) -> str:
+    """Of a module as it was when the run began."""
+    return hashlib.sha256((ROOT / path).read_bytes()).hexdigest()[:12]
+
+
+def key_of(mutant: Mutant) -> str:
+    """The same for the same change of the same source."""
+    return f"{mutant.path}:{digest_of(mutant.path)}:{mutant.start}:{mutant.end}:{mutant.text}"
+
+
+def results_of(path: Path) -> dict[str, dict]:
+    """What was found so far; a last line that was cut off is left out."""
+    found = {}
+    for line in path.read_text().splitlines() if path.exists() else []:
+        if line.endswith("}"):
+            row = json.loads(line)
+            found[row["key"]] = row
+    return found
+
+
+def reasons() -> dict[tuple[str, str, str], str]:
+    """Why a mutant (path, line before, line after) computes the same as the original."""
+    rows = tomllib.loads(EQUIVALENT.read_text())["mutant"] if EQUIVALENT.exists() else []
+    return {(row["path"], row["before"], row["after"]): row["reason"] for row in rows}
+
+
+def report(mutants: list[Mutant], found: dict[str, dict]) -> str:
+    """Markdown: a row for each module, then the survivors."""
+    equivalent = reasons()
+    rows, survivors, total = [], [], [0, 0, 0, 0]
+    for module in TESTS:
+        numbers = [0, 0, 0, 0]
+        for mutant in mutants:
+            row = found.get(key_of(mutant))
+            if row is None or Path(mutant.path).stem != module:
+                continue
+            same = (mutant.path, mutant.before, mutant.after) in equivalent
+            kind = 1 if row["outcome"] == "noticed" else 2 if same else 3
+            numbers[0] += 1
+            numbers[kind] += 1
+            if kind == 3:
+                survivors.append(f"{mutant.path}:{mutant.line}: {mutant.before} -> {mutant.after}")
+        if numbers[0]:
+            rows.append(f"| {module} | " + " | ".join(map(str, numbers)) + " |")
+        total = [a + b for a, b in zip(total, numbers, strict=True)]
+    share = total[1] / max(1, total[0] - total[2])
+    head = ["| module | mutants | noticed | equivalent | survivors |", "|---|---|---|---|---|"]
+    rows.append("| all | " + " | ".join(map(str, total)) + " |")
+    return "\n".join(
+        [*head, *rows, "", f"Noticed of those not equivalent: {share:.1%}", *survivors]
+    )
+
+
+def parsed(arguments: list[str] | None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.mutation",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--count", type=int, default=300, help="mutants to draw (300)")
+    parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
+    parser.add_argument("--modules", nargs="+", choices=TESTS, default=list(TESTS))
+    parser.add_argument("--workers", type=int, default=2, help="mutants at a time (2)")
+    parser.add_argument("--again", action="store_true", help="test those that survived again")
+    default = Path(tempfile.gettempdir()) / "granular-mutation.jsonl"
+    parser.add_argument("-o", "--output", type=Path, default=default, help=f"results ({default})")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Test the mutants that have no result yet, then print the report."""
+    options = parsed(arguments)
+    pools = [mutants_of(ROOT, f"modal/{module}.py") for module in options.modules]
+    mutants = drawn(pools, options.count, options.seed)
+    found = results_of(options.output)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    again = {key for key, row in found.items() if options.again and row["outcome"] == "survived"}
+    waiting = [m for m in mutants if key_of(m) not in found or key_of(m) in again]
+    with (
+        tempfile.TemporaryDirectory(prefix="mutation-") as folder,
+        ThreadPoolExecutor(options.workers) as pool,
+        options.output.open("a") as file,
+    ):
+        places: queue.Queue[Workplace] = queue.Queue()
+        for number in range(options.workers if waiting else 0):
+            places.put(Workplace(Path(folder) / str(number)))
+
+        def limit(module: str) -> tuple[str, float]:
+            place, started = places.get(), time.monotonic()
+            if place.run(module, 600)[0] != "survived":
+                raise SystemExit(f"the tests of {module} fail without any mutant")
+            places.put(place)
+            return module, 20 + 3 * (time.monotonic() - started)
+
+        def judge(mutant: Mutant) -> tuple[Mutant, str, str]:
+            place = places.get()
+            outcome, by = place.judge(mutant, limits[Path(mutant.path).stem])
+            places.put(place)
+            return mutant, outcome, by
+
+        limits = dict(pool.map(limit, sorted({Path(m.path).stem for m in waiting})))
+        for number, (mutant, outcome, by) in enumerate(pool.map(judge, waiting), 1):
+            row = {"key": key_of(mutant), "outcome": outcome, "by": by, "line": mutant.line}
+            row |= {"path": mutant.path, "before": mutant.before, "after": mutant.after}
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            found[row["key"]] = row
+            print(f"{number}/{len(waiting)} {mutant.path}:{mutant.line} {outcome} {by}", flush=True)
+    print(report(mutants, found))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
