@@ -15,7 +15,7 @@ from modal.factor import SOLVERS
 from modal.inertia import count_below
 from modal.intervals import lowest_modes, modes_between
 from modal.lattice import FccCrystal
-from modal.leapfrog import leapfrog
+from modal.leapfrog import leapfrog, steps_between_records
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import all_modes, highest_modes, memory_of_all
 from modal.packing_commands import add_pack, add_relax, pack, relax_sample
@@ -201,15 +201,16 @@ def _wave(options: argparse.Namespace) -> dict[str, Any]:
         "particles": options.particles,
         "network_sha256": sha256(options.network),
     }
-    interval, step = options.interval or 1e-6, options.time_step
+    interval = 1e-6 if options.interval is None else options.interval
+    step = options.time_step
     if options.method == "leapfrog":
-        if not (step and step > 0):
+        if step is None:
             raise InputError("--method leapfrog needs --time-step; give it in s")
-        every = max(1, round(interval / step))
+        every = steps_between_records(interval, step)
         signals = leapfrog(network, options.duration, step, every=every, **settings)
         accuracy = {"time_step_s": step}
     else:
-        if step:
+        if step is not None:
             raise InputError("--time-step is for --method leapfrog; chebyshev takes --tolerance")
         wave = propagate(
             network, options.duration, interval=interval, tolerance=options.tolerance, **settings

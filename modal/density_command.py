@@ -48,7 +48,7 @@ def density(options: argparse.Namespace) -> dict[str, Any]:
     value, error = states.count_below(at)
     return {
         "resolution_hz": states.resolution,
-        "random_vectors": len(states.moments),
+        "random_vectors": states.random_vectors,
         "products_with_k": states.products,
         "quartiles_hz": {
             name: np.interp(QUARTILES, below[:, c] / below[-1, c], frequency).tolist()

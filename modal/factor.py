@@ -18,6 +18,7 @@ from scipy.sparse.linalg import splu
 
 from modal.band import Band, BandCholesky
 from modal.storage import InputError
+from modal.workload import memory_at_hand
 
 SOLVERS = ("pardiso", "banded", "superlu")
 SUPERLU_FILL = 1.4e3
@@ -87,18 +88,6 @@ def _scipy_choice(matrix: sp.csr_matrix, definite: bool) -> str:
     if definite and Band(matrix).bytes_needed < SUPERLU_FILL * matrix.nnz:
         return "banded"
     return "superlu"
-
-
-def memory_at_hand() -> float:
-    """Physical memory that is free, bytes; infinite where the system does not tell."""
-    try:
-        with open("/proc/meminfo") as file:
-            for line in file:
-                if line.startswith("MemAvailable:"):
-                    return 1024.0 * int(line.split()[1])
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (OSError, ValueError):
-        return np.inf
 
 
 def _refuse_above_memory(bytes_needed: float, what: str) -> None:

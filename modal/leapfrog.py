@@ -21,6 +21,7 @@ from modal.signals import Signals
 from modal.source import Motion, Pulse
 from modal.spectrum import GrowthError, bound_of_spectrum
 from modal.storage import InputError
+from modal.workload import refuse_endless
 
 LOOK = 50
 """Steps between two looks at the energy."""
@@ -54,6 +55,13 @@ def leapfrog(
             f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = {limit:.4g} s; "
             "take a smaller one"
         )
+    refuse_endless(
+        f"a wave of {duration:g} s in steps of {time_step:g} s",
+        scaled,
+        products=duration / time_step,
+        bytes_needed=8 * duration / time_step * (3 + receivers.count / every),
+        remedy="take a shorter duration",
+    )
     operator = ContactOperator(network, pre_stress=pre_stress)
     mass = mass_diagonal(network)
     per_mass = time_step / mass
@@ -86,6 +94,19 @@ def leapfrog(
         run_time=clock.perf_counter() - started,
         network_sha256=network_sha256,
     )
+
+
+def steps_between_records(interval: float, time_step: float) -> int:
+    """Steps from record to record; InputError where the interval, s, is no multiple of a step."""
+    if not (0 < time_step < np.inf and 0 < interval < np.inf):
+        raise InputError("time step and interval must be positive; give them in s")
+    every = max(1, round(interval / time_step))
+    if abs(every * time_step / interval - 1) > 1e-9:
+        raise InputError(
+            f"interval {interval:g} s: no multiple of the time step {time_step:g} s; take "
+            f"{every * time_step:g} s, or a step of {interval / np.ceil(interval / time_step):g} s"
+        )
+    return every
 
 
 def _most_kinetic(work: float, share: float, stretch: float) -> float:

@@ -25,6 +25,7 @@ from modal.provenance import Provenance
 from modal.receivers import Receivers
 from modal.storage import InputError, atomic_h5, put
 from modal.wave import moments_within_spectrum
+from modal.workload import refuse_endless
 
 SCHEMA = "granular-frequency-response"
 VERSION = 1
@@ -91,6 +92,18 @@ def frequency_response(
         end = np.sqrt(top) / (2 * np.pi) if highest is None else highest
         if not resolution < end < np.inf:
             raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
+        orders, frequencies = (
+            np.sqrt(top) / (2 * gamma) * np.log(1 / tolerance),
+            4 * end / resolution,
+        )
+        numbers = (orders + 4 * frequencies) * receivers.count + 4 * CHUNK * orders
+        refuse_endless(
+            f"a response with a resolution of {resolution:g} Hz",
+            operator,
+            products=orders,
+            bytes_needed=8 * numbers,
+            remedy="take a coarser resolution or a lower highest frequency",
+        )
         frequency = np.arange(resolution / 4, end, resolution / 4)
         z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
         root = np.sqrt(z * z - 1)

@@ -26,9 +26,12 @@ from modal.signals import Signals
 from modal.source import Motion, Pulse
 from modal.spectrum import GrowthError, largest_growth, top_of_spectrum, wider_top
 from modal.storage import InputError
+from modal.workload import refuse_endless
 
 LOOK = 50
 """Products between two looks at the growth of a recurrence."""
+EXPANSION_COPIES = 4
+"""Arrays of orders times times that `expansion` holds at once."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,11 @@ def moments_within_spectrum(
             return rows, top, products + count - 1
 
 
+def _orders(top: float, duration: float) -> int:
+    """Chebyshev orders after which the coefficients of a wave of this duration, s, vanish."""
+    return int(1.1 * np.sqrt(top) * duration / 2) + 60
+
+
 def expansion(
     motion: Motion, time: np.ndarray, top: float, tolerance: float
 ) -> tuple[np.ndarray, float]:
@@ -115,7 +123,7 @@ def expansion(
     """
     from scipy.fft import dct  # a tenth of a second that only waves are worth
 
-    order = int(1.1 * np.sqrt(top) * time[-1] / 2) + 60
+    order = _orders(top, time[-1])
     angle = np.pi * (np.arange(order) + 0.5) / order
     response = motion.response(top * (1 + np.cos(angle)) / 2, time)
     coefficient = dct(response, type=2, axis=0) / order
@@ -156,16 +164,25 @@ def propagate(
     receivers = Receivers(network, pre_stress=pre_stress, particles=particles)
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     scale = 1 / np.sqrt(mass_diagonal(network))
-    time = np.arange(0, duration + 0.5 * interval, interval)
     start = receivers.source * scale
-    expanded: dict[float, tuple[np.ndarray, float]] = {}
+    planned: dict[float, tuple[np.ndarray, np.ndarray, float]] = {}
 
     def count_for(top: float) -> int:
-        expanded[top] = expansion(motion, time, top, tolerance)
-        return len(expanded[top][0])
+        orders, times = _orders(top, duration), duration / interval + 1
+        numbers = EXPANSION_COPIES * orders * times + (orders + times) * receivers.count
+        refuse_endless(
+            f"a wave of {duration:g} s, recorded every {interval:g} s,",
+            operator,
+            products=orders / 1.1,
+            bytes_needed=8 * numbers,
+            remedy="take a shorter duration or a longer interval",
+        )
+        time = np.arange(0, duration + 0.5 * interval, interval)
+        planned[top] = time, *expansion(motion, time, top, tolerance)
+        return len(planned[top][1])
 
     rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
-    coefficient, truncation = expanded[top]
+    time, coefficient, truncation = planned[top]
     recorded = coefficient.T @ rows
     signals = receivers.signals(
         time,

@@ -69,6 +69,53 @@ def test_standard_errors_are_those_seen(packing):
     assert 0.8 < np.mean(np.square(deviations)) < 3.5
 
 
+def without_scatter(network, states):
+    """What the same kernel makes of the dense spectrum: exact moments in one row."""
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    square, vector = eigh(scale[:, None] * stiffness_matrix(network).toarray() * scale)
+    x = np.sqrt(np.clip(square, 0, None)) / (2 * np.pi * states.highest)
+    even = np.cos(2 * np.arccos(x)[:, None] * np.arange(states.moments.shape[2]))
+    by_component = (vector.reshape(-1, 6, len(x)) ** 2).sum(axis=0)
+    return DensityOfStates((by_component @ even)[None], states.highest, np.zeros(6), 0.0, 0)
+
+
+@pytest.mark.parametrize("seeds", [1, 30])
+@pytest.mark.parametrize("spheres", [5, 50, 100])
+def test_tolerance_bounds_the_standard_error_for_every_size(spheres, seeds):
+    """Root mean square over seeds of the errors of counts, with as few random vectors as may be.
+
+    A single seed at the usual tolerance of 1e-3, where no random vector is needed.
+    """
+    network = gallery.column(5) if spheres == 5 else random_network(spheres, 1e6, aspect=1.0)
+    size, vectors = 6 * spheres, 0 if seeds == 1 else max(6, spheres // 5)
+    tolerance = 1 / np.sqrt(2 * size * vectors) if vectors else 1e-3
+    frequency = np.linspace(1e4, 2e5, 8)
+    found = [
+        density_of_states(network, resolution=2e4, tolerance=tolerance, seed=seed)
+        for seed in range(seeds)
+    ]
+    wanted = without_scatter(network, found[0]).count_below(frequency)[0][:, 6]
+    count = np.array([states.count_below(frequency)[0][:, 6] for states in found])
+    error = np.sqrt(((count - wanted) ** 2).mean(axis=0)) / size
+    # Of 30 seeds the root mean square is itself uncertain by 1 / sqrt(60); thrice that is allowed.
+    assert error.max() <= tolerance * (1.4 if vectors else 1)
+    assert found[0].random_vectors == vectors
+
+
+def test_exact_traces_split_zero_modes_off(packing):
+    network, exact, vector = packing
+    zero = exact < 1e-6 * exact[-1]
+    split = sp.csc_matrix(vector[:, zero])
+    states = density_of_states(network, resolution=1e3, zero_modes=split)
+    assert states.random_vectors == 0
+    frequency = np.linspace(5e3, 2.3e5, 12)
+    value, error = states.count_below(frequency)
+    wanted = without_scatter(network, states).count_below(frequency)[0]
+    # Left in they appear within one resolution of zero; five further up the kernel's tail is 1e-6.
+    assert value == pytest.approx(wanted, abs=1e-5 * len(exact))
+    assert not error.any()
+
+
 def test_density_is_the_derivative_of_the_count_and_positive(packing):
     states = density_of_states(packing[0], resolution=4e3, tolerance=1e-2)
     frequency = states.grid()[1:-8]

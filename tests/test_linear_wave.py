@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import gallery
+from modal import gallery, workload
 from modal import wave as wave_module
 from modal.__main__ import main
 from modal.assembly import mass_diagonal
@@ -305,6 +305,65 @@ def test_wave_on_the_command_line(tmp_path, capsys):
     assert main([*base, "--source", str(wall)]) == 0
     assert read_signals(out).source_displacement[-1] == 1e-9
     capsys.readouterr()
-    for wrong in (["--duration", "-1"], ["--method", "leapfrog"], ["--time-step", "1e-8"]):
+    leap = ["--method", "leapfrog", "--time-step"]
+    for wrong in (
+        ["--duration", "-1"],
+        ["--method", "leapfrog"],
+        ["--time-step", "1e-8"],
+        ["--time-step", "0"],
+        ["--interval", "0"],
+        ["--interval", "-1e-6"],
+        ["--interval", "nan"],
+        [*leap, "0"],
+        [*leap, "nan"],
+        [*leap, "-1e-8"],
+        [*leap, "5e-8", "--interval", "0"],
+        [*leap, "5e-8", "--interval", "-1"],
+        [*leap, "5e-8", "--interval", "nan"],
+    ):
         assert main([*base, *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_leapfrog_records_at_the_interval_asked_for(tmp_path, capsys):
+    path, out = tmp_path / "a.network.h5", tmp_path / "a.signals.h5"
+    write_network(path, gallery.fcc(2, 6))
+    leap = ["wave", str(path), "--duration", "6e-5", "--method", "leapfrog", "-o", str(out)]
+    assert main([*leap, "--time-step", "3e-7", "--interval", "1.2e-6"]) == 0
+    assert np.diff(read_signals(out).time) == pytest.approx(1.2e-6, rel=1e-9)
+    capsys.readouterr()
+    assert main([*leap, "--time-step", "3e-7", "--interval", "1e-6"]) == 2
+    # The step named divides the interval: four of them.
+    assert "2.5e-07" in capsys.readouterr().err
+
+
+def test_long_wave_is_refused_before_it_starts(monkeypatch):
+    """1,000 s of 2,000 spheres, by either method; 10 s for their memory alone."""
+    network = gallery.fcc(4, 125)
+    assert network.n_particles == 2000
+    for simulate in (propagate, partial(leapfrog, time_step=1e-7, every=10)):
+        with pytest.raises(InputError, match="products with K, .* (days|h) here, and .* [TG]B"):
+            simulate(network, 1e3)
+    monkeypatch.setattr(workload, "LONGEST", np.inf)
+    with pytest.raises(InputError, match="longer interval"):
+        propagate(network, 10.0)
+    monkeypatch.setattr(workload, "memory_at_hand", lambda: np.inf)
+    monkeypatch.setattr(workload, "LONGEST", 0.0)
+    with pytest.raises(InputError, match="shorter duration"):
+        propagate(network, 1e-5)
+
+
+class StartedError(Exception):
+    """The recurrence was about to run."""
+
+
+def test_wave_of_the_study_is_not_refused(monkeypatch):
+    """0.6 ms of 35,280 spheres, up to its first product; 3 GB of free memory are enough."""
+
+    def start(*_: object) -> None:
+        raise StartedError
+
+    monkeypatch.setattr(wave_module, "chebyshev_moments", start)
+    monkeypatch.setattr(workload, "memory_at_hand", lambda: 3e9)
+    with pytest.raises(StartedError):
+        propagate(gallery.fcc(14, 180), 6e-4)

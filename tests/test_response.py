@@ -107,6 +107,9 @@ def test_response_on_the_command_line(tmp_path, capsys):
         assert capsys.readouterr().err.count("\n") == 1
     with pytest.raises(InputError):
         frequency_response(gallery.fcc(2, 3), tolerance=2)
+    # Some 1e12 frequencies: 1e13 bytes for each receiver.
+    with pytest.raises(InputError, match="coarser resolution"):
+        frequency_response(gallery.fcc(2, 3), resolution=1e-6)
 
 
 def undamped_column(window: float, travels: float) -> Signals:

@@ -1,0 +1,58 @@
+"""What a long computation will take, known before it starts; refused where that is too much."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+import numpy as np
+
+from modal.storage import InputError
+
+LONGEST = 86400.0
+"""Seconds on this machine above which a computation is refused: a day."""
+
+
+def memory_at_hand() -> float:
+    """Physical memory that is free, bytes; infinite where the system does not tell."""
+    try:
+        with open("/proc/meminfo") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return 1024.0 * int(line.split()[1])
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (OSError, ValueError):
+        return np.inf
+
+
+def refuse_endless(
+    task: str, operator: Any, *, products: float, bytes_needed: float, remedy: str
+) -> None:
+    """InputError where so many products K u would take more than a day, or more than the memory.
+
+    `operator` as `modal.operator.ContactOperator`, compiled already: one product is timed. The
+    message begins with the `task`, as in "a wave of 10 s", and ends with the `remedy`.
+    """
+    motion = np.zeros(operator.shape[0])
+    started = time.perf_counter()
+    operator.apply(motion)
+    seconds = products * (time.perf_counter() - started)
+    at_hand = memory_at_hand()
+    if seconds <= LONGEST and bytes_needed <= at_hand:
+        return
+    raise InputError(
+        f"{task} takes about {products:.2g} products with K, {_duration(seconds)} here, and "
+        f"{_size(bytes_needed)} of memory ({_size(at_hand)} are free); {remedy}"
+    )
+
+
+def _duration(seconds: float) -> str:
+    for name, unit in (("days", 86400.0), ("h", 3600.0)):
+        if seconds > 2 * unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds / 60:.3g} min"
+
+
+def _size(count: float) -> str:
+    return f"{count / 1e12:.3g} TB" if count >= 1e12 else f"{count / 1e9:.3g} GB"
