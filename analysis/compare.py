@@ -86,7 +86,7 @@ def compare(case: Products) -> list[Row]:
     lam = wavelength(chain.velocity, f_theory) / case.diameter
     note = "theory Eq. 7; modal: last resonance; others: where the waves turn round"
     put("lambda_edge", "lambda_low-pass / D, band edge", "1", note, theory=lam)
-    void = float(np.prod(network.cell_size[:2])) * network.length
+    void = network.area * network.length
     solid = float((4 / 3 * np.pi * network.radius**3).sum())
     put("void_ratio", "void ratio, wall to wall", "1", yade=void / solid - 1)
     _modal_rows(case, put)

@@ -54,7 +54,7 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     nz2 = network.normal[pair, 2] ** 2
     kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
     local = (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
-    area = float(np.prod(network.cell_size[:2]))
+    area = network.area
     per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
     density = float(network.mass.mean()) * per_length / area
     return EffectiveMedium(float(part @ local / (area * (high - low))), float(density))

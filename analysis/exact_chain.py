@@ -64,7 +64,7 @@ class Chain:
             wall_stiffness=float(np.median(network.stiffness_normal[~inner])),
             distance=float((z[-1] - z[0]) / (layers - 1)),
             layers=layers,
-            area=float(network.cell_size[0] * network.cell_size[1] / per_layer),
+            area=network.area / per_layer,
             wall_gap=float(z[0] - network.wall_position[0]),
         )
 

@@ -46,7 +46,7 @@ class Measures:
         """Wall to wall."""
         network = self.case.network
         solid = float((4 / 3 * np.pi * network.radius**3).sum())
-        return float(np.prod(network.cell_size[:2])) * network.length / solid - 1
+        return network.area * network.length / solid - 1
 
     @cached_property
     def coordination(self) -> tuple[float, float]:

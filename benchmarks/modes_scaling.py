@@ -24,7 +24,7 @@ from modal.eigenproblem import Eigenproblem
 from modal.inertia import count_below
 from modal.intervals import lowest_modes
 from modal.modes import highest_modes
-from modal.network import RECEIVER_WALL, Network, read_network, write_network
+from modal.network import Network, read_network, write_network
 from modal.operator import ContactOperator
 from modal.random_packing import random_network
 from modal.sample import read_packing
@@ -43,7 +43,7 @@ COUNT_AT, RESOLUTION, FEW = 2e4, 1e4, 10
 def resized(sample: Network, spheres: int) -> Network:
     """The lower part of the sample, or copies of it side by side, with about `spheres` spheres.
 
-    What the lower part touches above the cut is held fast, as a wall does.
+    The lower part's upper end is free: what it touches above the cut is gone.
     """
     if spheres > 1.5 * sample.n_particles:
         times = max(1, round(spheres / sample.n_particles))
@@ -54,36 +54,15 @@ def resized(sample: Network, spheres: int) -> Network:
     kept = np.zeros(sample.n_particles, bool)
     kept[np.argsort(sample.position[:, 2], kind="stable")[:spheres]] = True
     place = np.cumsum(kept) - 1
-    i, j = sample.particle_i.copy(), sample.particle_j.copy()
-    normal, levers = sample.normal.copy(), [sample.lever_i.copy(), sample.lever_j.copy()]
-    turn = ~kept[i] & (j >= 0) & kept[j]
-    i[turn], j[turn] = j[turn], i[turn]
-    normal[turn] *= -1
-    levers[0][turn], levers[1][turn] = sample.lever_j[turn], sample.lever_i[turn]
-    cut = kept[i] & (j >= 0) & ~kept[j]
-    levers[1][cut] = 0
-    shift = np.where(turn[:, None], -sample.cell_shift, sample.cell_shift)
-    shift[cut] = 0
-    inside = j >= 0
-    j[inside & ~cut] = place[j[inside & ~cut]]
-    j[cut] = RECEIVER_WALL
-    some = kept[i]
-    height = float(sample.position[kept, 2].max() + sample.radius[kept].max())
+    i, j = sample.particle_i, sample.particle_j
+    part = sample.with_contacts(kept[i] & ((j < 0) | kept[j]))
+    j = part.particle_j
+    height = float((sample.position[:, 2] + sample.radius)[kept].max())
     return replace(
-        sample,
+        part,
         **{k: getattr(sample, k)[kept] for k in ("position", "radius", "mass", "inertia")},
-        particle_i=place[i[some]],
-        particle_j=j[some],
-        normal=normal[some],
-        lever_i=levers[0][some],
-        lever_j=levers[1][some],
-        cell_shift=shift[some],
-        stiffness_normal=sample.stiffness_normal[some],
-        stiffness_tangential=sample.stiffness_tangential[some],
-        force_normal=sample.force_normal[some],
-        force_tangential=np.where(turn[:, None], -1, 1)[some] * sample.force_tangential[some],
-        overlap=sample.overlap[some],
-        sliding=sample.sliding[some],
+        particle_i=place[part.particle_i],
+        particle_j=np.where(j < 0, j, place[j]),
         wall_position=np.array([sample.wall_position[0], height]),
     )
 

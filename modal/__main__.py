@@ -19,6 +19,7 @@ from modal.leapfrog import leapfrog, steps_between_records
 from modal.mode_set import ModeSet, write_modes
 from modal.modes import all_modes, highest_modes, memory_of_all
 from modal.packing_commands import add_pack, add_relax, pack, relax_sample
+from modal.plausibility import plausibility
 from modal.provenance import is_current, made_by
 from modal.response import frequency_response, write_response
 from modal.sample import read_packing
@@ -124,6 +125,7 @@ def _info(options: argparse.Namespace) -> dict[str, Any]:
         "length_m": network.length,
         "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
         **summary(network, None if friction is None else float(friction)),
+        **plausibility(network),
         "degrees_of_freedom": 6 * network.n_particles,
         "floppy_modes": floppy.total,
         "floppy_modes_by_kind": floppy.by_kind(),
@@ -274,7 +276,7 @@ def _print(result: dict[str, Any]) -> None:
             tail = ", ".join(f"{item:.6g}" for item in value[-5:])
             value = f"{head}, ... {tail} ({len(value)} values)"
         elif isinstance(value, list):
-            value = ", ".join(f"{item:.9g}" for item in value)
+            value = ", ".join(i if isinstance(i, str) else f"{i:.9g}" for i in value)
         elif isinstance(value, dict):
             value = ", ".join(f"{name}: {item}" for name, item in value.items())
         elif isinstance(value, float):

@@ -118,7 +118,8 @@ class Eigenproblem:
 
 def slipping(network: Network) -> Network:
     """The network with contacts at the friction limit held by their normal springs only."""
-    tangential = np.where(network.sliding, 0.0, network.stiffness_tangential)
+    sliding = network.known("sliding", "knowing which contacts slip")
+    tangential = np.where(sliding, 0.0, network.stiffness_tangential)
     return replace(network, stiffness_tangential=tangential)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from modal.moving_contacts import MovingContacts
 from modal.network import Network
 from modal.sample import Sample
-from modal.statistics import friction_used
+from modal.statistics import FORCES, friction_used
 from modal.storage import InputError
 
 PACE = 0.3
@@ -69,7 +69,8 @@ class Balance:
 def net_forces(network: Network) -> np.ndarray:
     """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
     n, pair = network.n_particles, ~network.with_wall
-    on_i = network.force_tangential - network.force_normal[:, None] * network.normal
+    along, across = (network.known(name, "balance") for name in FORCES)
+    on_i = across - along[:, None] * network.normal
     torque_i = np.cross(network.lever_i, on_i)
     torque_j = np.cross(network.lever_j, -on_i)[pair]
     load = np.empty((n, 6))

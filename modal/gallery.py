@@ -168,7 +168,8 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
         )
     cell = np.array([(a, b, 0) for a in range(times_x) for b in range(times_y)])
     contacts = network.with_contacts(np.repeat(np.arange(network.n_contacts), copies))
-    there = np.tile(cell, (network.n_contacts, 1)) + contacts.cell_shift
+    shifts = contacts.known("cell_shift", "telling which copies touch")
+    there = np.tile(cell, (network.n_contacts, 1)) + shifts
     shift = there // wanted
     inside = there - shift * wanted
     i, j = contacts.particle_i, contacts.particle_j
@@ -183,7 +184,7 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
         inertia=np.repeat(network.inertia, copies),
         particle_i=i * copies + own,
         particle_j=np.where(j < 0, j, j * copies + others),
-        cell_shift=np.where((j < 0)[:, None], contacts.cell_shift, shift),
+        cell_shift=np.where((j < 0)[:, None], shifts, shift),
         cell_size=network.cell_size * wanted,
         provenance=network.provenance | {"repeated": f"{times_x} x {times_y}"},
     )

@@ -35,11 +35,12 @@ HELD = 0.05
 
 
 def strongest_force(network: Network) -> np.ndarray:
-    """Shape (n,), N: the largest normal force on each particle, 0 for one without contacts."""
+    """Shape (n,), N: the largest push or pull on each particle, 0 for one without contacts."""
+    force = abs(network.known("force_normal", "strongest force"))
     strongest = np.zeros(network.n_particles)
     pair = ~network.with_wall
-    np.maximum.at(strongest, network.particle_i, network.force_normal)
-    np.maximum.at(strongest, network.particle_j[pair], network.force_normal[pair])
+    np.maximum.at(strongest, network.particle_i, force)
+    np.maximum.at(strongest, network.particle_j[pair], force[pair])
     return strongest
 
 
@@ -49,7 +50,9 @@ def firmly_held(network: Network) -> np.ndarray:
     The others, some in a thousand, wander about in their cages by more than a wave moves them. A
     network without forces tells nothing of it; there all force-bearing particles are held.
     """
-    mean = network.force_normal.mean() if network.n_contacts else 0.0
+    if network.force_normal is None or network.n_contacts == 0:
+        return force_bearing(network)
+    mean = abs(network.force_normal).mean()
     return force_bearing(network) & (strongest_force(network) >= HELD * mean)
 
 
@@ -61,6 +64,8 @@ class Layers:
     """
 
     def __init__(self, network: Network) -> None:
+        if not network.length > 0:
+            raise InputError("the walls are in one place; such a packing carries no wave")
         bearing = firmly_held(network)
         if not bearing.any():
             raise InputError("no particle has two contacts; such a packing carries no wave")

@@ -41,7 +41,7 @@ _CONTACTS = {
     "sliding": ("b", (), "1"),
     "cell_shift": ("i", (3,), "1"),
 }
-_OPTIONAL = {"force_normal", "force_tangential", "overlap", "sliding", "cell_shift"}
+_OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 
 
 @dataclass
@@ -49,8 +49,10 @@ class Network:
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
 
     `normal` (m, 3) points from i towards j or the wall; `lever_i`, `lever_j` (m, 3) from the
-    centre to the contact point, zero for a wall; `cell_shift` (m, 3) counts the periods that are
-    added to j. `study` and `provenance` are free attributes.
+    centre to the contact point, zero for a wall. `study` and `provenance` are free attributes.
+    What a program does not know of its contacts is None, which is not zero: `force_normal` (m,),
+    compression positive; `force_tangential` (m, 3) on i; `overlap` (m,); `sliding` (m,) bool;
+    `cell_shift` (m, 3), the periods that are added to j.
     """
 
     position: np.ndarray
@@ -64,14 +66,14 @@ class Network:
     lever_j: np.ndarray
     stiffness_normal: np.ndarray
     stiffness_tangential: np.ndarray
-    force_normal: np.ndarray
-    force_tangential: np.ndarray
-    overlap: np.ndarray
-    sliding: np.ndarray
-    cell_shift: np.ndarray
     cell_size: np.ndarray
     cell_periodic: np.ndarray
     wall_position: np.ndarray
+    force_normal: np.ndarray | None = None
+    force_tangential: np.ndarray | None = None
+    overlap: np.ndarray | None = None
+    sliding: np.ndarray | None = None
+    cell_shift: np.ndarray | None = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -95,9 +97,38 @@ class Network:
         """Shape (m,) bool: contacts between a particle and a wall."""
         return self.particle_j < 0
 
+    @property
+    def area(self) -> float:
+        """Cross-section, m^2, to which stresses refer; InputError where the cell has none."""
+        area = float(self.cell_size[0] * self.cell_size[1])
+        if not area > 0:
+            raise InputError(
+                "the network has no cross-section for stresses (cell/size is 0 along x or y); "
+                "give the widths of the packing there"
+            )
+        return area
+
+    @property
+    def absent(self) -> list[str]:
+        """Names of the optional data of contacts that are not known."""
+        return [name for name in _OPTIONAL if getattr(self, name) is None]
+
+    def known(self, name: str, purpose: str) -> np.ndarray:
+        """Optional data of the contacts; InputError, with the `purpose`, where they are absent."""
+        data = getattr(self, name)
+        if data is None:
+            raise InputError(
+                f"the network has no contacts/{name}, without which there is no {purpose}; "
+                "export it too"
+            )
+        return data
+
     def with_contacts(self, kept: np.ndarray) -> Network:
         """The same particles with the contacts that `kept` selects: (m,) bool, or indices."""
-        return replace(self, **{name: getattr(self, name)[kept] for name in _CONTACTS})
+        columns = {name: getattr(self, name) for name in _CONTACTS}
+        return replace(
+            self, **{name: data[kept] for name, data in columns.items() if data is not None}
+        )
 
 
 def write_network(path: str | Path, network: Network) -> None:
@@ -106,9 +137,11 @@ def write_network(path: str | Path, network: Network) -> None:
         file.attrs.update(schema=SCHEMA, schema_version=VERSION, creator="granular-wave-modes")
         for group, fields in (("particles", _PARTICLES), ("contacts", _CONTACTS)):
             for name, (kind, _, units) in fields.items():
-                data = np.asarray(getattr(network, name))
-                stored = {"f": np.float64, "i": np.int32, "b": bool}[kind]
-                put(file, f"{group}/{name}", data.astype(stored), units, compress=True)
+                data = getattr(network, name)
+                if data is None:
+                    continue
+                stored = np.asarray(data).astype({"f": np.float64, "i": np.int32, "b": bool}[kind])
+                put(file, f"{group}/{name}", stored, units, compress=True)
         put(file, "cell/size", np.asarray(network.cell_size, float), "m")
         put(file, "cell/periodic", np.asarray(network.cell_periodic, bool), "1")
         put(file, "walls/position", np.asarray(network.wall_position, float), "m")
@@ -128,9 +161,6 @@ def read_network(path: str | Path) -> Network:
         for name, (kind, tail, _) in _CONTACTS.items():
             full = f"contacts/{name}"
             if name in _OPTIONAL and full not in file:
-                columns[name] = np.zeros(
-                    (m or 0, *tail), {"f": float, "i": np.int64, "b": bool}[kind]
-                )
                 continue
             columns[name] = get(file, full, kind, (m, *tail))
             m = len(columns[name])
@@ -150,76 +180,56 @@ def _attributes(file: h5py.File, group: str) -> dict[str, Any]:
 
 
 def validate(network: Network, name: str = "network") -> None:
-    """Refuse a network that no packing can have; InputError names the first contact at fault."""
+    """Refuse a network that no packing can have; InputError names the first contact at fault.
+
+    Shapes of numbers and indices here, what they mean together in `modal.consistency`.
+    """
+    from modal.consistency import check_consistency  # it stands on this module
+
     n = network.n_particles
     if n == 0:
         raise InputError(f"{name}: it has no particles; export a packing with at least one")
     for group, fields in (("particles", _PARTICLES), ("contacts", _CONTACTS)):
         for field_name, (kind, _, _) in fields.items():
             data = getattr(network, field_name)
-            if kind == "f" and not np.isfinite(data).all():
+            if kind == "f" and data is not None and not np.isfinite(data).all():
                 row = int(np.argwhere(~np.isfinite(data))[0, 0])
                 raise InputError(
                     f"{name}: {group}/{field_name} is not finite in row {row}; mend the export"
                 )
     for field_name in ("radius", "mass", "inertia"):
-        _refuse(getattr(network, field_name) <= 0, name, "particle", f"has {field_name} <= 0")
+        refuse(getattr(network, field_name) <= 0, name, "particle", f"has {field_name} <= 0")
     for field_name in ("stiffness_normal", "stiffness_tangential"):
-        _refuse(getattr(network, field_name) < 0, name, "contact", f"has negative {field_name}")
+        refuse(getattr(network, field_name) < 0, name, "contact", f"has negative {field_name}")
     i, j = network.particle_i, network.particle_j
-    _refuse((i < 0) | (i >= n), name, "contact", f"has particle_i outside 0 to {n - 1}")
-    _refuse(
-        (j < RECEIVER_WALL) | (j >= n), name, "contact", f"has particle_j outside -2 to {n - 1}"
-    )
-    _refuse(
-        (i == j) & ~network.cell_shift.any(axis=1),
-        name,
-        "contact",
-        "joins a particle to itself without a period (cell_shift is zero)",
-    )
+    refuse((i < 0) | (i >= n), name, "contact", f"has particle_i outside 0 to {n - 1}")
+    refuse((j < RECEIVER_WALL) | (j >= n), name, "contact", f"has particle_j outside -2 to {n - 1}")
     size = np.linalg.norm(network.normal, axis=1)
-    _refuse(abs(size - 1) > 1e-6, name, "contact", "has a normal that is not a unit vector")
-    shifted = network.cell_shift.any(axis=0) & ~network.cell_periodic
-    if shifted.any():
-        axis = "xyz"[int(np.argmax(shifted))]
-        raise InputError(f"{name}: cell_shift along {axis}, which is not periodic; mend the export")
-    axes = network.cell_periodic
-    period = network.cell_size[axes]
-    if not (np.isfinite(network.cell_size).all() and (period > 0).all()):
-        raise InputError(f"{name}: cell/size must be positive along the periodic axes")
-    if not np.isfinite(network.wall_position).all():
-        raise InputError(f"{name}: walls/position is not finite; mend the export")
-    if {SOURCE_WALL, RECEIVER_WALL} <= set(j[j < 0].tolist()) and network.length < 0:
-        raise InputError(f"{name}: the source wall lies above the receiver wall; mend the export")
-    # Centres within a cell meet through one period; unwrapped ones through as many as they span.
-    reach = 1 + np.ceil(np.ptp(network.position, axis=0) / np.where(axes, network.cell_size, 1.0))
-    _refuse(
-        (abs(network.cell_shift) > reach).any(axis=1),
-        name,
-        "contact",
-        "has a cell_shift beyond the packing",
-    )
-    _refuse(_misfit(network) > 0.5, name, "contact", "joins places that do not touch by its levers")
+    refuse(abs(size - 1) > 1e-6, name, "contact", "has a normal that is not a unit vector")
+    cell, axes = network.cell_size, network.cell_periodic
+    if not (np.isfinite(cell).all() and (cell[axes] > 0).all() and (cell >= 0).all()):
+        raise InputError(
+            f"{name}: cell/size must be positive along the periodic axes, and 0 or the width of "
+            "the packing along the others; mend the export"
+        )
+    if network.cell_shift is not None:
+        own = (i == j) & ~network.cell_shift.any(axis=1)
+        refuse(
+            own,
+            name,
+            "contact",
+            "joins a particle to itself without a period (cell_shift is zero)",
+        )
+        shifted = network.cell_shift.any(axis=0) & ~axes
+        if shifted.any():
+            axis = "xyz"[int(np.argmax(shifted))]
+            raise InputError(
+                f"{name}: cell_shift along {axis}, which is not periodic; mend the export"
+            )
+    check_consistency(network, name)
 
 
-def _misfit(network: Network) -> np.ndarray:
-    """Shape (m,): distance by which the lever arms miss the other centre, over their length.
-
-    Whole periods do not count, since cell_shift may be absent; nor do walls. Levers that end
-    anywhere in the overlap miss by its share of the diameter, a wrong particle by about 1.
-    """
-    pair = ~network.with_wall
-    i, j = network.particle_i[pair], network.particle_j[pair]
-    branch = (network.lever_i - network.lever_j)[pair]
-    gap = network.position[j] - network.position[i] - branch
-    axes = network.cell_periodic
-    gap[:, axes] -= np.round(gap[:, axes] / network.cell_size[axes]) * network.cell_size[axes]
-    length = np.linalg.norm(branch, axis=1)
-    misfit = np.zeros(network.n_contacts)
-    misfit[pair] = np.linalg.norm(gap, axis=1) / np.where(length > 0, length, 1.0)
-    return misfit
-
-
-def _refuse(wrong: np.ndarray, name: str, kind: str, fault: str) -> None:
+def refuse(wrong: np.ndarray, name: str, kind: str, fault: str) -> None:
+    """InputError about the first of the particles or contacts that are `wrong` (m,) bool."""
     if wrong.any():
         raise InputError(f"{name}: {kind} {int(np.argmax(wrong))} {fault}; mend the export")

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import LinearOperator
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.network import Network
 from modal.storage import InputError
-from modal.tangent import PRE_STRESS, centre_distance
+from modal.tangent import PRE_STRESS, centre_distance, forces_of
 
 try:
     import numba
@@ -35,12 +35,13 @@ def pack_contacts(network: Network, pre_stress: str) -> tuple[np.ndarray, np.nda
     packed[:, 0:3] = network.normal[order]
     packed[:, 3] = (network.stiffness_normal - network.stiffness_tangential)[order]
     packed[:, 4] = network.stiffness_tangential[order]
-    if pre_stress != "none":
-        per_distance = 1 / centre_distance(network)[order]
-        packed[:, 5] = -network.force_normal[order] * per_distance
+    pressed, sheared = forces_of(network, pre_stress)
+    per_distance = 1 / centre_distance(network)[order]
+    if pressed is not None:
+        packed[:, 5] = -pressed[order] * per_distance
     packed[:, 6:9], packed[:, 9:12] = network.lever_i[order], network.lever_j[order]
-    if pre_stress == "full":
-        packed[:, 12:15], packed[:, 15] = -network.force_tangential[order], per_distance
+    if sheared is not None:
+        packed[:, 12:15], packed[:, 15] = -sheared[order], per_distance
     ends = np.empty((m, 2), np.int32)
     ends[:, 0], ends[:, 1] = network.particle_i[order], network.particle_j[order]
     return packed, ends

@@ -49,7 +49,7 @@ class Receivers:
         _, to_receiver, _ = wall_pattern(network, RECEIVER_WALL, pre_stress)
         self._near_walls = [(np.flatnonzero(row), row) for row in (to_source, to_receiver)]
         self._near_walls = [(at, row[at]) for at, row in self._near_walls]
-        self.area = float(network.cell_size[0] * network.cell_size[1])
+        self.area = network.area
         self.count = 2 + len(self.chain) + len(self.layers.position)
         self.count += network.n_particles if particles else 0
 

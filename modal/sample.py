@@ -23,6 +23,7 @@ from modal.hertz_mindlin import (
     stiffness_tangential,
 )
 from modal.network import Network, read_network
+from modal.network import validate as validate_network
 from modal.storage import InputError, atomic_h5, get, open_h5, put
 
 SCHEMA = "granular-sample"
@@ -103,9 +104,7 @@ class Sample:
             force_normal=force,
             force_tangential=tangential,
             overlap=contact.overlap,
-            sliding=np.linalg.norm(tangential, axis=1) >= limit * (1 - 1e-9)
-            if self.shear is not None
-            else np.zeros(m, bool),
+            sliding=np.linalg.norm(tangential, axis=1) >= limit * (1 - 1e-9),
             cell_shift=contact.cell_shift,
             cell_size=np.array([*self.side, length]),
             cell_periodic=np.array([True, True, False]),
@@ -126,6 +125,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     InputError for other networks: radii that differ, another order, or a cell without periods.
     """
     shear = shear_components(network)
+    network.known("cell_shift", "sample with its contacts in order")
     sample = Sample(
         position=network.position,
         side=network.cell_size[:2],
@@ -154,7 +154,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
 def shear_components(network: Network) -> np.ndarray:
     """Shape (m, 2), N: tangential forces on i along `geometry.tangents` of each normal."""
     first, second = tangents(network.normal)
-    force = network.force_tangential
+    force = network.known("force_tangential", "sample with its history")
     return np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
 
 
@@ -247,4 +247,9 @@ def validate(sample: Sample, name: str = "sample") -> None:
 
 def read_packing(path: str | Path) -> Network:
     """The contact network of a network file, or of a sample file (`*.sample.h5`)."""
-    return read_sample(path).network() if str(path).endswith(".sample.h5") else read_network(path)
+    if not str(path).endswith(".sample.h5"):
+        return read_network(path)
+    network = read_sample(path).network()
+    # What follows from the positions agrees with them; spheres may still overlap beyond reason.
+    validate_network(network, str(path))
+    return network

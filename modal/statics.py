@@ -83,7 +83,7 @@ def static_velocity(network: Network) -> tuple[float, float]:
     _, row, _ = wall_pattern(network, RECEIVER_WALL)
     load = pattern.reshape(-1, 6)
     motion, _ = spring_motion(network, load, STRAIN_TOLERANCE, STRAIN_SHIFT)
-    area = float(network.cell_size[0] * network.cell_size[1])
+    area = network.area
     stress = float(row @ motion.ravel()) / area
     strain = -np.polyfit(layers.position[inner], layers.means(motion[:, 2])[inner], 1)[0]
     solid = float(np.mean(1 / (1 + whole.void_ratio[whole.bulk])))

@@ -22,19 +22,20 @@ from modal.storage import InputError, write_whole
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""
+FORCES = ("force_normal", "force_tangential")
 
 
 @dataclass
 class Profile:
     """Layers along z, k in number.
 
-    edges (k + 1,), m; stress (k, 3), Pa, along x, y, z, compression positive; void_ratio,
-    coordination (k,), contacts a particle; particles (k,), centres inside; bulk (k,) bool, further
-    than `WALL_ZONE` from both walls.
+    edges (k + 1,), m; stress (k, 3), Pa, along x, y, z, compression positive, or None where forces
+    are absent; void_ratio, coordination (k,), contacts a particle; particles (k,), centres inside;
+    bulk (k,) bool, further than `WALL_ZONE` from both walls.
     """
 
     edges: np.ndarray
-    stress: np.ndarray
+    stress: np.ndarray | None
     void_ratio: np.ndarray
     coordination: np.ndarray
     particles: np.ndarray
@@ -42,10 +43,11 @@ class Profile:
 
 
 def _volume(network: Network) -> float:
-    volume = float(network.cell_size[0] * network.cell_size[1] * network.length)
-    if not volume > 0:
-        raise InputError("the network has no volume; give cell/size and walls/position in m")
-    return volume
+    if not network.length > 0:
+        raise InputError(
+            "the network has no volume (its walls are in one place); give walls/position around it"
+        )
+    return network.area * network.length
 
 
 def _virials(network: Network) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +59,8 @@ def _virials(network: Network) -> tuple[np.ndarray, np.ndarray]:
     wall = network.with_wall
     plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
     branch[wall, 2] = (plane - network.position[network.particle_i, 2])[wall]
-    on_j = network.force_normal[:, None] * network.normal - network.force_tangential
+    along, across = (network.known(name, "stress") for name in FORCES)
+    on_j = along[:, None] * network.normal - across
     return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
 
 
@@ -69,11 +72,9 @@ def stress_tensor(network: Network) -> np.ndarray:
 
 def wall_stress(network: Network) -> np.ndarray:
     """Shape (2,), Pa: normal force on source and receiver wall over their area."""
-    push = [
-        network.force_normal[network.particle_j == wall].sum()
-        for wall in (SOURCE_WALL, RECEIVER_WALL)
-    ]
-    return np.array(push) / (network.cell_size[0] * network.cell_size[1])
+    force = network.known("force_normal", "stress on the walls")
+    push = [force[network.particle_j == wall].sum() for wall in (SOURCE_WALL, RECEIVER_WALL)]
+    return np.array(push) / network.area
 
 
 def contacts_per_particle(network: Network) -> np.ndarray:
@@ -98,9 +99,9 @@ def coordination_without_rattlers(network: Network) -> tuple[float, int]:
 
 
 def friction_used(network: Network, friction: float) -> np.ndarray:
-    """Shape (m,): shear force over friction times normal force; 1 where a contact slides."""
-    limit = friction * network.force_normal
-    shear = np.linalg.norm(network.force_tangential, axis=1)
+    """Shape (m,): shear force over friction times normal force; 1 at the limit, 0 without shear."""
+    limit = friction * network.known("force_normal", "share of friction")
+    shear = np.linalg.norm(network.known("force_tangential", "share of friction"), axis=1)
     return shear / np.where(shear > 0, limit, 1.0)
 
 
@@ -114,15 +115,10 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     count = max(1, round(network.length / (thickness or diameter)))
     edges = np.linspace(*network.wall_position, count + 1)
     volume = _volume(network) / count
-    virial, rise = _virials(network)
-    virial = np.einsum("caa->ca", virial)
     z, radius = network.position[:, 2], network.radius
-    start = z[network.particle_i]
-    low, span = np.minimum(start, start + rise), np.maximum(abs(rise), 1e-12 * diameter)
-    below, solid = np.zeros((count + 1, 3)), np.zeros(count + 1)
-    below[-1], solid[-1] = virial.sum(axis=0), (4 / 3 * np.pi * radius**3).sum()
+    solid = np.zeros(count + 1)
+    solid[-1] = (4 / 3 * np.pi * radius**3).sum()
     for edge in range(1, count):
-        below[edge] = np.clip((edges[edge] - low) / span, 0, 1) @ virial
         height = np.clip(edges[edge] - z + radius, 0, 2 * radius)
         solid[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
     layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
@@ -131,7 +127,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
     return Profile(
         edges=edges,
-        stress=np.diff(below, axis=0) / volume,
+        stress=_stress_along_z(network, edges) / volume if _has_forces(network) else None,
         void_ratio=volume / np.maximum(np.diff(solid), np.finfo(float).tiny) - 1,
         coordination=ends / np.maximum(particles, 1),
         particles=particles,
@@ -139,30 +135,65 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     )
 
 
+def _has_forces(network: Network) -> bool:
+    return all(getattr(network, name) is not None for name in FORCES)
+
+
+def _stress_along_z(network: Network, edges: np.ndarray) -> np.ndarray:
+    """Shape (k, 3), N m: what each layer has of force times branch, compression positive."""
+    virial, rise = _virials(network)
+    virial = np.einsum("caa->ca", virial)
+    start = network.position[network.particle_i, 2]
+    thinnest = 1e-12 * float(network.radius.mean())
+    low, span = np.minimum(start, start + rise), np.maximum(abs(rise), thinnest)
+    below = np.zeros((len(edges), 3))
+    below[-1] = virial.sum(axis=0)
+    for edge in range(1, len(edges) - 1):
+        below[edge] = np.clip((edges[edge] - low) / span, 0, 1) @ virial
+    return np.diff(below, axis=0)
+
+
 def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     """All of this as plain numbers, for `study` attributes and the command line.
 
     With the `friction` of the contacts also how much of it they use. Deviations along z are
-    standard deviations over the bulk's layers, relative to their mean.
+    standard deviations over the bulk's layers, relative to their mean. What absent forces, or a
+    cell without a cross-section, leave undefined is left out.
     """
-    layers, stress = profile(network), stress_tensor(network)
-    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
+    forces = _has_forces(network)
     bearing, rattlers = coordination_without_rattlers(network)
-    diagonal = np.diag(np.diag(stress))
-    solid = float((4 / 3 * np.pi * network.radius**3).sum())
-    result: dict[str, Any] = {
-        "stress_pa": np.diag(stress).tolist(),
-        "largest_off_diagonal_stress_pa": float(abs(stress - diagonal).max()),
-        "wall_stress_pa": wall_stress(network).tolist(),
-        "void_ratio": _volume(network) / solid - 1,
+    result: dict[str, Any] = {}
+    try:
+        volume = _volume(network)
+    except InputError:
+        volume = None
+    if volume is not None:
+        if forces:
+            stress = stress_tensor(network)
+            diagonal = np.diag(np.diag(stress))
+            result["stress_pa"] = np.diag(stress).tolist()
+            result["largest_off_diagonal_stress_pa"] = float(abs(stress - diagonal).max())
+        if network.force_normal is not None and not network.cell_periodic[2]:
+            result["wall_stress_pa"] = wall_stress(network).tolist()
+        result["void_ratio"] = volume / float((4 / 3 * np.pi * network.radius**3).sum()) - 1
+    result |= {
         "coordination_number": float(contacts_per_particle(network).mean()),
         "coordination_number_without_rattlers": bearing,
         "rattlers": rattlers,
         "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
-        "sliding_contacts": int(network.sliding.sum()),
     }
-    if friction is not None and network.n_contacts > 0:
+    if network.sliding is not None:
+        result["sliding_contacts"] = int(network.sliding.sum())
+    # A contact without friction, or one that pulls, has no limit that its shear could share in.
+    if friction and network.n_contacts > 0 and forces and network.force_normal.min() > 0:
         result["largest_share_of_friction"] = float(friction_used(network, friction).max())
+    return result if volume is None else result | _along_z(network)
+
+
+def _along_z(network: Network) -> dict[str, Any]:
+    """What layers tell: crystalline order, and how the bulk differs along z."""
+    layers, result = profile(network), dict[str, Any]()
+    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
     if periodic and np.ptp(network.radius) <= 1e-9 * network.radius.mean():
         ordered, edges = crystalline(network), layers.edges
         result["crystalline_share"] = float(ordered.mean())
@@ -177,20 +208,26 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
         result["coordination_number_of_bulk"] = float(ends @ weight / max(weight.sum(), 1))
         result["solid_fraction_deviation_along_z"] = float(density.std() / density.mean())
         result["coordination_number_deviation_along_z"] = float(ends.std() / ends.mean())
-        along = layers.stress[layers.bulk]
-        scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
-        result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
+        if layers.stress is not None:
+            along = layers.stress[layers.bulk]
+            scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
+            result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
     return result
-
-
-COLUMNS = "z_m,stress_xx_Pa,stress_yy_Pa,stress_zz_Pa,void_ratio,coordination_number,particles,bulk"
 
 
 def write_profile(path: str | Path, layers: Profile) -> None:
     """Write the layers as a table, *.csv: the middle of each, then what `Profile` has."""
-    middle = (layers.edges[1:] + layers.edges[:-1]) / 2
-    measured = [middle, *layers.stress.T, layers.void_ratio, layers.coordination]
-    table = np.column_stack([*measured, layers.particles, layers.bulk])
-    text = io.StringIO()
-    np.savetxt(text, table, delimiter=",", header=COLUMNS, comments="", fmt="%.9g")
+    columns = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
+    if layers.stress is not None:
+        columns |= zip(
+            ("stress_xx_Pa", "stress_yy_Pa", "stress_zz_Pa"), layers.stress.T, strict=True
+        )
+    columns |= {
+        "void_ratio": layers.void_ratio,
+        "coordination_number": layers.coordination,
+        "particles": layers.particles,
+        "bulk": layers.bulk,
+    }
+    text, table = io.StringIO(), np.column_stack(list(columns.values()))
+    np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     write_whole(path, text.getvalue().encode())

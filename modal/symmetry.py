@@ -46,8 +46,9 @@ def _mapping(network: Network, shift: np.ndarray) -> np.ndarray | None:
         moved[:, axis] %= box[axis]
         place[place[:, axis] >= box[axis], axis] = 0.0
         moved[moved[:, axis] >= box[axis], axis] = 0.0
-    place[:, 2] -= place[:, 2].min()
-    moved[:, 2] -= network.position[:, 2].min()
+    low = place[:, 2].min()
+    place[:, 2] -= low
+    moved[:, 2] -= low
     distance, target = cKDTree(place, boxsize=box).query(moved)
     if distance.max() > tolerance or len(np.unique(target)) < len(target):
         return None

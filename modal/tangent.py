@@ -31,6 +31,14 @@ def centre_distance(network: Network) -> np.ndarray:
     return np.where(network.with_wall, np.inf, distance)
 
 
+def forces_of(network: Network, pre_stress: str) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Normal (m,) and tangential forces (m, 3) that `pre_stress` asks for, N, or None."""
+    purpose = f"pre-stress {pre_stress!r} (there is 'none')"
+    normal = None if pre_stress == "none" else network.known("force_normal", purpose)
+    shear = network.known("force_tangential", purpose) if pre_stress == "full" else None
+    return normal, shear
+
+
 def contact_tangent(network: Network, pre_stress: str = "none") -> np.ndarray:
     """Shape (m, 12, 12), N/m, N and N m: minus the forces per motion (u_i, theta_i, u_j, theta_j).
 
@@ -47,9 +55,10 @@ def contact_tangent(network: Network, pre_stress: str = "none") -> np.ndarray:
     w[pair, :, 6:9] = np.eye(3)
     across = np.eye(3) - n[:, :, None] * n[:, None, :]
     dn = across @ w / centre_distance(network)[:, None, None]
-    force = -network.force_normal[:, None, None] * dn
-    if pre_stress == "full":
-        s = -network.force_tangential
+    pressed, sheared = forces_of(network, pre_stress)
+    force = -pressed[:, None, None] * dn
+    if sheared is not None:
+        s = -sheared
         twist = np.zeros((m, 12))
         twist[:, 3:6] = n / 2
         twist[pair, 9:12] = n[pair] / 2

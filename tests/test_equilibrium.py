@@ -15,8 +15,6 @@ from modal.random_packing import random_sample
 from modal.sample import Sample, read_sample, write_sample
 from modal.storage import InputError
 
-RNG = np.random.default_rng(3)
-
 
 def moved(sample, motion):
     """The sample after a motion on which nothing slides."""
@@ -35,7 +33,7 @@ def packed():
 def sheared(packed):
     """The same at rest after a random shake, so that every contact carries shear."""
     overlap = np.median(packed.network().overlap)
-    shake = RNG.standard_normal((len(packed.position), 6)) * overlap * 0.02
+    shake = np.random.default_rng(3).standard_normal((len(packed.position), 6)) * overlap * 0.02
     shake[:, 3:] /= packed.radius
     return relax(moved(packed, shake))[0]
 
@@ -56,7 +54,7 @@ def test_rest_is_reached_and_stress_kept(packed):
 
 def test_contacts_slide_until_friction_holds_them(packed):
     """With a friction that the shaken packing's shear forces exceed in several contacts."""
-    shake = RNG.standard_normal((len(packed.position), 6)) * 0.02
+    shake = np.random.default_rng(31).standard_normal((len(packed.position), 6)) * 0.02
     shake *= np.median(packed.network().overlap)
     shake[:, 3:] /= packed.radius
     weak = replace(moved(packed, shake), friction=0.01)
@@ -76,7 +74,7 @@ def test_compiled_loop_is_the_same_as_arrays(sheared, monkeypatch):
     """
     network = sheared.network()
     overlap = np.median(network.overlap)
-    steps = RNG.standard_normal((20, network.n_particles, 6)) * 0.1 * overlap
+    steps = np.random.default_rng(32).standard_normal((20, network.n_particles, 6)) * 0.1 * overlap
     steps[..., 3:] /= sheared.radius
     steps[..., 0] += 0.01 * sheared.radius
     runs = []
@@ -144,7 +142,7 @@ def test_forces_change_by_the_full_tangent(sheared):
     """Central differences of the finite law against the exact tangent of `modal.tangent`."""
     network = sheared.network()
     K = stiffness_matrix(network, pre_stress="full")
-    motion = RNG.standard_normal((network.n_particles, 6))
+    motion = np.random.default_rng(33).standard_normal((network.n_particles, 6))
     motion[:, 3:] /= sheared.radius
     # A Hertzian force differs from its tangent by (step / overlap)^2 / 24, here < 1e-8; spheres
     # with much weaker contacts, which may open, are left out.
@@ -209,7 +207,10 @@ def test_bad_input_is_one_line(fault, packed, tmp_path, capsys):
 
 
 def test_far_from_rest_is_said(packed):
-    position = packed.position + RNG.standard_normal(packed.position.shape) * 0.2 * packed.radius
+    position = (
+        packed.position
+        + np.random.default_rng(34).standard_normal(packed.position.shape) * 0.2 * packed.radius
+    )
     position[:, :2] %= packed.side
     with pytest.raises(InputError, match="does not come to rest"):
         relax(replace(packed, position=position), max_steps=3)

@@ -20,8 +20,6 @@ from modal.minimiser import minimise
 from modal.random_packing import cloud, random_network, random_sample
 from modal.sample import read_sample, write_sample
 
-RNG = np.random.default_rng(4)
-
 
 def _crowd(spheres=200, aspect=2.0):
     sample = cloud(spheres, aspect, 3)
@@ -75,7 +73,7 @@ def test_forces_are_the_gradient_of_the_energy():
 
     forces.of(position, lengths)
     force, virial = forces.force.copy(), forces.virial.copy()
-    motion, step = RNG.standard_normal(position.shape), 1e-6 * sample.radius
+    motion, step = np.random.default_rng(4).standard_normal(position.shape), 1e-6 * sample.radius
     rise = energy(position + step * motion, lengths) - energy(position - step * motion, lengths)
     # Error of order (step / overlap)^2 and of the round-off of the energy over the step.
     assert rise / (2 * step) == pytest.approx(-(force * motion).sum(), rel=1e-5)

@@ -168,7 +168,7 @@ def main():
     build_scene(sample_of_network(network, mu_wave), margin=0.01, damping=0.0)
     # Over a wave nobody moves by a millionth of a radius: the collider may sleep.
     O.engines[1].dead = True
-    n, area = network.n_particles, float(np.prod(network.cell_size[:2]))
+    n, area = network.n_particles, network.area
     arrival = passage * network.length / affine_velocity(network)
     duration = float(os.environ.get("WAVE_DURATION", arrival))
     O.dt = fraction / (math.pi * highest)

@@ -1,0 +1,184 @@
+"""Sound networks of every kind that a reader must accept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from modal import gallery
+from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.sample import read_sample
+
+YOUNG, POISSON = 60e9, 0.2
+
+
+def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Network:
+    """Spheres of radii 1:3, of glass and of steel, pushed apart to overlaps of some per cent.
+
+    Hertz and Mindlin with R* = R_i R_j / (R_i + R_j); the contact point divides the branch as the
+    radii do. Not in balance. Between walls, or periodic in all directions.
+    """
+    random = np.random.default_rng(seed)
+    radius = random.uniform(0.5e-3, 1.5e-3, n)
+    side = np.cbrt((4 / 3 * np.pi * radius**3).sum() / 0.60)
+    position = random.random((n, 3)) * side
+    wrapped = np.array([True, True, periodic_z])
+    first, second = np.triu_indices(n, 1)
+    for _ in range(400):
+        branch = position[second] - position[first]
+        branch[:, wrapped] -= side * np.round(branch[:, wrapped] / side)
+        distance = np.linalg.norm(branch, axis=1)
+        deep = np.maximum(radius[first] + radius[second] - distance - 1e-5, 0)
+        push = 0.4 * (deep / distance)[:, None] * branch
+        np.add.at(position, first, -push)
+        np.add.at(position, second, push)
+        if not periodic_z:
+            position[:, 2] = np.clip(position[:, 2], 0.97 * radius, side - 0.97 * radius)
+    position[:, wrapped] %= side
+    shift = np.zeros((len(first), 3), int)
+    raw = position[second] - position[first]
+    shift[:, wrapped] = -np.round(raw[:, wrapped] / side)
+    distance = np.linalg.norm(raw + shift * side, axis=1)
+    near = distance < radius[first] + radius[second]
+    ends = [(first[near], second[near], shift[near], (raw + shift * side)[near])]
+    if not periodic_z:
+        for wall, z, sign in ((SOURCE_WALL, 0.0, -1), (RECEIVER_WALL, side, 1)):
+            at = np.flatnonzero(sign * (z - position[:, 2]) < radius)
+            branch = np.column_stack([0 * at, 0 * at, z - position[at, 2]])
+            ends.append((at, np.full(len(at), wall), np.zeros((len(at), 3), int), branch))
+    i, j, shift, branch = (np.concatenate(column) for column in zip(*ends, strict=True))
+    pair = j >= 0
+    distance = np.linalg.norm(branch, axis=1)
+    normal = branch / distance[:, None]
+    other = np.where(pair, radius[j], 0.0)
+    overlap = radius[i] + other - distance
+    reduced = np.where(pair, radius[i] * other / (radius[i] + other), radius[i])
+    stiff = YOUNG / (1 - POISSON**2) * np.sqrt(reduced * overlap)
+    force = 2 / 3 * stiff * overlap
+    across = np.cross(normal, random.standard_normal(normal.shape))
+    mass = random.choice([2230.0, 7850.0], n) * 4 / 3 * np.pi * radius**3
+    at_i = np.where(pair, radius[i] * distance / (radius[i] + other), distance)
+    return Network(
+        position=position,
+        radius=radius,
+        mass=mass,
+        inertia=0.4 * mass * radius**2,
+        particle_i=i,
+        particle_j=j,
+        normal=normal,
+        lever_i=at_i[:, None] * normal,
+        lever_j=np.where(pair, at_i - distance, 0.0)[:, None] * normal,
+        stiffness_normal=stiff,
+        stiffness_tangential=2 * (1 - POISSON) / (2 - POISSON) * stiff,
+        cell_size=np.full(3, side),
+        cell_periodic=wrapped,
+        wall_position=np.array([0.0, side]),
+        force_normal=force,
+        force_tangential=0.1 * force[:, None] * across,
+        overlap=overlap,
+        sliding=np.zeros(len(i), bool),
+        cell_shift=shift,
+    )
+
+
+def sheared() -> Network:
+    """150 spheres compressed with friction in YADE, at rest."""
+    return read_sample(Path(__file__).parent / "data/friction150.sample.h5").network()
+
+
+def deep() -> Network:
+    """A crystal whose spheres overlap by 0.1 of their radius."""
+    network = gallery.fcc(2, 6, stress=4e8)
+    assert 0.09 < network.overlap.max() / network.radius[0] < 0.12
+    return network
+
+
+def levers_of_radii(network: Network) -> Network:
+    """Levers as long as the radii, as some programs have them; to the plane of a wall."""
+    pair = ~network.with_wall
+    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
+    to_wall = abs(plane - network.position[network.particle_i, 2])
+    length = np.where(pair, network.radius[network.particle_i], to_wall)
+    other = np.where(pair, network.radius[network.particle_j], 0.0)
+    return replace(
+        network,
+        lever_i=length[:, None] * network.normal,
+        lever_j=-other[:, None] * network.normal,
+    )
+
+
+def rounded(network: Network, digits: int = 7) -> Network:
+    """All numbers as a text of so many significant digits keeps them."""
+    columns = {}
+    for name, data in vars(network).items():
+        if isinstance(data, np.ndarray) and data.dtype.kind == "f":
+            text = [float(f"{x:.{digits - 1}e}") for x in data.ravel()]
+            columns[name] = np.reshape(text, data.shape)
+    return replace(network, **columns)
+
+
+def cohesive() -> Network:
+    """Some contacts pull, some across a gap of 2 % of the radius."""
+    network = gallery.column(5)
+    z = network.position[:, 2].copy()
+    gap = 0.02 * network.radius[0]
+    z[3:] += gap + network.overlap[3]
+    lever = network.lever_i.copy()
+    lever[3] = [0, 0, network.radius[0] + gap / 2]
+    force, overlap = network.force_normal.copy(), network.overlap.copy()
+    force[3], overlap[3] = -force[3], -gap
+    lift = gap + network.overlap[3]
+    return replace(
+        network,
+        position=np.column_stack([network.position[:, :2], z]),
+        lever_i=lever,
+        lever_j=np.where(network.with_wall[:, None], 0.0, -lever),
+        force_normal=force,
+        overlap=overlap,
+        wall_position=network.wall_position + [0, lift],
+    )
+
+
+def shells() -> Network:
+    """A crystal of hollow spheres."""
+    network = gallery.fcc(3, 4)
+    return replace(network, inertia=2 / 3 * network.mass * network.radius**2, study={})
+
+
+def unwrapped() -> Network:
+    """Centres several periods away, with the periods that bring them back."""
+    network = gallery.fcc(2, 5)
+    away = np.random.default_rng(1).integers(-3, 4, network.position.shape) * [1, 1, 0]
+    pair = ~network.with_wall
+    shift = network.cell_shift.copy()
+    shift[pair] += (away[network.particle_i] - away[network.particle_j])[pair]
+    return replace(network, position=network.position + away * network.cell_size, cell_shift=shift)
+
+
+SOUND = {
+    "crystal": lambda: gallery.fcc(2, 8),
+    "crystal one sphere wide": lambda: gallery.fcc(1, 8),
+    "long crystal": lambda: gallery.fcc(1, 300),
+    "hardly pressed": lambda: gallery.fcc(2, 8, stress=1e-3),
+    "column": lambda: gallery.column(3),
+    "copies side by side": lambda: gallery.repeat(gallery.fcc(1, 5), 3, 2),
+    "sheared": sheared,
+    "deep overlaps": deep,
+    "levers as long as deep radii": lambda: levers_of_radii(deep()),
+    "levers as long as radii": lambda: levers_of_radii(sheared()),
+    "radii 1:3": polydisperse,
+    "radii 1:3, levers as long": lambda: levers_of_radii(polydisperse()),
+    "periodic in all directions": lambda: polydisperse(periodic_z=True),
+    "cohesive": cohesive,
+    "shells": shells,
+    "unwrapped": unwrapped,
+}
+"""Name -> maker of a network."""
+OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+
+
+def bare(network: Network, *kept: str) -> Network:
+    """The network without its optional data, but for those `kept`."""
+    return replace(network, **{name: None for name in OPTIONAL if name not in kept})

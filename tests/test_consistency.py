@@ -1,0 +1,200 @@
+"""Networks whose parts contradict each other are refused; no sound one is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import packings
+import pytest
+
+from modal import gallery
+from modal.network import Network, read_network, validate, write_network
+from modal.plausibility import plausibility
+from modal.storage import InputError
+
+CRYSTAL = gallery.fcc(2, 8)
+
+
+@pytest.mark.parametrize("digits", [17, 7])
+@pytest.mark.parametrize("name", packings.SOUND)
+def test_sound_networks_are_read(name, digits, tmp_path):
+    """As they are, in numbers of 7 digits, and without what is optional."""
+    network = packings.SOUND[name]()
+    network = network if digits == 17 else packings.rounded(network, digits)
+    path = tmp_path / "x.network.h5"
+    for known in (network, packings.bare(network)):
+        write_network(path, known)
+        assert read_network(path).n_contacts == network.n_contacts
+
+
+def changed(network: Network, **columns) -> Network:
+    """The network with functions of its columns in their place."""
+    return replace(network, **{name: f(getattr(network, name)) for name, f in columns.items()})
+
+
+def times(factor: float):
+    return lambda data: factor * data
+
+
+def permuted(data: np.ndarray) -> np.ndarray:
+    return np.random.default_rng(1).permutation(data)
+
+
+def first(value):
+    """The column with another first row."""
+
+    def change(data: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.asarray(value, data.dtype)[None], data[1:]])
+
+    return change
+
+
+def inner(data: np.ndarray) -> np.ndarray:
+    """Walls half a radius inside the packing."""
+    return data + np.array([1.5, -1.5]) * CRYSTAL.radius[0]
+
+
+STUDIED = CRYSTAL
+PLAIN = replace(CRYSTAL, study={})
+MIXED = packings.polydisperse()
+ROUND = packings.polydisperse(periodic_z=True)
+WRONG = {
+    # Each has the network, what is changed, and what the refusal must say.
+    "normals permuted": (PLAIN, {"normal": permuted}, "normal"),
+    "normals turned round": (PLAIN, {"normal": times(-1)}, "normal"),
+    "normals 2 degrees off": (
+        MIXED,
+        {"normal": lambda n: _turned(n, np.radians(2))},
+        "normal",
+    ),
+    "levers permuted": (PLAIN, {"lever_i": permuted}, "lever"),
+    "levers of 0.7": (PLAIN, {"lever_i": times(0.7), "lever_j": times(0.7)}, "lever"),
+    "levers of 0.9": (PLAIN, {"lever_i": times(0.9), "lever_j": times(0.9)}, "lever"),
+    "levers changed places": (MIXED, {"lever_i": lambda _: -MIXED.lever_j}, "lever"),
+    "no levers": (PLAIN, {"lever_i": times(0), "lever_j": times(0)}, "lever"),
+    "lever of a wall": (PLAIN, {"lever_j": lambda _: -PLAIN.lever_i}, "is with a wall"),
+    "radii are diameters": (PLAIN, {"radius": times(2), "inertia": times(4)}, "overlap"),
+    "diameters are radii": (PLAIN, {"radius": times(0.5), "inertia": times(0.25)}, "touch"),
+    "radii permuted": (MIXED, {"radius": permuted}, "particle|contact"),
+    "inertia of 1e6": (PLAIN, {"inertia": times(1e6)}, "inertia"),
+    "inertia of 10": (PLAIN, {"inertia": times(10)}, "inertia"),
+    "inertia of 0.1": (PLAIN, {"inertia": times(0.1)}, "inertia"),
+    "inertia from diameters": (PLAIN, {"inertia": times(4)}, "inertia"),
+    "inertia permuted": (MIXED, {"inertia": permuted}, "inertia"),
+    "one mass in g": (
+        PLAIN,
+        {
+            "mass": first(1e3 * PLAIN.mass[0]),
+            "inertia": first(1e3 * PLAIN.inertia[0]),
+        },
+        "lighter or heavier",
+    ),
+    "masses in g": (STUDIED, {"mass": times(1e3), "inertia": times(1e3)}, "kg/m"),
+    "no periods": (PLAIN, {"cell_shift": times(0)}, "touch|normal"),
+    "periods of the other sign": (PLAIN, {"cell_shift": times(-1)}, "touch|normal"),
+    "a cell half as wide": (PLAIN, {"cell_size": times(0.5)}, "touch|normal|overlap"),
+    "walls in one place": (PLAIN, {"wall_position": times(0)}, "wall"),
+    "walls changed places": (PLAIN, {"wall_position": lambda w: w[::-1]}, "wall"),
+    "walls inside the packing": (PLAIN, {"wall_position": inner}, "beyond a wall"),
+    "walls far away": (
+        PLAIN,
+        {"wall_position": lambda w: w + [-0.01, 0.01]},
+        "touch",
+    ),
+    "walls of a period": (ROUND, {"wall_position": times(0)}, "bounds of the period"),
+    "no period along z": (
+        ROUND,
+        {"cell_periodic": lambda _: np.array([True, True, False])},
+        "not periodic",
+    ),
+    "negative width": (
+        replace(gallery.column(3), cell_size=np.array([-1.0, 0, 0])),
+        {},
+        "cell/size",
+    ),
+    "overlaps in mm": (PLAIN, {"overlap": times(1e3)}, "overlap"),
+    "stiffness in N/mm": (PLAIN, {"stiffness_normal": times(1e-3)}, "force over stiffness"),
+    "force in kN": (PLAIN, {"force_normal": times(1e-3)}, "force over stiffness"),
+    "tangential in N/mm": (PLAIN, {"stiffness_tangential": times(1e3)}, "tangential"),
+    "shear along normals": (
+        MIXED,
+        {"force_tangential": lambda _: 0.1 * MIXED.force_normal[:, None] * MIXED.normal},
+        "tangential force",
+    ),
+    "shear forces permuted": (MIXED, {"force_tangential": permuted}, "tangential force"),
+    "positions permuted": (PLAIN, {"position": permuted}, "particle|contact"),
+    "positions x and y": (MIXED, {"position": lambda p: p[:, [1, 0, 2]]}, "contact"),
+    "another packing's particles": (
+        MIXED,
+        {"position": lambda _: packings.polydisperse(seed=2).position},
+        "contact",
+    ),
+}
+
+
+def _turned(normal: np.ndarray, angle: float) -> np.ndarray:
+    across = np.cross(normal, [0.3, 0.4, 0.5])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    return np.cos(angle) * normal + np.sin(angle) * across
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_contradictions_are_refused(name, tmp_path):
+    network, columns, says = WRONG[name]
+    path = tmp_path / "x.network.h5"
+    write_network(path, changed(network, **columns))
+    with pytest.raises(InputError, match=says) as refusal:
+        read_network(path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_contact_listed_twice_is_refused():
+    """In the same or the other direction; a pair that touches through two periods is sound."""
+    m = CRYSTAL.n_contacts
+    validate(CRYSTAL)
+    twice = CRYSTAL.with_contacts(np.append(np.arange(m), 3))
+    with pytest.raises(InputError, match=f"contacts 3 and {m} are the same"):
+        validate(twice)
+    pair = ~CRYSTAL.with_wall
+    other = replace(
+        CRYSTAL,
+        particle_i=CRYSTAL.particle_j,
+        particle_j=CRYSTAL.particle_i,
+        normal=-CRYSTAL.normal,
+        lever_i=CRYSTAL.lever_j,
+        lever_j=CRYSTAL.lever_i,
+        cell_shift=-CRYSTAL.cell_shift,
+        force_tangential=-CRYSTAL.force_tangential,
+    ).with_contacts(pair)
+    validate(other)
+    columns = ("particle_i", "particle_j", "normal", "lever_i", "lever_j", "cell_shift")
+    columns += ("stiffness_normal", "stiffness_tangential", "overlap", "sliding")
+    columns += ("force_normal", "force_tangential")
+    both = {
+        name: np.concatenate([getattr(CRYSTAL, name), getattr(other, name)]) for name in columns
+    }
+    for network in (replace(CRYSTAL, **both), replace(CRYSTAL, **both | {"cell_shift": None})):
+        with pytest.raises(InputError, match="are the same"):
+            validate(network)
+
+
+def test_info_tells_of_what_no_check_can():
+    """Law, pulling contacts, balance and densities, in sound and in wrong networks."""
+    sound = plausibility(packings.sheared())
+    assert sound["law"] == "Hertz" and sound["pulling_contacts"] == 0
+    # At rest to 1e-9 in YADE; the compact form keeps forces to the round-off of overlaps.
+    assert sound["net_force_over_contact_force"] < 1e-6
+    wrong = plausibility(changed(packings.sheared(), stiffness_normal=permuted))
+    assert wrong["law"].startswith("none that is known")
+    wrong = plausibility(changed(packings.sheared(), force_normal=permuted))
+    assert wrong["law"].startswith("none") and wrong["net_force_over_contact_force"] > 0.1
+    linear = changed(packings.sheared(), stiffness_normal=times(2 / 3))
+    assert plausibility(linear)["law"] == "linear"
+    assert plausibility(packings.cohesive())["pulling_contacts"] == 1
+    low, _, high = plausibility(MIXED)["density_kg_per_m3"]
+    assert (low, high) == pytest.approx((2230, 7850))
+
+
+def test_a_column_without_a_cell_has_no_width():
+    validate(replace(gallery.column(3), cell_size=np.zeros(3)))
