@@ -37,16 +37,13 @@ def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> n
         (np.ones(coo.nnz, np.int8), (coo.row // dof, coo.col // dof)), shape=(n, n)
     ).tocsr()
     _, cluster = connected_components(touching, directed=False)
-    layer = np.zeros(n, int)
     # The layer at the bottom of each cluster is a slab, so that layers stay level.
     low = np.full(cluster.max() + 1, np.inf)
     np.minimum.at(low, cluster, height)
     thickness = np.ptp(height) / max(1.0, (n ** (1 / 3)))
     first = np.flatnonzero(height <= low[cluster] + thickness / 4)
     distance = dijkstra(touching, directed=False, indices=first, unweighted=True, min_only=True)
-    reached = np.isfinite(distance)
-    layer[reached] = distance[reached].astype(int)
-    return layer
+    return distance.astype(int)
 
 
 def count_negative(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> int:

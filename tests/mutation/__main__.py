@@ -122,7 +122,7 @@ def results_of(path: Path) -> dict[str, dict]:
 
 def reasons() -> dict[tuple[str, str, str], str]:
     """Why a mutant (path, line before, line after) computes the same as the original."""
-    rows = tomllib.loads(EQUIVALENT.read_text())["mutant"] if EQUIVALENT.exists() else []
+    rows = tomllib.loads(EQUIVALENT.read_text())["mutant"]
     return {(row["path"], row["before"], row["after"]): row["reason"] for row in rows}
 
 
