@@ -68,7 +68,7 @@ def compare(case: Products) -> list[Row]:
     rows: dict[str, Row] = {}
 
     def put(key: str, text: str, unit: str, note: str = "", **values: float | None) -> None:
-        row = rows.setdefault(key, Row(key, text, unit, {"paper": stated(key, case.number)}))
+        row = rows.setdefault(key, Row(key, text, unit, {"paper": stated(key, case.paper_case)}))
         row.values.update(values)
         row.note = row.note or note
 

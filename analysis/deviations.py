@@ -89,13 +89,13 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
     rows = []
     for m in cases:
         for key, head, measure in SINGLE:
-            row = _row(m.case.label, key, head, m.case.number, lambda f=measure, m=m: f(m))
+            row = _row(m.case.label, key, head, m.case.paper_case, lambda f=measure, m=m: f(m))
             if row is None or ("DEM" in head and m.case.signals is None):
                 continue
             if "unbiased" in head and not m.case.is_crystal:
                 continue
             rows.append(row)
-        limits = stated_range("gain_maximum", m.case.number)
+        limits = stated_range("gain_maximum", m.case.paper_case)
         if limits is not None and m.gain_height:
             verdict = "the resolution's: no verdict"
             rows.append([m.case.label, GAIN, m.gain_height, limits.text, verdict])
@@ -105,7 +105,7 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
         stress = np.array([m.case.stress for m in members])
         peaks = np.array([m.first_peak.value for m in members])
         edges = np.array([m.low_pass[0].value for m in members])
-        first = members[0].case.number
+        first = members[0].case.paper_case
         for key, head, law in (
             ("exponent", "exponent of V_P against stress", power_law(stress, peaks)),
             ("slope", "slope of f_low-pass over V_P, logarithms", power_law(peaks, edges)),
@@ -141,6 +141,9 @@ def _spread(cases: list[Measures]) -> list[list[str]]:
         top = [o.f_max for o in same]
         text = f"{m.case.stress / 1e3:g} kPa, {len(same)} cases"
         spread = 100 * (max(top) / min(top) - 1)
-        row = _row(text, "f_max_spread", "spread of f_max, %", m.case.number, lambda s=spread: s)
-        rows.append(row)
+        row = _row(
+            text, "f_max_spread", "spread of f_max, %", m.case.paper_case, lambda s=spread: s
+        )
+        if row:
+            rows.append(row)
     return rows

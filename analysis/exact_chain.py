@@ -16,6 +16,32 @@ from modal.lattice import FccCrystal
 from modal.network import Network
 from modal.signals import Signals, source_pulse
 
+FLAT = 1e-3
+"""Of a radius: how far the centres of one layer of a crystal may be apart along z."""
+UPRIGHT = 1e-2
+"""How far nz^2 of a contact between two layers may be from FCC's 1/2."""
+
+
+def is_fcc(network: Network) -> bool:
+    """Whether the packing is an FCC crystal whose layers (001) are parallel to the walls.
+
+    Equal flat layers at equal distances, and four contacts from each sphere to the next layer, at
+    45 degrees. What its case is called does not matter.
+    """
+    z, radius = np.sort(network.position[:, 2]), float(network.radius.mean())
+    starts = np.flatnonzero(np.diff(z, prepend=-np.inf) > 0.5 * radius)
+    layers = len(starts)
+    if layers < 3 or len(z) % layers or np.ptp(network.radius) > 1e-9 * radius:
+        return False
+    rows = z.reshape(layers, -1)
+    distance = np.diff(rows.mean(axis=1))
+    flat = np.ptp(rows, axis=1).max() < FLAT * radius
+    even = np.ptp(distance) < FLAT * radius
+    between = (network.particle_j >= 0) & (abs(network.normal[:, 2]) > 0.1)
+    bonds = 4 * rows.shape[1] * (layers - 1)
+    slanted = abs(network.normal[between, 2] ** 2 - 0.5) < UPRIGHT
+    return bool(flat and even and between.sum() == bonds and slanted.all())
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -50,7 +76,7 @@ class Chain:
 
     @classmethod
     def of_network(cls, network: Network) -> Chain:
-        """The chain whose theory belongs to a network that is a crystal of equal layers."""
+        """The chain whose theory belongs to an FCC crystal (`is_fcc`) of equal layers."""
         z = np.sort(network.position[:, 2])
         layers = 1 + int(np.count_nonzero(np.diff(z) > 0.5 * network.radius.min()))
         inner = network.particle_j >= 0

@@ -323,9 +323,6 @@ def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
     """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
     found: dict[str, list[Measures]] = {}
     for m in sorted(cases, key=lambda m: m.case.stress):
-        study = m.case.network.study
-        # The wave's friction is the compression's and 0.1 (section 2).
-        friction = round(float(study.get("mu_comp", study.get("mu_wave", np.nan) - 0.1)), 6)
-        name = "FCC" if m.case.is_crystal else f"random, mu_comp {friction:g}"
+        name = "FCC" if m.case.is_crystal else f"random, mu_comp {m.case.mu_comp:g}"
         found.setdefault(name, []).append(m)
     return found

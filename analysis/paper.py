@@ -79,6 +79,25 @@ COORDINATION_AT_1_KPA = {0.0: 5.91, 0.4: 3.84}
 """Mean coordination number of the random samples at 1 kPa, by mu_comp (section 3)."""
 
 
+STRESSES = 1e4, 1e5, 1e6, 1e7
+"""Pa, of four cases in a row: the crystal, then each friction."""
+FRICTIONS = 0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4
+"""mu_comp of cases 5-8, 9-12, ...; the paper names the first and the last, the rest is ours."""
+SAME_STRESS, SAME_FRICTION = 0.01, 1e-3
+"""Relative and absolute difference up to which two are one."""
+
+
+def matching_case(crystal: bool, stress: float, mu_comp: float) -> int | None:
+    """Number of the paper's case by what it is; None where there is no such case."""
+    at = [k for k, s in enumerate(STRESSES) if abs(stress / s - 1) < SAME_STRESS]
+    rows = (
+        [0]
+        if crystal
+        else [1 + k for k, mu in enumerate(FRICTIONS) if abs(mu_comp - mu) < SAME_FRICTION]
+    )
+    return 4 * rows[0] + at[0] + 1 if at and rows else None
+
+
 def stated_range(quantity: str, case: int | None) -> Range | None:
     """The paper's range of a quantity for a case; None if not stated."""
     return next((r for r in RANGES if r.id == quantity and case in r.cases), None)

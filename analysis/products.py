@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from analysis.effective_medium import of_contacts
-from analysis.exact_chain import Chain
+from analysis.exact_chain import Chain, is_fcc
 from analysis.gain import TRAVELS
+from analysis.paper import matching_case
 from analysis.structure_factor import StructureFactor, read_structure
 from modal.density import SCHEMA as DENSITY_SCHEMA
 from modal.density import VERSION as DENSITY_VERSION
@@ -100,18 +101,29 @@ class Products:
     @cached_property
     def chain(self) -> Chain:
         """The planar chain that the theory of a crystal reduces to."""
-        chain = Chain.of_network(self.network)
-        if chain.layers < 3 or self.network.n_particles % chain.layers:
+        if not self.is_crystal:
             raise InputError(
-                f"{self.name}: not a layered crystal, so it has no theory to compare with; "
-                "choose an FCC case, 1 to 4"
+                f"{self.name}: no FCC crystal between two walls, so it has no theory to compare "
+                "with; choose another case"
             )
-        return chain
+        return Chain.of_network(self.network)
 
     @cached_property
     def is_crystal(self) -> bool:
-        """Whether the case has a theory: cases 1 to 4."""
-        return self.number <= 4
+        """Whether the case has a theory: its packing is an FCC crystal, whatever its number."""
+        return is_fcc(self.network)
+
+    @property
+    def mu_comp(self) -> float:
+        """Friction of the compression; the wave's is 0.1 more (section 2). NaN if unknown."""
+        study = self.network.study
+        friction = study.get("mu_comp", float(study.get("mu_wave", np.nan)) - 0.1)
+        return round(float(friction), 6)
+
+    @cached_property
+    def paper_case(self) -> int | None:
+        """The paper's case of this kind, stress and friction; None where it has none."""
+        return matching_case(self.is_crystal, self.stress, self.mu_comp)
 
     @property
     def diameter(self) -> float:

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.paper import COORDINATION_AT_1_KPA, stated
+from analysis.exact_chain import is_fcc
+from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
 from modal.equilibrium import balance_of
 from modal.network import Network, read_network
 from modal.provenance import read_provenance
@@ -62,8 +63,7 @@ def row(path: str | Path) -> list[str]:
     target = float(study.get("stress", np.nan))
     mu = float(study.get("mu_comp", np.nan if "mu_wave" in study else sample.friction))
     name = Path(path).name.removesuffix(".sample.h5")
-    case = str(study.get("case", name.removeprefix("case")))
-    paper_e = stated("void_ratio", int(case)) if case.isdigit() else None
+    paper_e = stated("void_ratio", matching_case(is_fcc(network), target, mu))
     paper_z = COORDINATION_AT_1_KPA.get(mu) if target == 1e3 else None
     off = [100 * (value / target - 1) for value in found["stress_pa"] + found["wall_stress_pa"]]
     cells = [

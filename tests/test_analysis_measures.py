@@ -5,15 +5,17 @@ import pytest
 
 from analysis.deviations import deviations
 from analysis.measures import Measures
-from analysis.paper import stated, stated_range
+from analysis.paper import matching_case, stated, stated_range
 from analysis.passband import THRESHOLDS
 from analysis.products import Products
 from analysis.standing import standing_modes
 from analysis.stress import power_law
 from modal.eigenproblem import Eigenproblem
-from modal.gallery import fcc
+from modal.gallery import column, fcc
 from modal.modes import all_modes
 from modal.network import write_network
+from modal.random_packing import random_network
+from modal.storage import InputError
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +83,43 @@ def test_deviations_of_what_is_stated(crystal):
     assert not any("DEM" in head for head in rows)
     assert stated("f_low_pass", 2) == 137.7 and stated("f_low_pass", 3) is None
     assert stated_range("slope", 30).text == "1.2 to 1.4" and stated_range("slope", 2) is None
+
+
+def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
+    """An FCC crystal called case 30 has a theory; a random packing called case 2 has none."""
+    packing = random_network(150, 1e5, seed=3)
+    rng = np.random.default_rng(1)
+    shaken = fcc(2, 12)
+    shaken.position = shaken.position + 1e-2 * shaken.radius[0] * rng.normal(
+        size=shaken.position.shape
+    )
+    for network, crystal in (
+        (fcc(1, 200), True),
+        (fcc(2, 12, 1e7), True),
+        (packing, False),
+        (column(9), False),  # layers of equal distance, but of straight springs
+        (shaken, False),
+    ):
+        write_network(tmp_path / "case30.network.h5", network)
+        case = Products("case30", tmp_path)
+        assert case.is_crystal == crystal
+        if not crystal:
+            with pytest.raises(InputError, match="no FCC crystal"):
+                _ = case.chain
+
+
+@pytest.mark.parametrize(
+    "mu, stress, case",
+    [(0.0, 1e5, 6), (0.4, 1e5, 30), (0.4, 1e7, 32), (0.2, 1e5, 22), (0.0, 2e5, None)],
+)
+def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
+    """Whatever the number of the case: the paper's void ratio is that of the same preparation."""
+    assert matching_case(False, stress, mu) == case
+    network = random_network(150, 1e5, seed=3)
+    network.study |= {"stress": stress, "mu_comp": mu}
+    named = Products("case07", tmp_path)
+    named.network = network
+    rows = [row for row in deviations([Measures(named)]) if row[1] == "void ratio"]
+    assert [row[3] for row in rows] == ([f"{stated('void_ratio', case):.5g}"] if rows else [])
+    assert bool(rows) == (stated("void_ratio", case) is not None)
+    assert matching_case(True, stress, np.nan) == (None if case is None else 1 + (case - 1) % 4)

@@ -60,7 +60,7 @@ def picture(name: str, cases: list[Measures]) -> Picture:
     if entry.crystals_only:
         cases = [m for m in cases if m.case.is_crystal]
         if not cases:
-            raise InputError(f"figure {name} is of crystals; give one of the cases 1 to 4")
+            raise InputError(f"figure {name} is of FCC crystals; give the case of one")
     return entry.function(cases)
 
 
