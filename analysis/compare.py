@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from analysis import dispersion as disp
-from analysis.exact_chain import exact_twin
-from analysis.gain import TRAVELS, gain_factor
+from analysis.exact_chain import chain_signals, exact_twin
+from analysis.gain import TRAVELS, gain_factor, network_gain
 from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency, wavelength
 from analysis.paper import stated
 from analysis.products import Products
@@ -181,13 +181,14 @@ def _signal_rows(case: Products, signals: Signals, producer: str, put) -> None:
 
 
 def _gain_rows(case: Products, put) -> None:
-    duration = TRAVELS * case.network.length / case.chain.velocity
-    linear = case.linear(duration)
-    records = {"linear": linear, "theory": exact_twin(linear, case.chain), "yade": case.signals}
-    for column, record in records.items():
-        found = None if record is None else gain_factor(record, duration)
+    passage = case.network.length / case.chain.velocity
+    duration = TRAVELS * passage
+    time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
+    records = {"theory": chain_signals(case.chain, time), "yade": case.signals}
+    gains = {name: r and gain_factor(r, duration) for name, r in records.items()}
+    for column, found in ({"linear": network_gain(case.network, passage)} | gains).items():
         if found is not None:
-            same = found.undamped(duration / TRAVELS)
+            same = found.undamped(passage)
             note = f"resolution {found.resolution:.0f} Hz: an undamped column has {same:.3g}"
             frequency, height = found.first_maximum()
             put("gain_f", "gain factor, first maximum", "kHz", note, **{column: frequency / 1e3})

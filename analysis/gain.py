@@ -16,12 +16,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.network import Network
+from modal.response import frequency_response
 from modal.signals import Signals
 
 DECAY = 7.0
 """gamma T: the cut leaves e^-7 = 1e-3 of the last reflection."""
 RESOLUTION = 0.376
 """In f_1 = V / 2 L: maxima lie f_1 apart."""
+REACH = 18
+"""Highest frequency of the gain of a network, in f_1 as well."""
 TRAVELS = DECAY / (0.5 * np.pi * RESOLUTION)
 """Travel times from wall to wall in a record that this resolution needs."""
 
@@ -40,13 +44,15 @@ class Gain:
         at = 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
         if not len(at):
             return np.nan, np.nan
-        k = at[0]
-        # Near a resonance 1 / g^2 is a parabola.
-        before, top, behind = 1 / g[k - 1 : k + 2] ** 2
-        bend = before - 2 * top + behind
-        shift = 0.5 * (before - behind) / bend
-        place = self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])
-        return float(place), float((top - 0.25 * (before - behind) * shift) ** -0.5)
+        # 1 / g^2, a sum of squares of cosines and constants, is smooth where g itself is sharp.
+        near = slice(max(0, at[0] - 3), at[0] + 4)
+        step = self.frequency[1] - self.frequency[0]
+        x = (self.frequency[near] - self.frequency[at[0]]) / step
+        curve = np.polyfit(x, g[near] ** -2, len(x) - 1)
+        fine = np.linspace(-1, 1, 401)
+        values = np.polyval(curve, fine)
+        best = int(np.argmin(values))
+        return float(self.frequency[at[0]] + step * fine[best]), float(values[best] ** -0.5)
 
     def undamped(self, passage: float) -> float:
         """Height of the maxima of a column without damping under the same window.
@@ -54,6 +60,13 @@ class Gain:
         `passage` is the time, s, of a wave from wall to wall.
         """
         return float(1 / np.sinh(np.pi * self.resolution * passage))
+
+
+def network_gain(network: Network, passage: float) -> Gain:
+    """Gain of the springs at `RESOLUTION`, without a record; `passage` (s) from wall to wall."""
+    first = 0.5 / passage
+    found = frequency_response(network, highest=REACH * first, resolution=RESOLUTION * first)
+    return Gain(found.frequency, found.gain, found.resolution)
 
 
 def gain_factor(signals: Signals, duration: float, highest: float = 2e4) -> Gain | None:

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import eigsh
 from analysis.coherent import Coherent, coherent_wave, longest_waves
 from analysis.dispersion import chain_dispersion, mode_dispersion
 from analysis.effective_medium import of_contacts, of_means
-from analysis.gain import Gain, gain_factor
+from analysis.gain import Gain, network_gain
 from analysis.lowpass import Plateau
 from analysis.passband import Passband
 from analysis.products import Products
@@ -290,18 +290,15 @@ class Measures:
         return self.long_wave.value / (2 * np.pi * at) / self.case.diameter
 
     @cached_property
-    def gain(self) -> Gain | None:
-        """Gain factor from the response file, else of the linear wave, to 20 kHz."""
+    def gain(self) -> Gain:
+        """Gain factor from the response file, else of the springs at the same resolution."""
         if self.case.response is not None:
             return Gain(*self.case.response)
-        record = self.case.long_wave
-        return gain_factor(record, float(record.time[-1]))
+        return network_gain(self.case.network, self.case.passage)
 
     @cached_property
     def gain_place(self) -> float:
         """Frequency of the gain's first maximum, in f_1 = V_P / 2 L."""
-        if self.gain is None:
-            return np.nan
         return self.gain.first_maximum()[0] * 2 * self.passage
 
     @property
@@ -312,7 +309,7 @@ class Measures:
     @cached_property
     def gain_height(self) -> str:
         """The gain at its first maximum with its resolution, and an undamped column's under it."""
-        height = np.nan if self.gain is None else self.gain.first_maximum()[1]
+        height = self.gain.first_maximum()[1]
         if not np.isfinite(height):
             return ""
         same = self.gain.undamped(self.passage)

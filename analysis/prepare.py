@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.gain import REACH
 from analysis.gain import RESOLUTION as GAIN_RESOLUTION
 from analysis.products import Products
 from analysis.structure_factor import structure_factor, write_structure
@@ -19,8 +20,6 @@ from modal.eigenproblem import Eigenproblem
 from modal.provenance import Provenance, is_current
 from modal.response import frequency_response, write_response
 
-GAIN_REACH = 18
-"""Highest frequency of the gain, in f_1 = V / 2 L of the affine wave, as its resolution is."""
 RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
 """Hz, of the structure factor and of the density of states."""
 DENSITY_TOLERANCE = 1e-3
@@ -44,7 +43,7 @@ def prepare(case: Products) -> list[Path]:
         return provenance
 
     first = 0.5 / case.passage
-    gain = {"highest": GAIN_REACH * first, "resolution": GAIN_RESOLUTION * first}
+    gain = {"highest": REACH * first, "resolution": GAIN_RESOLUTION * first}
     if of_gain := wanted("response", **gain, pre_stress="none"):
         write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
     if case.is_crystal:

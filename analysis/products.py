@@ -11,7 +11,6 @@ import numpy as np
 
 from analysis.effective_medium import of_contacts
 from analysis.exact_chain import Chain, is_fcc
-from analysis.gain import TRAVELS
 from analysis.paper import matching_case
 from analysis.structure_factor import StructureFactor, read_structure
 from modal.density import SCHEMA as DENSITY_SCHEMA
@@ -219,16 +218,6 @@ class Products:
             motion=self._motion,
             interval=self.interval,
             particles=True,
-        ).signals
-
-    @cached_property
-    def long_wave(self) -> Signals:
-        """The same over `analysis.gain.TRAVELS` passages, for the gain factor."""
-        motion = self._motion
-        # The source stress nearly vanishes where the gain is largest: the pulse needs ten samples.
-        interval = min(self.interval, 0.1 / motion.frequency)
-        return propagate(
-            self.network, TRAVELS * self.passage, motion=motion, interval=interval
         ).signals
 
     @property

@@ -34,7 +34,7 @@ ABSENT = {
     "band.modes": "no chi_z at higher frequencies; python -m modal modes --between makes them",
     "structure": "no dispersion of the modes; python -m analysis prepare makes it",
     "density": "no density of states; python -m analysis prepare makes it",
-    "response": "gain of a shorter linear wave; python -m analysis prepare makes it",
+    "response": "gain made for this page; python -m analysis prepare keeps it",
 }
 FOR_RANDOM = ("band.modes", "structure", "density")
 """What a crystal does not need: its modes are all known."""

@@ -160,4 +160,4 @@ def test_report_and_comparison_state_one_gain(tmp_path):
     shown = Measures(case).gain_height
     assert float(shown.split()[0]) == pytest.approx(row.values["linear"], rel=1e-2)
     assert "Hz (undamped column: 1.6" in shown and "undamped column has 1.6" in row.note
-    assert float(shown.split()[0]) == pytest.approx(1.6, rel=2e-2)
+    assert float(shown.split()[0]) == pytest.approx(1.588, rel=5e-3)  # dense solve of the chain

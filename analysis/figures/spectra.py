@@ -116,8 +116,6 @@ def gain(cases: list[Measures]) -> Picture:
     panels = []
     for m in cases:
         found = m.gain
-        if found is None:
-            continue
         top = 12 * m.long_wave.value / (2 * m.case.network.length)
         title = f"{m.case.label}, resolution {found.resolution:.0f} Hz"
         panel = Panel("frequency (kHz)", "gain factor", title, legend="upper right")
