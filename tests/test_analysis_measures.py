@@ -100,8 +100,8 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
         (column(9), False),  # layers of equal distance, but of straight springs
         (shaken, False),
     ):
-        write_network(tmp_path / "case30.network.h5", network)
         case = Products("case30", tmp_path)
+        case.network = network
         assert case.is_crystal == crystal
         if not crystal:
             with pytest.raises(InputError, match="no FCC crystal"):
