@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shutil
 import sys
 from typing import TYPE_CHECKING
 
@@ -100,6 +101,13 @@ def slow_stiffness(network: Network) -> np.ndarray:
                 load[j, 1] += np.cross(network.lever_j[c], force)
         K[:, column] = load.ravel()
     return K
+
+
+@pytest.fixture(scope="session")
+def yade():
+    """What a test asks for that runs YADE."""
+    if shutil.which("yade-batch") is None:
+        pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
 
 
 @pytest.fixture(scope="session")

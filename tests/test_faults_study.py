@@ -23,13 +23,8 @@ for stage in sample highest wave modes; do ./run_cases.sh --case 2 --stage $stag
 
 
 @pytest.fixture(scope="module")
-def start(tmp_path_factory) -> Path:
+def start(tmp_path_factory, yade) -> Path:
     """A copy of the project with a short crystal, and this very Python in place of .venv."""
-    if shutil.which("yade-batch") is None:
-        message = "YADE is missing: apt-get install --no-install-recommends yade python3-h5py"
-        if os.environ.get("CI"):
-            pytest.fail(message)
-        pytest.skip(message)
     folder = tmp_path_factory.mktemp("study") / "start"
     folder.mkdir()
     for name in ("modal", "analysis", "yade_scripts", "cases"):

@@ -1,7 +1,5 @@
 """The tangent with pre-stress against an incremental force routine, YADE, and invariances."""
 
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -180,12 +178,8 @@ def test_crystal_without_shear_forces_stays_symmetric():
     assert change < 4 * network.overlap.max() / (1.5 * 2 * network.radius[0])
 
 
-def test_every_column_equals_finite_differences_of_yades_forces(tmp_path):
+def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
     """Motions of each of the 150 spheres along and about each axis, 900 columns."""
-    if shutil.which("yade") is None:
-        if os.environ.get("CI"):
-            pytest.fail("YADE is missing: apt-get install --no-install-recommends yade")
-        pytest.skip("YADE is missing")
     out = tmp_path / "differences.h5"
     script = str(ROOT / "yade_scripts" / "finite_differences.py")
     subprocess.run(

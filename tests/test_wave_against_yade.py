@@ -1,7 +1,6 @@
 """YADE's waves against the linear operator with YADE's own time step, as the amplitude shrinks."""
 
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -19,18 +18,9 @@ SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
 AMPLITUDES = ("2.5e-9", "2.5e-10", "2.5e-11")
 
 
-def need_yade() -> None:
-    """Skip without YADE; fail where the tests must be complete."""
-    if shutil.which("yade-batch") is None:
-        if os.environ.get("CI"):
-            pytest.fail("YADE is missing: apt-get install --no-install-recommends yade")
-        pytest.skip("YADE is missing")
-
-
 @pytest.fixture(scope="module")
-def crystal(tmp_path_factory):
+def crystal(tmp_path_factory, yade):
     """Network and signals, for each amplitude, of a short column of FCC in YADE."""
-    need_yade()
     folder = tmp_path_factory.mktemp("crystal")
     batch("sample_fcc", folder)
     network, highest = folder / "case02.network.h5", folder / "case02.highest.modes.h5"
@@ -69,9 +59,8 @@ def test_pre_stress_and_time_step_are_seen_at_small_amplitude(crystal):
 
 
 @pytest.fixture(scope="module")
-def packing(tmp_path_factory):
+def packing(tmp_path_factory, yade):
     """Network, and runs of opposite sign at 0.05 nm, of a random packing that cannot slip."""
-    need_yade()
     folder = tmp_path_factory.mktemp("packing")
     network = read_sample(SAMPLE).network()
     path = folder / "case30.network.h5"

@@ -42,13 +42,8 @@ def batch(script: str, folder: Path, *, threads: str = "1", **environment: str) 
 
 
 @pytest.fixture(scope="module")
-def products(tmp_path_factory):
+def products(tmp_path_factory, yade):
     """Folder with the network, the highest mode and the signals of the short column."""
-    if shutil.which("yade-batch") is None:
-        message = "YADE is missing: apt-get install --no-install-recommends yade python3-h5py"
-        if os.environ.get("CI"):
-            pytest.fail(message)
-        pytest.skip(message)
     folder = tmp_path_factory.mktemp("products")
     batch("sample_fcc", folder)
     network, highest = folder / "case02.network.h5", folder / "case02.highest.modes.h5"

@@ -1,7 +1,6 @@
 """A small random packing in YADE, driven by yade-batch: chain, kill and resume, rest, export."""
 
 import os
-import shutil
 import signal
 import subprocess
 import time
@@ -43,13 +42,8 @@ def run(script: str, table: str, folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def products(tmp_path_factory):
+def products(tmp_path_factory, yade):
     """Folder with the small chain's states, and case 30 at rest and exported."""
-    if shutil.which("yade-batch") is None:
-        message = "YADE is missing: apt-get install --no-install-recommends yade python3-h5py"
-        if os.environ.get("CI"):
-            pytest.fail(message)
-        pytest.skip(message)
     folder = tmp_path_factory.mktemp("random")
     run("chain", CHAIN, folder)
     state, sample = folder / "chain_mu0.4" / "100000Pa.sample.h5", folder / "case30.sample.h5"
