@@ -24,9 +24,11 @@ STEP = 0.3
 """Largest time step over sqrt(m / mean kn); the highest mode of a dense packing, about
 sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff."""
 
-
 MIXING = 0.1
 """First share of the velocity that is turned towards the force."""
+STRESS_TOLERANCE = 1e-3
+"""Of each of the three stresses, relative to the pressure."""
+MAX_STEPS = 200_000
 
 
 @dataclass
@@ -49,8 +51,8 @@ def minimise(
     pressure: float | None,
     *,
     tolerance: float,
-    stress_tolerance: float = 1e-3,
-    max_steps: int = 200_000,
+    stress_tolerance: float = STRESS_TOLERANCE,
+    max_steps: int = MAX_STEPS,
     watch: Callable[[Sample, Rest], None] | None = None,
 ) -> tuple[Sample, Rest]:
     """The sample at the energy minimum under `pressure`, Pa; at fixed lengths if it is None.

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from modal.hertz_mindlin import RADIUS
-from modal.minimiser import Rest, minimise
+from modal.minimiser import STRESS_TOLERANCE, Rest, minimise
 from modal.network import Network
 from modal.sample import Sample, read_sample, void_ratio, write_sample
 from modal.storage import InputError
@@ -31,6 +31,8 @@ ASPECT = 10.05
 CLOUD_FRACTION = 0.5
 """Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
 CHECKPOINT_SECONDS = 120.0
+SMALL_STEPS = 50_000
+"""Steps allowed for each pressure of a small packing."""
 
 
 def cloud(spheres: int, aspect: float, seed: int) -> Sample:
@@ -59,12 +61,27 @@ def random_sample(
     aspect: float = 2.5,
     tolerance: float = 1e-4,
 ) -> Sample:
-    """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds."""
+    """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
+
+    InputError where it does not come to rest at the peak pressure, or at this stress.
+    """
     check_stress(stress)
     sample, _ = minimise(cloud(spheres, aspect, seed), None, tolerance=0.1, max_steps=500)
     for pressure, limit in ((PEAK, PEAK_TOLERANCE), (stress, tolerance)):
-        sample, _ = minimise(sample, pressure, tolerance=limit, max_steps=50_000)
+        sample, rest = minimise(sample, pressure, tolerance=limit, max_steps=SMALL_STEPS)
+        if not rest.converged:
+            raise InputError(
+                f"{_short_of_rest(pressure, limit, rest)}; take another seed or a larger tolerance"
+            )
     return sample
+
+
+def _short_of_rest(pressure: float, tolerance: float, rest: Rest) -> str:
+    return (
+        f"no rest at {pressure:g} Pa after {rest.steps} steps: residual {rest.residual:.1e} "
+        f"({tolerance:g} was asked for), stresses off by {rest.stress_error:.1e} "
+        f"({STRESS_TOLERANCE:g} allowed)"
+    )
 
 
 def random_network(
@@ -90,8 +107,9 @@ def walk(
     """Pack `start` at the peak, then at each stress, Pa; one sample file for each in `folder`.
 
     States that are there already are kept, or brought nearer to rest where their residual exceeds
-    the tolerance; a state under way goes on from its checkpoint, so a killed walk is continued by
-    the same call. Returns each stress with its file.
+    the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
+    killed walk is continued by the same call. InputError where a state does not come to rest: the
+    best one met is then the checkpoint. Returns each stress with its file.
     """
     files = []
     checkpoint = folder / "checkpoint.sample.h5"
@@ -101,7 +119,7 @@ def walk(
         files.append((stress, path))
         limit = PEAK_TOLERANCE if number == 0 else tolerance
         done = _saved(path, start, number)
-        if done and done.study.get("residual", np.inf) <= limit:
+        if done and _at_rest(done, stress, limit):
             sample = done
             continue
         spent = {"steps": 0, "seconds": 0.0}
@@ -117,6 +135,12 @@ def walk(
         sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
         study |= {"residual": rest.residual, "stresses": rest.stress}
         sample = replace(sample, study=study | watch.spent(rest))
+        if not rest.converged:
+            write_sample(checkpoint, sample)
+            raise InputError(
+                f"{_short_of_rest(stress, limit, rest)}; the same command goes on from there, or "
+                "take a larger tolerance"
+            )
         write_sample(path, sample)
         checkpoint.unlink(missing_ok=True)
         report(f"{path.name}: {_line(sample, rest)}")
@@ -154,6 +178,13 @@ def _line(sample: Sample, rest: Rest) -> str:
         f"e {e:.4f}, stress error {rest.stress_error:.1e}, residual {rest.residual:.1e}, "
         f"{rest.steps} steps, {rest.seconds:.0f} s"
     )
+
+
+def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
+    """Whether a finished state says that its forces and its stresses, Pa, are what is asked for."""
+    reached = np.asarray(sample.study.get("stresses", np.inf), float)
+    off = abs(reached / stress - 1).max()
+    return off <= STRESS_TOLERANCE and sample.study.get("residual", np.inf) <= tolerance
 
 
 def _saved(path: Path, start: Sample, number: int) -> Sample | None:

@@ -366,4 +366,4 @@ def test_wave_of_the_study_is_not_refused(monkeypatch):
     monkeypatch.setattr(wave_module, "chebyshev_moments", start)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: 3e9)
     with pytest.raises(StartedError):
-        propagate(gallery.fcc(14, 180), 6e-4)
+        propagate(gallery.repeat(gallery.fcc(2, 180), 7, 7), 6e-4)

@@ -7,18 +7,20 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from modal import central_forces
+from modal import central_forces, random_packing
 from modal.__main__ import main
 from modal.central_forces import CentralForces, NearPairs, forces_by_arrays, forces_by_loop
 from modal.geometry import periodic_pairs
 from modal.minimiser import minimise
 from modal.random_packing import cloud, random_network, random_sample
 from modal.sample import read_sample, write_sample
+from modal.storage import InputError
 
 
 def _crowd(spheres=200, aspect=2.0):
@@ -143,6 +145,45 @@ def test_higher_pressure_from_the_same_packing_is_denser():
 def _pack(folder, *more):
     arguments = ["--spheres", "80", "--aspect", "1", "--stress", "1e7", "1e6", "-o", str(folder)]
     return ["pack", *arguments, *more]
+
+
+def test_packing_short_of_rest_is_said(monkeypatch):
+    """So few steps that neither forces nor stresses are there: once 7e8 Pa came back for 1e5."""
+    monkeypatch.setattr(random_packing, "SMALL_STEPS", 50)
+    with pytest.raises(
+        InputError, match="no rest at 2e[+]08 Pa after 50 steps: .* off by"
+    ):
+        random_sample(60, 1e5, aspect=1.0)
+
+
+def test_walk_short_of_rest_leaves_a_checkpoint_that_the_next_call_takes_up(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(random_packing, "minimise", partial(minimise, max_steps=50))
+    assert main(_pack(tmp_path)) == 2
+    assert "goes on from there" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.sample.h5"]
+    monkeypatch.setattr(random_packing, "minimise", minimise)
+    assert main(_pack(tmp_path)) == 0
+    study = read_sample(tmp_path / "00_200000kPa.sample.h5").study
+    # The steps of both calls, and the stress that was asked for.
+    assert study["steps"] > 50
+    assert study["stresses"] == pytest.approx([2e8] * 3, rel=1.001e-3)
+
+
+def test_state_whose_stress_is_off_is_not_kept(tmp_path):
+    """At rest, but under another stress than its file is called after."""
+    assert main(_pack(tmp_path)) == 0
+    path = tmp_path / "01_10000kPa.sample.h5"
+    sample = read_sample(path)
+    lower, rest = minimise(sample, 8e6, tolerance=1e-4)
+    study = sample.study | {"residual": rest.residual, "stresses": rest.stress}
+    write_sample(path, replace(lower, study=study))
+    assert main(_pack(tmp_path)) == 0
+    again = read_sample(path)
+    assert again.study["stresses"] == pytest.approx([1e7] * 3, rel=1.001e-3)
+    force = again.network().force_normal[again.network().particle_j == -1].sum()
+    assert force / again.side.prod() == pytest.approx(1e7, rel=2e-3)
 
 
 def test_killed_walk_goes_on(tmp_path, capsys):
