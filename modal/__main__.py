@@ -33,7 +33,8 @@ from modal.wave import propagate
 PRODUCERS = ("modes", "density", "wave", "response", "relax")
 """Commands that write one product, made from sources with settings."""
 SHORT = 3
-"""Exit status of `modes` where some of the modes asked for are missing from the list."""
+"""Exit status where a product is written but falls short: a list of modes that lacks some, a sample
+that has not come to rest within the tolerance."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -287,7 +288,7 @@ def _print(result: dict[str, Any]) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status.
 
-    2 for a user's mistake (one line on stderr), 3 for a list of modes that lacks some.
+    2 for a user's mistake (one line on stderr), 3 for a product that falls short of what was asked.
     """
     commands = {
         "pack": pack,
@@ -329,7 +330,7 @@ def main(argv: list[str] | None = None) -> int:
         print(json.dumps(result))
     else:
         _print(result)
-    return SHORT if result.get("missing") else 0
+    return SHORT if result.get("missing") or not result.get("at_rest", True) else 0
 
 
 if __name__ == "__main__":

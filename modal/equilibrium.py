@@ -43,7 +43,7 @@ itself as far as a wave moves it."""
 RESERVE = 0.95
 """Share of the friction that may be used at rest: none stands at its limit when a wave comes."""
 NEAR = 1e-7
-"""Residual at which a sample that comes no nearer is taken as it is."""
+"""Residual at which a sample that comes no nearer is still given back, as one not at rest."""
 LOOK = 100
 """Steps between two looks at the balance."""
 MAX_STEPS = 60_000
@@ -55,7 +55,9 @@ class Balance:
 
     friction_used: largest |shear| / (mu N), over 1 in the `sliding` contacts beyond the limit,
     which a dynamic run would let slide; `steps` so far. While spheres move `sliding` are those that
-    slid in the last step, and friction_used is not sought (NaN).
+    slid in the last step, and friction_used is not sought (NaN). Of the end of `relax` also the
+    `tolerance` that was asked for, the one that round-off of the positions allows (`attainable`),
+    and whether the larger of both holds, `SINGLE` times as much for a single sphere (`at_rest`).
     """
 
     residual: float
@@ -64,6 +66,13 @@ class Balance:
     sliding: int
     contacts: int
     steps: int = 0
+    tolerance: float = np.nan
+    attainable: float = np.nan
+    at_rest: bool = False
+
+    def within(self, goal: float) -> bool:
+        """Whether the residual is below `goal`, and no sphere's force above `SINGLE` times it."""
+        return self.residual <= goal and self.largest <= SINGLE * goal
 
 
 def net_forces(network: Network) -> np.ndarray:
@@ -109,9 +118,9 @@ def relax(
     """The sample in balance under its law; raises InputError if it does not come to rest.
 
     It needs friction: frictionless packings have motions that nothing resists. The tolerance is
-    raised to what round-off of the positions allows; a sample that stalls below `NEAR` is taken
-    as it is, with its residual. Contacts slide at `RESERVE` of the friction. `watch` sees the
-    balance every `LOOK` steps.
+    raised to what round-off of the positions allows; a sample that stalls below `NEAR` is given
+    back with a balance that is not `at_rest`. Contacts slide at `RESERVE` of the friction. `watch`
+    sees the balance every `LOOK` steps.
     """
     if not 0 < sample.friction < np.inf:
         raise InputError(
@@ -123,7 +132,8 @@ def relax(
     if contacts.touching == 0:
         raise InputError("the sample has no contacts; compress it before it is brought to rest")
     overlap = float(np.median(sample.contacts().overlap))
-    tolerance = max(tolerance, 10 * np.finfo(float).eps * length / overlap)
+    attainable = float(10 * np.finfo(float).eps * length / overlap)
+    goal = max(tolerance, attainable)
     drag = DRAG * 2 * radius / length
     # Rotations as arcs, so that one mass serves all six: m R^2 for an inertia of 2/5 m R^2.
     arm = np.array([1.0] * 3 + [radius] * 3)
@@ -138,10 +148,18 @@ def relax(
         push = contacts.load / arm
         if step % LOOK == 0:
             size = _size(contacts.load, 1 / radius) / contacts.mean_force
-            residual, largest = float(size.mean()), float(size.max())
+            state = Balance(
+                float(size.mean()),
+                float(size.max()),
+                np.nan,
+                contacts.sliding,
+                contacts.touching,
+                step,
+            )
             if watch:
-                watch(Balance(residual, largest, np.nan, contacts.sliding, contacts.touching, step))
-            if residual <= tolerance and largest <= SINGLE * tolerance:
+                watch(state)
+            # The sample is what counts: its overlaps follow from the positions once more.
+            if state.within(goal) and _end(contacts, step)[1].within(goal):
                 break
         mass = np.maximum(contacts.stiffness, LIGHTEST * contacts.stiffness.mean()) / PACE
         push -= LOCAL_DAMPING * np.copysign(push, velocity)
@@ -151,14 +169,20 @@ def relax(
             mean = np.bincount(layer, velocity[:, axis]) / in_layer
             velocity[:, axis] -= drag * mean[layer]
         contacts.move(velocity / arm)
+    rested, state = _end(contacts, step)
+    if not state.within(max(NEAR, goal)):
+        raise InputError(
+            f"the sample does not come to rest (residual {state.residual:.1e}, of a single sphere "
+            f"{state.largest:.1e}, after {step} steps); let its dynamics settle further first"
+        )
+    state.tolerance, state.attainable, state.at_rest = tolerance, attainable, state.within(goal)
+    return rested, state
+
+
+def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Balance]:
     rested = contacts.sample()
     _, state = balance_of(rested, rested.network())
     state.steps = step
-    if state.residual > max(NEAR, tolerance):
-        raise InputError(
-            f"the sample does not come to rest (residual {state.residual:.1e} after {step} steps); "
-            "let its dynamics settle further first"
-        )
     return rested, state
 
 

@@ -81,14 +81,20 @@ def relax_sample(options: argparse.Namespace) -> dict[str, Any]:
         )
 
     rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
-    if state.residual > options.tolerance:
+    if not state.at_rest:
         _say(
-            f"taken at a residual of {state.residual:.1e}: round-off of the positions, or loose "
-            f"spheres, keep it from {options.tolerance:g}"
+            f"tolerance not reached: residual {state.residual:.1e}, of a single sphere "
+            f"{state.largest:.1e}, after {state.steps} steps, {state.tolerance:g} was asked for"
+        )
+    elif state.residual > state.tolerance:
+        _say(
+            f"residual {state.residual:.1e}: round-off of the positions allows no less than "
+            f"{state.attainable:.1e}, {state.tolerance:g} was asked for"
         )
     network = rested.network()
     measured = summary(network, rested.friction)
     found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
+    found |= {name: getattr(state, name) for name in ("tolerance", "attainable", "at_rest")}
     found |= zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)
     rested = replace(
         rested,

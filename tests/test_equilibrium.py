@@ -2,14 +2,15 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from modal import moving_contacts
+from modal import moving_contacts, packing_commands
 from modal.__main__ import main
 from modal.assembly import stiffness_matrix
-from modal.equilibrium import RESERVE, balance_of, net_forces, relax
+from modal.equilibrium import NEAR, RESERVE, Balance, balance_of, net_forces, relax
 from modal.moving_contacts import MovingContacts
 from modal.random_packing import random_sample
 from modal.sample import Sample, read_sample, write_sample
@@ -214,6 +215,50 @@ def test_far_from_rest_is_said(packed):
     position[:, :2] %= packed.side
     with pytest.raises(InputError, match="does not come to rest"):
         relax(replace(packed, position=position), max_steps=3)
+
+
+@pytest.fixture(scope="module")
+def approach(packed):
+    """Residuals and largest ones every hundred steps on the way of `packed` to 1e-12."""
+    seen = []
+    relax(packed, tolerance=1e-12, watch=lambda state: seen.append(replace(state)))
+    return seen
+
+
+def test_tolerance_that_is_not_reached_is_said(packed, approach, tmp_path, capsys, monkeypatch):
+    """Stopped between the residual that is still given back and the one that was asked for."""
+    steps = next(state.steps for state in approach if state.within(0.5 * NEAR))
+    short = partial(relax, max_steps=steps)
+    rested, state = short(packed, tolerance=1e-12)
+    reached = balance_of(rested, rested.network())[1]
+    assert state.residual == reached.residual > 10 * max(state.tolerance, state.attainable)
+    assert state.tolerance == 1e-12 and not state.at_rest
+    assert relax(packed)[1].at_rest
+    path, out = tmp_path / "a.sample.h5", tmp_path / "b.sample.h5"
+    write_sample(path, packed)
+    monkeypatch.setattr(packing_commands, "relax", short)
+    assert main(["relax", str(path), "--tolerance", "1e-12", "-o", str(out)]) == 3
+    assert "1e-12 was asked for" in capsys.readouterr().err
+    study = read_sample(out).study
+    assert study["tolerance"] == 1e-12 and not study["at_rest"]
+    assert study["residual"] == state.residual
+
+
+def test_a_single_sphere_out_of_balance_is_not_at_rest():
+    """A mean far below the tolerance says nothing of one sphere among many."""
+    one_of_many = Balance(1e-11, 1e-8, 0.5, 0, 100)
+    assert not one_of_many.within(1e-10)
+    assert one_of_many.within(1e-9)
+
+
+def test_rest_is_that_of_the_sample_that_is_given_back(packed):
+    """Round-off of the positions included; 10 eps L / overlap is what they allow."""
+    rested, state = relax(packed, tolerance=1e-300)
+    again = balance_of(rested, rested.network())[1]
+    assert state.at_rest and again.within(state.attainable)
+    overlap = np.median(rested.network().overlap)
+    length = rested.walls[1] - rested.walls[0]
+    assert state.attainable == pytest.approx(10 * np.finfo(float).eps * length / overlap, rel=1e-2)
 
 
 def test_spheres_that_come_apart_are_said():

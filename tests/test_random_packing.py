@@ -150,9 +150,7 @@ def _pack(folder, *more):
 def test_packing_short_of_rest_is_said(monkeypatch):
     """So few steps that neither forces nor stresses are there: once 7e8 Pa came back for 1e5."""
     monkeypatch.setattr(random_packing, "SMALL_STEPS", 50)
-    with pytest.raises(
-        InputError, match="no rest at 2e[+]08 Pa after 50 steps: .* off by"
-    ):
+    with pytest.raises(InputError, match="no rest at 2e[+]08 Pa after 50 steps: .* off by"):
         random_sample(60, 1e5, aspect=1.0)
 
 
