@@ -7,17 +7,18 @@ products K u of a few ms, where a factorisation of 35,201 spheres takes minutes 
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
 
 from modal.contact import contact_stiffness
 from modal.layers import Layers, force_bearing
 from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.operator import ContactOperator
 from modal.receivers import wall_pattern
-from modal.statistics import WALL_ZONE, profile
+from modal.statistics import WALL_ZONE
 from modal.storage import InputError
 
 MAX_PRODUCTS = 5000
-"""Products K u after which a solution is taken as it is."""
+"""Products K u after which a load counts as one that the springs cannot balance."""
 STRAIN_TOLERANCE, STRAIN_SHIFT = 1e-6, 1e-12
 """Of the compression by a wall. A shift holds every sphere a little: over 150 layers a share of
 1e-5 of the mean stiffness would carry a third of the load, 1e-12 nothing that shows."""
@@ -28,28 +29,45 @@ def spring_motion(
 ) -> tuple[np.ndarray, int]:
     """The motion (n, 6) that the springs balance `load` (n, 6) with, and the products K u spent.
 
-    `tolerance` of the residual in the norm of the preconditioner; `shift` times the mean diagonal
-    of K is added to it, so that what nothing holds does not go far.
+    `tolerance`: what is left of the load over the load, root mean squares in N, torques over the
+    mean radius; InputError where it is not reached. `shift` times the mean diagonal of K is added
+    to it, so that what nothing holds does not go far.
     """
-    blocks = _own_blocks(network)
-    # Translations and rotations differ in unit, so each has its own mean.
+    # Rotations as arcs, so that forces and torques have one unit.
+    arm = np.array([1.0] * 3 + [float(network.radius.mean())] * 3)
+    blocks = _own_blocks(network) / np.outer(arm, arm)
+    # Translations and rotations still differ in stiffness, so each has its own mean.
     mean = np.einsum("nii->ni", blocks).reshape(-1, 2, 3).mean(axis=(0, 2)).repeat(3)
     inverse = np.linalg.inv(blocks + max(shift, 1e-8) * np.diag(mean))
     operator, held = ContactOperator(network), shift * mean
-    motion, rest = np.zeros_like(load), load.copy()
-    eased = np.einsum("nij,nj->ni", inverse, rest)
-    direction, size = eased, np.vdot(rest, eased)
-    goal, products = tolerance**2 * size, 0
-    while size > goal and products < MAX_PRODUCTS:
+    products = 0
+
+    def resist(motion: np.ndarray) -> np.ndarray:
+        nonlocal products
         products += 1
-        resisted = operator.apply(direction.ravel()).reshape(load.shape) + held * direction
-        length = size / np.vdot(direction, resisted)
-        motion += length * direction
-        rest -= length * resisted
-        eased = np.einsum("nij,nj->ni", inverse, rest)
-        before, size = size, np.vdot(rest, eased)
-        direction = eased + (size / before) * direction
-    return motion, products
+        arcs = motion.reshape(load.shape)
+        return (
+            operator.apply((arcs / arm).ravel()).reshape(load.shape) / arm + held * arcs
+        ).ravel()
+
+    def ease(rest: np.ndarray) -> np.ndarray:
+        return np.einsum("nij,nj->ni", inverse, rest.reshape(load.shape)).ravel()
+
+    size = operator.shape
+    motion, unfinished = cg(
+        LinearOperator(size, resist, dtype=float),
+        (load / arm).ravel(),
+        M=LinearOperator(size, ease, dtype=float),
+        rtol=tolerance,
+        maxiter=MAX_PRODUCTS,
+    )
+    if unfinished or not np.isfinite(motion).all():
+        left = np.linalg.norm((load / arm).ravel() - resist(motion)) / np.linalg.norm(load / arm)
+        raise InputError(
+            f"the springs do not balance the load: {left:.1e} of it is left after {products} "
+            f"products with K, {tolerance:g} was asked for; parts of the packing are not held"
+        )
+    return motion.reshape(load.shape) / arm, products
 
 
 def _own_blocks(network: Network) -> np.ndarray:
@@ -67,17 +85,15 @@ def _own_blocks(network: Network) -> np.ndarray:
 def static_velocity(network: Network) -> tuple[float, float]:
     """P-wave velocity, m/s, and modulus, Pa, of the bulk for waves without end.
 
-    The source wall compresses the springs; V^2 is stress over strain and density. The strain is
-    that of the layers further than `WALL_ZONE` from both walls, the density that of the
-    force-bearing spheres there.
+    The source wall compresses the springs; V^2 is stress over strain and density. Both strain and
+    density are those further than `WALL_ZONE` from both walls, of firmly held and of force-bearing
+    spheres: loose ones do not move with a wave.
     """
-    layers, whole = Layers(network), profile(network)
+    layers = Layers(network)
     reach = WALL_ZONE * 2 * float(network.radius.mean())
-    depth = np.minimum(
-        layers.position - network.wall_position[0], network.wall_position[1] - layers.position
-    )
-    inner = depth > reach
-    if inner.sum() < 5 or not whole.bulk.any():
+    low, high = network.wall_position + np.array([reach, -reach])
+    inner = (layers.position > low) & (layers.position < high)
+    if inner.sum() < 5:
         raise InputError("the packing is too short for a velocity of its bulk; take a longer one")
     pattern, _, _ = wall_pattern(network, SOURCE_WALL)
     _, row, _ = wall_pattern(network, RECEIVER_WALL)
@@ -86,8 +102,20 @@ def static_velocity(network: Network) -> tuple[float, float]:
     area = network.area
     stress = float(row @ motion.ravel()) / area
     strain = -np.polyfit(layers.position[inner], layers.means(motion[:, 2])[inner], 1)[0]
-    solid = float(np.mean(1 / (1 + whole.void_ratio[whole.bulk])))
-    own = float(network.mass.sum() / (4 / 3 * np.pi * network.radius**3).sum())
-    density = own * solid * float(force_bearing(network).mean())
+    if not (stress > 0 and strain > 0):
+        raise InputError("no force goes from wall to wall; such a packing carries no wave")
+    density = _mass_between(network, low, high) / (area * (high - low))
     modulus = stress / strain
     return float(np.sqrt(modulus / density)), float(modulus)
+
+
+def _mass_between(network: Network, low: float, high: float) -> float:
+    """Mass, kg, of the force-bearing spheres between two heights, m, cut where these cut them."""
+    z, radius = network.position[:, 2], network.radius
+
+    def share_below(height: float) -> np.ndarray:
+        cap = np.clip(height - z + radius, 0, 2 * radius) / radius
+        return cap**2 * (3 - cap) / 4
+
+    between = share_below(high) - share_below(low)
+    return float((network.mass * between)[force_bearing(network)].sum())

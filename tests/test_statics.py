@@ -1,11 +1,13 @@
 """Steady loads: against direct solves, the crystal's theory, and springs in a row."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from modal import gallery
+from modal import gallery, statics
 from modal.assembly import stiffness_matrix
 from modal.equilibrium import net_forces
 from modal.lattice import FccCrystal
@@ -50,6 +52,67 @@ def test_velocity_of_the_crystal(stress):
     assert modulus == pytest.approx(
         crystal.C * crystal.layer_distance / crystal.spacing**2, rel=1e-5
     )
+
+
+def layer_of(network):
+    """Shape (n,): number of each sphere's crystal layer, from the source wall."""
+    z = network.position[:, 2]
+    return np.round((z - z.min()) / FccCrystal(1e5).layer_distance).astype(int)
+
+
+def test_density_is_that_of_the_bulk_by_mass():
+    """What lies near the walls has no say, neither heavy spheres nor loose ones."""
+    network, wanted = gallery.fcc(3, 80), FccCrystal(1e5).velocity
+    layer = layer_of(network)
+    near = (layer < 5) | (layer >= 75)
+    network.mass[near] *= 7
+    loose = np.zeros(network.n_particles, bool)
+    loose[np.flatnonzero(near & (layer > 0) & (layer < 79))[::3]] = True
+    j = network.particle_j
+    network = network.with_contacts(~loose[network.particle_i] & ((j < 0) | ~loose[j]))
+    # Edges of the bulk that cut the crystal anywhere: up to a layer of some 60 in its density.
+    assert static_velocity(network)[0] == pytest.approx(wanted, rel=5e-3)
+
+
+def test_light_loose_spheres_of_the_bulk_leave_its_velocity():
+    """A quarter of the mass in every layer, in spheres that touch nothing: no wave moves it."""
+    network = gallery.fcc(3, 80)
+    before = static_velocity(network)[0]
+    count = network.n_particles // 3
+    loose = np.random.default_rng(2).choice(network.n_particles, count, replace=False)
+    names = ("position", "radius", "mass", "inertia")
+    more = {
+        name: np.concatenate([getattr(network, name), getattr(network, name)[loose]])
+        for name in names
+    }
+    assert static_velocity(replace(network, **more))[0] == pytest.approx(before, rel=1e-9)
+
+
+def test_velocity_of_spheres_of_several_masses():
+    """Every second layer of half the density: V^2 = M / density, the density that of mass."""
+    network = gallery.fcc(3, 80)
+    whole = static_velocity(network)
+    network.mass[layer_of(network) % 2 == 0] /= 2
+    velocity, modulus = static_velocity(network)
+    assert modulus == pytest.approx(whole[1], rel=1e-6)
+    # A cut layer more of the one kind than of the other, of some 60.
+    assert velocity == pytest.approx(whole[0] / np.sqrt(0.75), rel=6e-3)
+
+
+def test_load_that_is_not_balanced_is_said(monkeypatch):
+    network = gallery.fcc(3, 40)
+    monkeypatch.setattr(statics, "MAX_PRODUCTS", 5)
+    with pytest.raises(InputError, match="do not balance the load: .* after"):
+        static_velocity(network)
+
+
+def test_packing_that_is_cut_has_no_velocity():
+    network = gallery.fcc(3, 40)
+    z, j = network.position[:, 2], network.particle_j
+    upper = z > network.wall_position.mean()
+    across = (j >= 0) & (upper[network.particle_i] != upper[j])
+    with pytest.raises(InputError, match="no force goes from wall to wall|do not balance"):
+        static_velocity(network.with_contacts(~across))
 
 
 def test_short_packing_is_refused():
