@@ -74,10 +74,10 @@ def _parser() -> argparse.ArgumentParser:
     text = "bias and scatter of every estimator on signals of known answer"
     tried = commands.add_parser("estimators", help=text, description=text)
     tried.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
-    text = "a DEM run against the linear wave of its network, the difference split by cause"
+    text = "a YADE run against the linear wave of its network, the difference split by cause"
     agree = commands.add_parser("agreement", help=text, description=text)
     agree.add_argument("network", help="*.network.h5 of the run")
-    agree.add_argument("signals", help="*.signals.h5 of the DEM run")
+    agree.add_argument("signals", help="*.signals.h5 of the YADE run")
     for name, what in OTHER_RUNS.items():
         agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
     agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")

@@ -1,4 +1,4 @@
-"""A DEM run against the linear wave of its own contact network, and where they part.
+"""A YADE run against the linear wave of its own contact network, and where they part.
 
 The linear wave is computed with the DEM's own time step (`modal.leapfrog`) and with the exact
 tangent, so what is left is the packing's non-linearity and the run's noise. Leaving out one thing
@@ -89,7 +89,7 @@ def compare(cause: str, found: Motion, reference: Motion) -> Difference:
 
 
 class Agreement:
-    """One DEM run and the linear waves that belong to it.
+    """One YADE run and the linear waves that belong to it.
 
     `within` (m) leaves out what lies farther from the source wall. InputError where the run does
     not belong to the network or its records are not equally many steps apart.
@@ -115,7 +115,7 @@ class Agreement:
         self.layer_position = self._layers.position[self._near]
 
     def measured(self, run: Signals) -> Motion:
-        """What a DEM run recorded, per amplitude; it must share the times of the first run."""
+        """What a YADE run recorded, per amplitude; it must share the times of the first run."""
         if len(run.time) != len(self.run.time) or abs(run.time - self.run.time).max() > 1e-12:
             raise InputError("the runs were recorded at different times; repeat them alike")
         if not np.array_equal(run.chain_particle, self.run.chain_particle):

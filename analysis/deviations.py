@@ -13,6 +13,12 @@ from analysis.stress import power_law
 
 HEADER = ["case", "quantity", "here", "paper", "difference"]
 GAIN = "gain at its first maximum"
+CHI = (
+    ("chi_low", "below 10 kHz, chain", 0.0, 1e4),
+    ("chi_high", "above 15 kHz, chain", 1.5e4, np.inf),
+    ("chi_high", "above 15 kHz, all particles", 1.5e4, np.inf),
+)
+"""Id, what the paper looks at, Hz; the modes at hand may be of a part of it, which is said."""
 NEAR_STRESS = 1.01
 """Stresses within a per cent are one stress."""
 
@@ -41,17 +47,18 @@ def _translations(m: Measures) -> float:
     return np.nan if only is None else only.frequency[-1] / m.case.chain.low_pass_frequency
 
 
-def _largest_chi(m: Measures, low: float, high: float, chain: bool = True) -> float:
-    """Largest chi_z, of the chain as in the paper or of all, of modes between frequencies, Hz."""
-    values = [
-        (modes.chi_z_chain if chain else modes.chi_z)[
-            (modes.frequency > low) & (modes.frequency < high)
-        ]
-        for modes in (m.case.modes, m.case.band)
-        if modes is not None
-    ]
-    values = np.concatenate(values) if values else np.empty(0)
-    return float(values.max()) if len(values) else np.nan
+def _largest_chi(m: Measures, low: float, high: float, chain: bool) -> tuple[float, str]:
+    """Largest chi_z, of the chain as in the paper or of all, and of which modes between two Hz."""
+    sets = [modes for modes in (m.case.modes, m.case.band) if modes is not None]
+    if not sets:
+        return np.nan, ""
+    f = np.concatenate([modes.frequency for modes in sets])
+    chi = np.concatenate([modes.chi_z_chain if chain else modes.chi_z for modes in sets])
+    inside = (f > low) & (f < high)
+    if not inside.any():
+        return np.nan, ""
+    seen = f"{inside.sum()} modes, {f[inside].min() / 1e3:.2f}-{f[inside].max() / 1e3:.2f} kHz"
+    return float(chi[inside].max()), seen
 
 
 SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
@@ -65,21 +72,14 @@ SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
     ("resonances", "number of P resonances", lambda m: float(len(m.resonances[0]) or np.nan)),
     ("f_low_pass", "f_low-pass, Eq. 10, kHz", lambda m: m.case.chain.low_pass_frequency / 1e3),
     ("f_low_pass_modal", "f_low-pass, modes, kHz", _modal_edge),
-    ("threshold_2", "f_low-pass, 2 % rule, DEM, kHz", lambda m: m.passband.of_dem[0].value / 1e3),
+    ("threshold_2", "f_low-pass, 2 % rule, YADE, kHz", lambda m: m.passband.of_yade[0].value / 1e3),
     ("threshold_2", "f_low-pass, 2 % rule, linear, kHz", lambda m: m.low_pass[0].value / 1e3),
-    ("threshold_2", "f_low-pass, unbiased, DEM, kHz", lambda m: m.dem_band_edge / 1e3),
+    ("threshold_2", "f_low-pass, unbiased, YADE, kHz", lambda m: m.yade_band_edge / 1e3),
     ("lambda_edge", "lambda / D at the band edge, linear", lambda m: m.edge_wavelength[0]),
-    ("lambda_edge", "lambda / D at the band edge, DEM", lambda m: m.edge_wavelength[1]),
+    ("lambda_edge", "lambda / D at the band edge, YADE", lambda m: m.edge_wavelength[1]),
     ("lambda_over_d", "lambda_low-pass / D, 2 %", lambda m: m.low_pass_wavelength(0)),
     ("lambda_over_d_1", "lambda_low-pass / D, 1 %", lambda m: m.low_pass_wavelength(1)),
     ("translations_only", "f_max without rotations / f_low-pass", _translations),
-    ("chi_low", "largest chi_z below 10 kHz, chain", lambda m: _largest_chi(m, 0, 1e4)),
-    ("chi_high", "largest chi_z above 15 kHz, chain", lambda m: _largest_chi(m, 1.5e4, np.inf)),
-    (
-        "chi_high",
-        "largest chi_z above 15 kHz, all particles",
-        lambda m: _largest_chi(m, 1.5e4, np.inf, chain=False),
-    ),
 )
 """Id in `analysis.paper`, heading, and how it is measured."""
 
@@ -90,11 +90,16 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
     for m in cases:
         for key, head, measure in SINGLE:
             row = _row(m.case.label, key, head, m.case.paper_case, lambda f=measure, m=m: f(m))
-            if row is None or ("DEM" in head and m.case.signals is None):
+            if row is None or ("YADE" in head and m.case.signals is None):
                 continue
             if "unbiased" in head and not m.case.is_crystal:
                 continue
             rows.append(row)
+        for key, which, low, high in CHI:
+            value, seen = _largest_chi(m, low, high, which.endswith("chain"))
+            head = f"largest chi_z {which}" + (f" ({seen})" if seen else "")
+            row = _row(m.case.label, key, head, m.case.paper_case, lambda v=value: v)
+            rows += [row] if row else []
         limits = stated_range("gain_maximum", m.case.paper_case)
         if limits is not None and m.gain_height:
             verdict = "the resolution's: no verdict"
@@ -103,16 +108,21 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
         if len(members) < 2:
             continue
         stress = np.array([m.case.stress for m in members])
-        peaks = np.array([m.first_peak.value for m in members])
-        edges = np.array([m.low_pass[0].value for m in members])
-        first = members[0].case.paper_case
-        for key, head, law in (
-            ("exponent", "exponent of V_P against stress", power_law(stress, peaks)),
-            ("slope", "slope of f_low-pass over V_P, logarithms", power_law(peaks, edges)),
+        case = members[0].case.paper_case
+        for producer, peak, edge in (
+            ("YADE", lambda m: m.yade_first_peak.value, lambda m: m.passband.of_yade[0].value),
+            ("linear wave", lambda m: m.first_peak.value, lambda m: m.low_pass[0].value),
         ):
-            row = _row(name, key, head, first, lambda law=law: law.exponent)
-            if row:
-                rows.append(row)
+            peaks = np.array([peak(m) for m in members])
+            if np.isfinite(peaks).sum() < 2:
+                continue
+            edges = np.array([edge(m) for m in members])
+            text = f"exponent of V_P against stress, {producer}"
+            of_stress, of_edges = power_law(stress, peaks), power_law(peaks, edges)
+            rows.append(_row(name, "exponent", text, case, lambda law=of_stress: law.exponent))
+            text = f"slope of f_low-pass over V_P, logarithms, {producer}"
+            rows.append(_row(name, "slope", text, case, lambda law=of_edges: law.exponent))
+    rows = [row for row in rows if row]
     return rows + _spread(cases)
 
 

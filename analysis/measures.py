@@ -21,7 +21,9 @@ from analysis.velocity import at_frequency, first_peak_times, wall_velocity
 from modal.layers import force_bearing
 from modal.operator import ContactOperator
 from modal.signals import Signals
+from modal.statics import static_velocity
 from modal.statistics import contacts_per_particle, coordination_without_rattlers
+from modal.storage import InputError
 
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""
@@ -58,8 +60,17 @@ class Measures:
 
     @cached_property
     def first_peak(self) -> Estimate:
-        """dL/dt of the first peaks along the chain, middle half, m/s; the error is the slope's."""
-        record = self.case.record
+        """dL/dt of the linear wave's first peaks, middle half of the chain, m/s, with its error."""
+        return self._first_peak(self.case.wave)
+
+    @cached_property
+    def yade_first_peak(self) -> Estimate:
+        """The same of the YADE run; NaN where there is none."""
+        record = self.case.signals
+        return Estimate(np.nan) if record is None else self._first_peak(record)
+
+    def _first_peak(self, record: Signals) -> Estimate:
+        """Slope over the chain; the error is the fit's."""
         z, times = record.chain_position, first_peak_times(record)
         depth = (z - self.case.network.wall_position[0]) / self.case.network.length
         known = np.isfinite(times) & (depth > 0.25) & (depth < 0.75)
@@ -98,8 +109,8 @@ class Measures:
         return self._coherent(self.case.wave)
 
     @cached_property
-    def dem_coherent(self) -> Coherent | None:
-        """The same of the DEM run, where its layers were recorded."""
+    def yade_coherent(self) -> Coherent | None:
+        """The same of the YADE run, where its layers were recorded."""
         record = self.case.signals
         if record is None or record.layer_displacement is None:
             return None
@@ -128,12 +139,23 @@ class Measures:
         return Estimate(*longest_waves(self.coherent))
 
     @cached_property
-    def dem_long_wave(self) -> Estimate:
-        """The same of the DEM run; NaN where there is none."""
+    def yade_long_wave(self) -> Estimate:
+        """The same of the YADE run; NaN where there is none."""
         if self.case.is_crystal and self.case.signals is not None:
             return Estimate(chain_dispersion(self.case.signals).velocity)
-        found = self.dem_coherent
+        found = self.yade_coherent
         return Estimate(np.nan) if found is None else Estimate(*longest_waves(found))
+
+    @cached_property
+    def static(self) -> float:
+        """V_P, m/s, of the springs under a steady push: no wave, no estimator of one.
+
+        NaN for samples too short to have a bulk.
+        """
+        try:
+            return static_velocity(self.case.network)[0]
+        except InputError:
+            return np.nan
 
     @cached_property
     def walls(self) -> tuple[float, float]:
@@ -218,8 +240,8 @@ class Measures:
         return chain_dispersion(self.case.wave).low_pass_frequency
 
     @cached_property
-    def dem_band_edge(self) -> float:
-        """The same of the DEM run."""
+    def yade_band_edge(self) -> float:
+        """The same of the YADE run."""
         if not self.case.is_crystal or self.case.signals is None:
             return np.nan
         return chain_dispersion(self.case.signals).low_pass_frequency
@@ -231,7 +253,7 @@ class Measures:
 
     @cached_property
     def edge_wavelength(self) -> tuple[float, float]:
-        """Wavelength at a crystal's band edge / D, of linear wave and DEM run; NaN for others.
+        """Wavelength at a crystal's band edge / D, of linear wave and YADE run; NaN for others.
 
         Measured where the waves of the record turn round, not computed from the lattice (Eq. 7).
         """

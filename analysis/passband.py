@@ -3,7 +3,7 @@
 The rule has free choices: the threshold, the length of the record and how it ends, and whose
 displacement is taken. Every one is varied here; the paper's rule is 2 % (and 1 %) on one chain.
 The linear wave recorded on every particle serves as the reference, because all choices can be made
-on it; a DEM run's record is judged by the same rule beside it.
+on it; a YADE run's record is judged by the same rule beside it.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Passband:
         return self._of_layers(self.case.wave)
 
     @cached_property
-    def dem(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The same of the DEM run's record; None where there is none, or none of layers."""
+    def yade(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The same of the YADE run's record; None where there is none, or none of layers."""
         record = self.case.signals
         if record is None or (not self.case.is_crystal and record.layer_displacement is None):
             return None
@@ -66,11 +66,11 @@ class Passband:
         return self._plateaus(*self.particles, self.case.wave.time[-1])
 
     @cached_property
-    def of_dem(self) -> list[Plateau]:
-        """The same of the DEM run's record, NaN where there is none."""
-        if self.dem is None:
+    def of_yade(self) -> list[Plateau]:
+        """The same of the YADE run's record, NaN where there is none."""
+        if self.yade is None:
             return [Plateau(np.nan, np.nan, np.nan, np.nan)] * len(THRESHOLDS)
-        return self._plateaus(*self.dem, self.case.signals.time[-1])
+        return self._plateaus(*self.yade, self.case.signals.time[-1])
 
     def of_record(self, passages: float, fade: float = FADE) -> list[Plateau]:
         """The layers' plateaus from a record of so many affine passages that ends by `fade`."""
@@ -84,7 +84,7 @@ class Passband:
         for what, found in (
             ("layers", self.low_pass),
             ("single particles", self.of_particles),
-            ("DEM record", self.of_dem),
+            ("YADE record", self.of_yade),
         ):
             rows += [(f"{what}, {100 * t:g} %", p) for t, p in zip(THRESHOLDS, found, strict=True)]
         whole = 1.5 * PASSAGES

@@ -230,18 +230,19 @@ class Products:
         seen = self.signals
         return Pulse(seen.amplitude, seen.input_frequency) if seen else Pulse()
 
-    def linear(self, duration: float | None = None) -> Signals:
-        """The linear wave of the network, exact tangent, at the times of the recorded wave.
+    def linear(self, pre_stress: str = "none") -> Signals:
+        """The linear wave of the network at the times of the recorded wave.
 
-        With `duration` (s), or where there is no record, ten times a period of the pulse instead.
+        Where there is no record, ten times a period of the pulse for one passage. Like everything
+        called linear here it is that of the springs alone; `pre_stress` (`modal.tangent`) adds
+        what the contacts' forces do.
         """
         recorded, motion, interval = self.signals, self._motion, 0.1 / self._motion.frequency
-        if recorded is not None and duration is None:
+        duration = self.network.length / self.chain.velocity
+        if recorded is not None:
             duration, interval = float(recorded.time[-1]), float(recorded.time[1])
-        if duration is None:
-            duration = self.network.length / self.chain.velocity
         wave = propagate(
-            self.network, duration, motion=motion, interval=interval, pre_stress="full"
+            self.network, duration, motion=motion, interval=interval, pre_stress=pre_stress
         )
         return wave.signals
 

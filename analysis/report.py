@@ -29,7 +29,7 @@ CSS = (
 )
 
 ABSENT = {
-    "signals": "no record of a DEM run; linear wave instead",
+    "signals": "no record of a YADE run; linear wave instead",
     "modes": "no chi_z, no mode shapes; python -m modal modes makes them",
     "band.modes": "no chi_z at higher frequencies; python -m modal modes --between makes them",
     "structure": "no dispersion of the modes; python -m analysis prepare makes it",
@@ -58,7 +58,7 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
         write_picture(stem.with_name(f"{name}.csv"), drawn)
         png = save_png(drawn, stem.with_name(f"{name}.png"))
         paths += [png, stem.with_name(f"{name}.csv")]
-        body.append(_figure(png, f"{entry.number and f'Figure {entry.number}. '}", entry.caption))
+        body.append(_figure(png, entry.caption))
     if absent:
         items = "".join(f"<li>{html.escape(_without_folder(text, cases))}</li>" for text in absent)
         body.append(f"<h2>Not drawn</h2><ul>{items}</ul>")
@@ -72,8 +72,9 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
     text.write(
         "<p>After Otsubo, O'Sullivan, Hanley and Sim, Granular Matter 19:50 (2017). Values with ± "
         "carry their standard error; a plateau's is half the quartile distance of its values. "
-        "DEM is the recorded YADE run; linear wave, the wave of its network's springs.</p>"
-        f"<p>Made by <code>{html.escape(shlex.join(command))}</code> with numpy "
+        "YADE is the recorded run; linear wave, the wave of its network's springs alone, without "
+        "the pre-stress of the contacts; unless they name YADE, values are of the linear wave.</p>"
+        f"<p>Made by <code>{html.escape(_shown(command))}</code> with numpy "
         f"{numpy.__version__}, scipy {scipy.__version__}, matplotlib {matplotlib.__version__}.</p>"
     )
     text.write("".join(body))
@@ -81,8 +82,22 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
     return [page, *paths]
 
 
+def _shown(command: list[str]) -> str:
+    """The command without a folder of this machine: paths from here on, or their last part."""
+    here = Path.cwd()
+    parts = []
+    for part in command:
+        path = Path(part)
+        if path.is_absolute():
+            part = str(path.relative_to(here)) if path.is_relative_to(here) else path.name
+        parts.append(part)
+    return shlex.join(parts)
+
+
 def _without_folder(text: str, cases: list[Measures]) -> str:
-    return text.replace(f"{cases[0].case.folder}/", "")
+    for m in cases:
+        text = text.replace(f"{m.case.folder}/", "")
+    return text
 
 
 def _table(table: Table) -> str:
@@ -93,9 +108,9 @@ def _table(table: Table) -> str:
     return f"<div class=wide><table><tr>{head}{rows}</table></div>"
 
 
-def _figure(png: Path, number: str, caption: str) -> str:
+def _figure(png: Path, caption: str) -> str:
     data = base64.b64encode(png.read_bytes()).decode()
-    text = html.escape(number + caption)
+    text = html.escape(caption)
     return (
         f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
         f"<figcaption>{text} <code>{png.stem}.csv</code></figcaption></figure>"

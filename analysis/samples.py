@@ -50,10 +50,10 @@ def row(path: str | Path) -> list[str]:
     """One sample as text, in the order of `HEADER`; what its file does not tell stays empty.
 
     Everything physical is measured from the packing itself, V_P from the springs' response to a
-    steady push; only the target stress, mu_comp, the noise of a DEM run without a wave (that of the
-    network exported from it, where it lies beside the sample) and the cost of making it are the
-    file's word. A sample that says nothing of mu_comp and has not been given
-    mu_wave was made with its friction.
+    steady push; only the target stress, mu_comp, the noise of a YADE run without a wave (that of
+    the network exported from it, where it lies beside the sample) and the cost of making it are the
+    file's word. A sample that says nothing of mu_comp and has not been given mu_wave was made with
+    its friction.
     """
     sample = read_sample(path)
     network = sample.network()

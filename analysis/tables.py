@@ -51,24 +51,26 @@ class Table:
 
 
 QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...] = (
-    ("stress, kPa", lambda m: m.case.stress / 1e3),
+    ("stress, kPa", lambda m: f"{m.case.stress / 1e3:g}"),
     ("e", lambda m: m.void_ratio),
     ("Z", lambda m: m.coordination[0]),
     ("Z of force-bearing", lambda m: m.coordination[1]),
-    ("V_P first peaks, m/s", lambda m: m.first_peak),
-    ("V_P first peaks, all columns (± scatter), m/s", lambda m: m.columns),
-    ("V_P long waves, DEM, m/s", lambda m: m.dem_long_wave),
+    ("V_P static, m/s", lambda m: m.static),
+    ("V_P first peaks, YADE, m/s", lambda m: m.yade_first_peak),
+    ("V_P first peaks, linear wave, m/s", lambda m: m.first_peak),
+    ("V_P first peaks, linear wave, all columns (± scatter), m/s", lambda m: m.columns),
+    ("V_P long waves, YADE, m/s", lambda m: m.yade_long_wave),
     ("V_P long waves, linear wave, m/s", lambda m: m.long_wave),
     ("V_P modes, m/s", lambda m: m.modal),
     ("phase velocity, walls, lambda L/5, m/s", lambda m: m.walls[0]),
     ("group velocity, walls, lambda L/5, m/s", lambda m: m.walls[1]),
     ("V_P EMT, its contacts, m/s", lambda m: m.effective[0]),
     ("V_P EMT, means e and Z, m/s", lambda m: m.effective[1]),
-    ("f_low-pass 2 %, DEM, kHz", lambda m: in_khz(m.passband.of_dem[0])),
-    ("f_low-pass 1 %, DEM, kHz", lambda m: in_khz(m.passband.of_dem[1])),
+    ("f_low-pass 2 %, YADE, kHz", lambda m: in_khz(m.passband.of_yade[0])),
+    ("f_low-pass 1 %, YADE, kHz", lambda m: in_khz(m.passband.of_yade[1])),
     ("f_low-pass 2 %, linear wave, kHz", lambda m: in_khz(m.low_pass[0])),
     ("f_low-pass 1 %, linear wave, kHz", lambda m: in_khz(m.low_pass[1])),
-    ("band edge, DEM, kHz", lambda m: m.dem_band_edge / 1e3),
+    ("band edge, YADE, kHz", lambda m: m.yade_band_edge / 1e3),
     ("band edge, linear wave, kHz", lambda m: m.band_edge / 1e3),
     ("lambda/D at the band edge, linear wave", lambda m: m.edge_wavelength[0]),
     ("lambda/D at the band edge, YADE", lambda m: m.edge_wavelength[1]),
@@ -87,15 +89,21 @@ def in_khz(found: Plateau) -> Estimate:
     return Estimate(1e-3 * found.value, 1e-3 * found.error)
 
 
-def number(found: float | Estimate | str, digits: int = 5) -> str:
-    """A value, with its uncertainty where there is one; empty where there is no value."""
+def number(found: float | Estimate | str, digits: int = 4) -> str:
+    """A value, to the first digit of its uncertainty where there is one, else to `digits`.
+
+    Empty where there is no value.
+    """
     if isinstance(found, str):
         return found
     value, error = (found.value, found.error) if isinstance(found, Estimate) else (found, np.nan)
     if not np.isfinite(value):
         return ""
-    text = f"{value:.{digits}g}"
-    return f"{text} ± {error:.1g}" if np.isfinite(error) and error > 0 else text
+    if not (np.isfinite(error) and error > 0):
+        return f"{value:.{digits}g}"
+    error = float(f"{error:.0e}")  # one digit, which may carry: 0.96 is 1
+    places = -int(np.floor(np.log10(error)))
+    return f"{round(value, places):.{max(places, 0)}f} ± {error:.{max(places, 0)}f}"
 
 
 def table_1(cases: list[Measures]) -> Table:
@@ -137,34 +145,56 @@ def table_of_choices(cases: list[Measures]) -> Table:
     return Table(title, header, [row for row in rows if any(row[1:])])
 
 
+def _laws(members: list[Measures]) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
+    """What is fitted over the cases of a group, each by one producer alone."""
+
+    def column(measure: Callable[[Measures], float]) -> np.ndarray:
+        return np.array([measure(m) for m in members])
+
+    stress, e = column(lambda m: m.case.stress), column(lambda m: m.void_ratio)
+    laws = [
+        ("V_P long waves, YADE", "stress", stress, column(lambda m: m.yade_long_wave.value)),
+        ("V_P long waves, linear wave", "stress", stress, column(lambda m: m.long_wave.value)),
+        ("V_P static", "stress", stress, column(lambda m: m.static)),
+        ("V_P EMT, its contacts", "stress", stress, column(lambda m: m.effective[0])),
+        ("f_max", "stress", stress, column(lambda m: m.f_max)),
+    ]
+    for producer, peaks, edges in (
+        (
+            "YADE",
+            column(lambda m: m.yade_first_peak.value),
+            column(lambda m: m.passband.of_yade[0].value),
+        ),
+        (
+            "linear wave",
+            column(lambda m: m.first_peak.value),
+            column(lambda m: m.low_pass[0].value),
+        ),
+    ):
+        first, low_pass = f"V_P first peaks, {producer}", f"f_low-pass 2 %, {producer}"
+        laws += [
+            (first, "stress", stress, peaks),
+            (f"{first}, / (2.17 - e)", "stress", stress, peaks / (2.17 - e)),
+            (low_pass, "stress", stress, edges),
+            (low_pass, first, peaks, edges),
+        ]
+    return laws
+
+
 def table_of_fits(cases: list[Measures]) -> Table:
-    """Power laws over the stresses of each group, with standard errors.
+    """Power laws over the stresses of each group, with standard errors and numbers of cases.
 
     V_P = a stress^b; for random packings also V_P = a (2.17 - e) stress^b, the form of Hardin and
     Richart (J. Soil Mech. Found. Div. 89(1), 33, 1963), which takes the change of e off.
     """
     rows = []
     for name, members in groups(cases).items():
-        stress = np.array([m.case.stress for m in members]) / 1e5
-        peaks = np.array([m.first_peak.value for m in members])
-        laws = [
-            ("V_P first peaks", "stress", stress, peaks),
-            ("V_P first peaks / (2.17 - e)", "stress", stress,
-             peaks / (2.17 - np.array([m.void_ratio for m in members]))),
-            ("V_P long waves, linear wave", "stress", stress,
-             np.array([m.long_wave.value for m in members])),
-            ("V_P EMT, its contacts", "stress", stress,
-             np.array([m.effective[0] for m in members])),
-            ("f_low-pass 2 %", "stress", stress, np.array([m.low_pass[0].value for m in members])),
-            ("f_low-pass 2 %", "V_P first peaks", peaks,
-             np.array([m.low_pass[0].value for m in members])),
-            ("f_max", "stress", stress, np.array([m.f_max for m in members])),
-        ]  # fmt: skip
-        for what, over, x, y in laws:
+        for what, over, x, y in _laws(members):
             law = power_law(x, y)
             if np.isfinite(law.exponent):
+                count = int((np.isfinite(x) & np.isfinite(y)).sum())
                 error = number(law.error, 2)
-                rows.append([name, what, over, f"{law.exponent:.4f}", error, str(len(members))])
+                rows.append([name, what, over, f"{law.exponent:.4f}", error, str(count)])
     for m in cases:
         if m.case.structure is not None:
             peak, width = m.case.structure.ridge()

@@ -65,6 +65,26 @@ def test_compare_prints_and_writes_everything(products, tmp_path, capsys):
     assert (tmp_path / "stress_dependence.png").is_file()
 
 
+def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products, tmp_path):
+    """Without pre-stress the linear wave's V_P is theory's; the pre-stress row may differ from it.
+
+    By the ratio of normal force to stiffness and distance, N / (kn D) = 2/3 overlap / D, at most.
+    """
+    assert (
+        main(["compare", "2", "--no-figures", "--products", str(products), "-o", str(tmp_path)])
+        == 0
+    )
+    rows = read_table(tmp_path / "case02.comparison.csv")
+    theory = float(rows["V_P, long waves"]["theory"])
+    full = rows["V_P, long waves, with pre-stress"]
+    overlap = fcc(1, 200).overlap.max() / (2 * fcc(1, 200).radius[0])
+    assert float(rows["V_P, long waves"]["linear"]) == pytest.approx(theory, rel=1e-6)
+    assert 0 < abs(float(full["linear"]) / theory - 1) < 2 / 3 * overlap
+    assert full["theory"] == full["yade"] == "" and "tangent" in full["note"]
+    void = rows["void ratio, wall to wall"]
+    assert void["yade"] == "" and void["modal"]  # a property of the packing, with or without a run
+
+
 def test_status_lists_what_is_there(products, capsys):
     assert main(["status", "--products", str(products)]) == 0
     lines = capsys.readouterr().out.splitlines()

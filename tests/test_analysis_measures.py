@@ -1,17 +1,22 @@
 """Measures of a case against known answers: standing waves, power laws, stated numbers, columns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.deviations import deviations
-from analysis.measures import Measures
+from analysis.exact_chain import chain_signals
+from analysis.measures import Estimate, Measures
 from analysis.paper import matching_case, stated, stated_range
 from analysis.passband import THRESHOLDS
 from analysis.products import Products
 from analysis.standing import standing_modes
 from analysis.stress import power_law
+from analysis.tables import number, table_1, table_of_fits
 from modal.eigenproblem import Eigenproblem
 from modal.gallery import column, fcc
+from modal.mode_set import ModeSet
 from modal.modes import all_modes
 from modal.network import write_network
 from modal.random_packing import random_network
@@ -64,7 +69,7 @@ def test_crystal_from_its_network_alone(crystal):
     assert crystal.effective[0] == pytest.approx(chain.velocity, rel=1e-6)
     assert crystal.columns.value == pytest.approx(chain.velocity, rel=0.015)
     assert crystal.columns.error < 1e-3 * chain.velocity
-    assert np.isnan(crystal.dem_long_wave.value) and np.isnan(crystal.passband.of_dem[0].value)
+    assert np.isnan(crystal.yade_long_wave.value) and np.isnan(crystal.passband.of_yade[0].value)
     low = [plateau.value for plateau in crystal.low_pass]
     order = np.argsort(THRESHOLDS)
     assert (np.diff(np.array(low)[order]) <= 0).all()  # a higher threshold passes less
@@ -123,3 +128,80 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     assert [row[3] for row in rows] == ([f"{stated('void_ratio', case):.5g}"] if rows else [])
     assert bool(rows) == (stated("void_ratio", case) is not None)
     assert matching_case(True, stress, np.nan) == (None if case is None else 1 + (case - 1) % 4)
+
+
+@pytest.mark.parametrize(
+    "found, text",
+    [
+        (Estimate(539.153, 0.62), "539.2 ± 0.6"),
+        (Estimate(1226.7, 9.4), "1227 ± 9"),
+        (Estimate(1226.7, 12.0), "1230 ± 10"),
+        (Estimate(22.4263, 0.0961), "22.4 ± 0.1"),
+        (Estimate(539.153), "539.2"),
+        (215.3526, "215.4"),
+        (np.nan, ""),
+        ("as it is", "as it is"),
+    ],
+)
+def test_no_digit_beyond_the_error(found, text):
+    assert number(found) == text
+
+
+@pytest.fixture(scope="module")
+def two_producers(tmp_path_factory):
+    """FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
+    folder, cases = tmp_path_factory.mktemp("mixed"), []
+    for name, stress in (("case01", 1e4), ("case02", 1e5), ("case03", 1e6)):
+        case = Products(name, folder)
+        case.network = fcc(1, 200, stress)
+        if name == "case02":
+            time = np.arange(0, case.network.length / case.chain.velocity, 5e-7)
+            slow = replace(case.chain, mass=case.chain.mass / 0.81)
+            case.signals = replace(chain_signals(slow, time), producer="yade")
+        cases.append(Measures(case))
+    return cases
+
+
+def test_no_exponent_through_two_producers(two_producers):
+    """A single YADE record among linear waves: its own column, and Hertz's exponent without it.
+
+    For a crystal it is 1/6 and what the overlap does to the distances, 2e-3 (Eq. 6).
+    """
+    middle = two_producers[1]
+    assert middle.yade_first_peak.value == pytest.approx(0.9 * middle.first_peak.value, rel=1e-2)
+    rows = {(row[1], row[2]): row for row in table_of_fits(two_producers).rows}
+    of_peaks = rows["V_P first peaks, linear wave", "stress"]
+    assert float(of_peaks[3]) == pytest.approx(1 / 6, abs=2e-3) and of_peaks[5] == "3"
+    assert ("V_P first peaks, YADE", "stress") not in rows  # one case is no law
+    heads = [row[0] for row in table_1(two_producers).rows]
+    assert all("YADE" in h or "linear" in h for h in heads if "first peaks" in h)
+    stated_rows = [row for row in deviations(two_producers) if "exponent" in row[1]]
+    assert [row[1] for row in stated_rows] == ["exponent of V_P against stress, linear wave"]
+    assert float(stated_rows[0][2]) == pytest.approx(1 / 6, abs=2e-3)
+
+
+def test_static_velocity_stands_beside_the_waves(two_producers):
+    """Eq. 6 from a steady push: strain of the bulk to 1e-6, walls 5 diameters away."""
+    for m in two_producers:
+        assert m.static == pytest.approx(m.case.chain.velocity, rel=1e-3)
+    assert any(row[0] == "V_P static, m/s" for row in table_1(two_producers).rows)
+
+
+def test_chi_z_says_of_which_modes_it_is(tmp_path):
+    """The largest of a narrow band is not passed for that of all modes above its lower end."""
+    case = Products("case06", tmp_path)
+    case.network = random_network(150, 1e5, seed=3)
+    case.network.study |= {"stress": 1e5, "mu_comp": 0.0}
+
+    def some(frequency, chi):
+        zero = np.zeros(len(frequency))
+        return ModeSet(np.array(frequency), zero, np.array(chi), np.array(chi) / 2, zero)
+
+    case.modes = some([1e3, 2e3, 9.5e3, 1.2e4], [0.9, 0.8, 0.4, 0.99])
+    case.band = some([1.5001e4, 1.52e4, 1.5499e4], [0.2, 0.5, 0.3])
+    rows = {row[1]: row[2] for row in deviations([Measures(case)]) if "chi_z" in row[1]}
+    assert rows == {
+        "largest chi_z below 10 kHz, chain (3 modes, 1.00-9.50 kHz)": "0.45",
+        "largest chi_z above 15 kHz, chain (3 modes, 15.00-15.50 kHz)": "0.25",
+        "largest chi_z above 15 kHz, all particles (3 modes, 15.00-15.50 kHz)": "0.5",
+    }

@@ -53,11 +53,26 @@ def made(tmp_path_factory):
 def test_page_is_self_contained(made):
     page = (made / "report.html").read_text()
     assert not re.search(r'(src|href)="(?!data:)', page)
-    assert "SHA-256" in page and str(made) in page
+    assert "SHA-256" in page and "python -m analysis report 2 --products" in page
     drawn = {path.stem for path in made.glob("*.png")}
     for name in FIGURES:  # drawn, or named with the reason
         assert name in drawn or f"<li>{name}: " in page
     assert page.count("<img") == len(drawn) >= 12
+
+
+def test_page_names_no_folder_of_this_machine(made):
+    """Nor the folder of the products, wherever a message or the command may hold it."""
+    text = re.sub(r'src="data:[^"]*"', "", (made / "report.html").read_text())
+    assert str(made) not in text and str(made.parent) not in text
+    assert not re.search(r"[\s(>=\"']/(?:tmp|home|root|work|Users)/", text)
+
+
+def test_captions_say_which_figure_of_the_paper_once(made):
+    captions = re.findall(r"<figcaption>(.*?)<code>", (made / "report.html").read_text())
+    assert captions and all(len(re.findall("Fig", text)) <= 1 for text in captions)
+    assert any(text.startswith("As Fig. 4: ") for text in captions)
+    signals = (made / "signals_stress.csv").read_text()
+    assert "pulse 100 kHz" in signals  # a panel says with which pulse
 
 
 def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
@@ -67,7 +82,7 @@ def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
 
 
 def test_random_case_without_a_run(packing, tmp_path, capsys):
-    """`prepare` makes what is missing, once; the report says that there was no DEM run."""
+    """`prepare` makes what is missing, once; the report says that there was no YADE run."""
     write_network(tmp_path / "case06.network.h5", packing)
     folder = ["--products", str(tmp_path)]
     assert main(["prepare", "6", *folder]) == 0
@@ -78,9 +93,9 @@ def test_random_case_without_a_run(packing, tmp_path, capsys):
     assert "signals.h5 is absent" in capsys.readouterr().out
     assert "V_P first peaks" in (tmp_path / "case06.table1.md").read_text()
     assert main(["report", "6", *folder, "-o", str(tmp_path / "report")]) == 0
-    assert "DEM, kHz" not in capsys.readouterr().out
+    assert ", YADE, kHz" not in capsys.readouterr().out
     page = (tmp_path / "report" / "report.html").read_text()
-    assert "no record of a DEM run; linear wave instead" in page
+    assert "no record of a YADE run; linear wave instead" in page
     for name in ("natural_frequencies", "structure", "gain", "signals", "dispersion"):
         assert (tmp_path / "report" / f"{name}.png").is_file()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +24,10 @@ class Entry:
 
     @property
     def caption(self) -> str:
-        """First line of the function's docstring."""
-        return (self.function.__doc__ or "").strip().splitlines()[0]
+        """First line of the function's docstring, with its place in the paper before it."""
+        text = (self.function.__doc__ or "").strip().splitlines()[0]
+        said = re.match(r"Figs?\. [\d, and]+: ", text)
+        return f"As {said[0]}{text[said.end() :]}" if said else text
 
 
 FIGURES: dict[str, Entry] = {

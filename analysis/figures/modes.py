@@ -74,7 +74,7 @@ def highest_frequency(cases: list[Measures]) -> Picture:
 
 
 def chi_z(cases: list[Measures]) -> Picture:
-    """Fig. 9: correlation index chi_z (Eq. 2) of every mode: all particles, and the chain's."""
+    """Fig. 9: chi_z (Eq. 2) of the modes in the files, not of all; all particles, and the chain."""
     panels = []
     for m in _with_modes(cases):
         panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.4))

@@ -13,6 +13,10 @@ MARKERS = "o^vD<>p"
 """Of the random groups, in their order; crystals are squares."""
 
 
+YADE = {"marker": "x", "ms": 8}
+"""Look of what YADE's records say, over that of the group."""
+
+
 def _marked(cases: list[Measures]) -> list[tuple[str, list[Measures], dict]]:
     """Name, members and style of the points of each group."""
     found, random = [], iter(MARKERS)
@@ -24,23 +28,29 @@ def _marked(cases: list[Measures]) -> list[tuple[str, list[Measures], dict]]:
 
 
 def velocity_cases(cases: list[Measures]) -> Picture:
-    """Fig. 6: V_P (first peaks, dL/dt) against void ratio and stress, with fitted exponents."""
+    """Fig. 6: V_P (first peaks, dL/dt, of the linear wave and of YADE), and fitted exponents."""
     left = Panel("void ratio", "$V_P$, first peaks (m/s)")
     right = Panel("stress (kPa)", "$V_P$ (m/s)", xscale="log", yscale="log")
     for name, members, style in _marked(cases):
         stress = np.array([m.case.stress for m in members])
-        peak = np.array([m.first_peak.value for m in members])
-        left.line([m.void_ratio for m in members], peak, name, **style)
-        law = power_law(stress, peak)
-        text = f"{name}: {law}" if np.isfinite(law.exponent) else name
-        right.line(stress / 1e3, peak, text, **style)
-        if np.isfinite(law.exponent):
-            right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", lw=0.8)
+        for producer, peak, look in (
+            ("linear wave", np.array([m.first_peak.value for m in members]), style),
+            ("YADE", np.array([m.yade_first_peak.value for m in members]), style | YADE),
+        ):
+            if not np.isfinite(peak).any():
+                continue
+            left.line([m.void_ratio for m in members], peak, f"{name}, {producer}", **look)
+            law = power_law(stress, peak)
+            text = f"{name}, {producer}"
+            text += f": {law}" if np.isfinite(law.exponent) else ""
+            right.line(stress / 1e3, peak, text, **look)
+            if np.isfinite(law.exponent):
+                right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", lw=0.8)
     return Picture([left, right], columns=2)
 
 
 def velocity_frequency(cases: list[Measures]) -> Picture:
-    """Fig. 11: phase and group velocity: walls, coherent wave of the layers, modes; and dL/dt."""
+    """Fig. 11: phase and group velocity of the linear wave (walls, layers) and modes; dL/dt."""
     panels = []
     for m in cases:
         case = m.case
@@ -74,7 +84,7 @@ def velocity_frequency(cases: list[Measures]) -> Picture:
 
 
 def low_pass_cases(cases: list[Measures]) -> Picture:
-    """Fig. 16: f_low-pass of all cases against void ratio and stress, 2 % rule with its error."""
+    """Fig. 16: f_low-pass of the linear wave against void ratio and stress, 2 % and 1 % rule."""
     left = Panel("void ratio", "$f_{low-pass}$, 2 % (kHz)", yscale="log")
     right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", xscale="log", yscale="log")
     for name, members, style in _marked(cases):
@@ -88,7 +98,7 @@ def low_pass_cases(cases: list[Measures]) -> Picture:
 
 
 def velocity_low_pass(cases: list[Measures]) -> Picture:
-    """Fig. 17: f_low-pass against V_P; slope of the line through each group (log-log)."""
+    """Fig. 17: f_low-pass against V_P, both of the linear wave; slope through each group."""
     panel = Panel("$V_P$, first peaks (m/s)", "$f_{low-pass}$, 2 % (kHz)", "")
     panel.xscale = panel.yscale = "log"
     for name, members, style in _marked(cases):

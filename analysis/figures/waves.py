@@ -20,7 +20,7 @@ def _thin(count: int) -> slice:
 
 def producer_name(record: Signals) -> str:
     """How a legend calls what made a record."""
-    known = {"yade": "YADE", "linear": "linear wave (no DEM run)"}
+    known = {"yade": "YADE", "linear": "linear wave (no YADE run)"}
     return known.get(record.producer, record.producer)
 
 
@@ -29,7 +29,10 @@ def _signal(case: Products, wanted: float) -> Panel:
     record = case.record
     depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
     n = int(np.argmin(abs(depth - wanted)))
-    title = f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source"
+    title = (
+        f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source, "
+        f"pulse {record.input_frequency / 1e3:g} kHz"
+    )
     u = 1e9 * record.chain_displacement[:, n]
     panel = Panel("time (ms)", "$u_z$ (nm)", title, legend="upper right")
     panel.ylim = (1.15 * float(u.min()), 1.5 * float(u.max()))  # the legend stands above the wave
@@ -59,7 +62,7 @@ def signals(cases: list[Measures]) -> Picture:
 
 
 def signals_stress(cases: list[Measures]) -> Picture:
-    """Fig. 4: displacement at 50 D from the source wall, all stresses one below the other."""
+    """Fig. 4: displacement at 50 D from the source wall; each panel names its pulse's frequency."""
     ordered = sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.stress))
     panels = [_signal(m.case, 50) for m in ordered]
     return Picture(panels, shape=(5.5, 0.5 + 1.9 * len(panels)))
