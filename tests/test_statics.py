@@ -5,15 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.linalg import eigh, eigvalsh_tridiagonal
 from scipy.sparse.linalg import spsolve
 
 from modal import gallery, statics
-from modal.assembly import stiffness_matrix
+from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.equilibrium import net_forces
 from modal.lattice import FccCrystal
+from modal.layers import Layers
 from modal.random_packing import random_network
 from modal.receivers import wall_pattern
 from modal.statics import spring_motion, static_velocity
+from modal.statistics import WALL_ZONE
 from modal.storage import InputError
 
 
@@ -97,6 +100,51 @@ def test_velocity_of_spheres_of_several_masses():
     assert modulus == pytest.approx(whole[1], rel=1e-6)
     # A cut layer more of the one kind than of the other, of some 60.
     assert velocity == pytest.approx(whole[0] / np.sqrt(0.75), rel=6e-3)
+
+
+def lowest_of_chain(mass, stiffness):
+    """Lowest frequency, Hz, of masses (k,) between walls, joined by springs (k + 1,)."""
+    scale = 1 / np.sqrt(mass)
+    diagonal, off = scale**2 * (stiffness[:-1] + stiffness[1:]), stiffness[1:-1]
+    square = eigvalsh_tridiagonal(diagonal, -off * scale[:-1] * scale[1:])
+    return np.sqrt(square[0]) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_long_waves_of_a_random_packing_are_those_of_its_static_strain(seed):
+    """The lowest P mode against a chain of the layers' masses and static springs.
+
+    Then the same with the bulk's springs and masses replaced by what modulus and velocity say.
+    """
+    network = random_network(200, 1e7, seed=seed, aspect=8.0)
+    layers = Layers(network)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    K = stiffness_matrix(network).toarray()
+    square, vector = eigh(scale[:, None] * K * scale, subset_by_index=[0, 60])
+    mass = network.mass[0] * np.bincount(layers.layer[layers.layer >= 0])
+    # Kinetic energy of the layers' mean motion along z: one mode has nearly all of its own there.
+    coherent = np.array([layers.means((v * scale)[2::6]) for v in vector.T]) ** 2 @ mass
+    first = np.flatnonzero(coherent > 0.9)[0]
+    measured = np.sqrt(square[first]) / (2 * np.pi)
+
+    load, row = wall_pattern(network, -1)[0], wall_pattern(network, -2)[1]
+    motion, _ = spring_motion(network, load.reshape(-1, 6), 1e-8, 1e-12)
+    height = np.concatenate([[1], layers.means(motion[:, 2]), [0]])
+    springs = row @ motion.ravel() / -np.diff(height)
+    # What the mode moves apart from its layers' means, the chain lacks: the same share of omega^2.
+    assert (lowest_of_chain(mass, springs) / measured) ** 2 == pytest.approx(
+        1, abs=1 - coherent[first]
+    )
+
+    velocity, modulus = static_velocity(network)
+    area, z = np.prod(network.cell_size[:2]), layers.position
+    reach = WALL_ZONE * 2 * network.radius[0]
+    bulk = np.flatnonzero(abs(z - network.wall_position.mean()) < network.length / 2 - reach)
+    springs[bulk[1:]] = modulus * area / np.diff(z[bulk])
+    mass[bulk] = modulus / velocity**2 * area * (z[bulk[-1]] - z[bulk[0]]) / (len(bulk) - 1)
+    # A line through the strain of some ten uneven layers, not its mean: up to 6 % of the bulk's
+    # compliance, which is half of the chain's; the frequency goes with its root.
+    assert lowest_of_chain(mass, springs) == pytest.approx(measured, rel=0.02)
 
 
 def test_load_that_is_not_balanced_is_said(monkeypatch):
