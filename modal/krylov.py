@@ -108,7 +108,6 @@ def modes_nearest(
     for _ in progress(limit // width, "Lanczos"):
         last = slice(dimension - width, dimension)
         block, within, coupling = _orthonormal(solve(basis[:, last]), basis[:, :dimension], held)
-        projected[:dimension, last] = within
         projected[last, :dimension] = within.T
         full = dimension + width > limit
         # The small eigenproblem is not free: every missing mode will need more than one vector.

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from modal import gallery
 from modal.__main__ import main
 from modal.assembly import stiffness_matrix
-from modal.eigenproblem import Eigenproblem, frequency_of, slipping
+from modal.eigenproblem import SMALL, Eigenproblem, frequency_of, slipping
 from modal.factor import SOLVERS, available, factorise
 from modal.inertia import count_below, count_negative, layers_of_contacts
 from modal.intervals import lowest_modes, modes_between
@@ -234,6 +234,29 @@ def test_counts_do_not_depend_on_the_unit_of_stiffness(size):
                 found = factorise(shifted, definite=False, solver=solver).negative
                 # PARDISO replaces pivots below some 1e-8 in themselves, and then does not count.
                 assert found == (None if solver == "pardiso" and size < 1e-8 else expected)
+
+
+@pytest.mark.parametrize("solver", ["pardiso", "superlu"])
+def test_a_count_gives_the_memory_of_its_factor_back(solver, monkeypatch):
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    kept = []
+
+    def noted(*arguments, **options):
+        factor = factorise(*arguments, **options)
+        kept.append(factor)
+
+        def release():
+            factor.release()
+            kept.remove(factor)
+
+        return replace(factor, release=release)
+
+    monkeypatch.setattr("modal.inertia.factorise", noted)
+    problem = Eigenproblem.of(gallery.fcc(4, 8), solver=solver)
+    assert problem.size > SMALL
+    assert count_below(problem, 5e4) == int((frequency_of(dense_squares(problem)) < 5e4).sum())
+    assert not kept
 
 
 @pytest.mark.parametrize("zero", [0, 2, 4])

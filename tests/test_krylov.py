@@ -1,0 +1,109 @@
+"""Block Lanczos by itself, on matrices whose eigenpairs are known beforehand."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from modal import krylov
+from modal.krylov import BLOCK, TOLERANCE, Held, modes_nearest
+
+EPS = np.finfo(float).eps
+
+
+def rotation(size: int, seed: int) -> np.ndarray:
+    """Random orthonormal vectors, in columns."""
+    return np.linalg.qr(np.random.default_rng(seed).standard_normal((size, size)))[0]
+
+
+def solver(square: np.ndarray, vector: np.ndarray, sigma: float):
+    """(A - sigma)^-1 of A with these eigenpairs."""
+    return lambda block: vector @ ((vector.T @ block) / (square - sigma)[:, None])
+
+
+def held_out(null: np.ndarray, found: np.ndarray) -> Held:
+    """Both kinds of modes that are held out."""
+    return Held(sp.csc_matrix(null), found)
+
+
+@pytest.mark.parametrize("sigma", [-0.3, 37.2])
+@pytest.mark.parametrize("count", [1, 30])
+def test_nearest_of_a_known_spectrum(sigma, count, monkeypatch):
+    """Those nearest the shift on both sides but the held ones, as true eigenpairs."""
+    monkeypatch.setattr(krylov, "ROWS", 64)  # several pieces, the last one shorter
+    square, vector = np.concatenate([np.zeros(5), np.linspace(1, 100, 295)]), rotation(300, 1)
+    place = np.argsort(abs(square - sigma))
+    found = place[~np.isin(place, np.arange(5))][:4]
+    held = held_out(vector[:, :5], vector[:, found])
+    assert held.count == 9
+    near = modes_nearest(solver(square, vector, sigma), 300, count, sigma, held)
+    others = np.setdiff1d(place, [*range(5), *found])
+    wanted = np.sort(others[np.argsort(abs(square[others] - sigma))][:count])
+    assert near.converged.all() and len(near.converged) == count
+    # theta is wrong by the square of its residual over a gap, and by round-off of the largest one.
+    assert near.square == pytest.approx(square[wanted], rel=1e-12)
+    # The residual of (A - sigma)^-1 over the gap to the next theta, at least a hundredth of it.
+    assert abs(abs(near.vector.T @ vector[:, wanted]) - np.eye(count)).max() < 200 * TOLERANCE
+    assert near.vector.T @ near.vector == pytest.approx(np.eye(count), abs=300 * EPS)
+    assert abs(held.found.T @ near.vector).max() < 300 * EPS
+    assert abs(held.null.T @ near.vector).max() < 300 * EPS
+
+
+def test_what_is_marked_as_converged_has_converged_and_no_other():
+    """Fifteen modes stand apart, the others so dense that the basis ends first: the residuals
+    themselves are the judge."""
+    size, count = 1500, 40
+    theta = np.concatenate([np.linspace(9, 3, 15), np.linspace(2, 1, size - 15)])
+    nothing = held_out(np.empty((size, 0)), np.empty((size, 0)))
+    near = modes_nearest(lambda block: theta[:, None] * block, size, count, 0.0, nothing)
+    assert near.solves + BLOCK > 5 * count + 40 * BLOCK
+    found = 1 / near.square
+    residual = np.linalg.norm(theta[:, None] * near.vector - found * near.vector, axis=0)
+    # Round-off of the basis, size times eps, is a thousandth of the tolerance.
+    sure = abs(residual - TOLERANCE * found) > 0.01 * TOLERANCE * found
+    assert sure.all()
+    assert ((residual < TOLERANCE * found) == near.converged).all()
+    assert 15 <= near.converged.sum() < count
+
+
+def test_no_more_solves_than_it_takes():
+    """Two blocks span the modes that are much nearer than all others; the first look, at twice
+    the count, ends the search."""
+    near_shift, far = np.linspace(1, 2, 2 * BLOCK), np.linspace(1e8, 2e8, 300 - 2 * BLOCK)
+    square, vector = np.concatenate([near_shift, far]), rotation(300, 2)
+    nothing = held_out(np.empty((300, 0)), np.empty((300, 0)))
+    solve, widths = solver(square, vector, 0.0), set()
+
+    def noted(block):
+        widths.add(block.shape[1])
+        return solve(block)
+
+    near = modes_nearest(noted, 300, 2 * BLOCK, 0.0, nothing)
+    assert near.square == pytest.approx(near_shift, rel=1e-12)
+    assert near.solves == 4 * BLOCK
+    assert widths == {BLOCK}
+
+
+def test_few_directions_are_searched_whole():
+    """Eleven free directions of twenty, a block of one: the basis ends where they end."""
+    square, vector = np.arange(1.0, 21), rotation(20, 3)
+    held = held_out(vector[:, :9], np.empty((20, 0)))
+    near = modes_nearest(solver(square, vector, 0.0), 20, 11, 0.0, held)
+    assert near.converged.all()
+    assert near.square == pytest.approx(square[9:], rel=1e-12)
+    assert near.solves == 11
+
+
+def test_a_block_is_split_into_what_the_basis_has_and_what_is_new():
+    """block = V (V^T block) + Q R; Q orthogonal to V and to the held modes, also where the block
+    lies in the last two blocks of V but for one part in 1e10."""
+    vector = rotation(300, 4)
+    held, basis = held_out(vector[:, :3], vector[:, 3:7]), vector[:, 7:60]
+    new = np.random.default_rng(5).standard_normal((300, 8))
+    for size in (1.0, 1e-10):
+        block = basis[:, -16:] @ np.random.default_rng(6).standard_normal((16, 8)) + size * new
+        outside = block - vector[:, :7] @ (vector[:, :7].T @ block)
+        Q, within, R = krylov._orthonormal(block.copy(order="F"), basis, held)
+        assert within == pytest.approx(basis.T @ block, abs=1e-13)
+        assert basis @ within + Q @ R == pytest.approx(outside, abs=1e-13)
+        both = np.hstack([vector[:, :60], Q])
+        assert abs(both.T @ both - np.eye(68)).max() < 1e-13
