@@ -103,6 +103,12 @@ class Measures:
             return Estimate(np.nan)
         return Estimate(float(np.mean(1 / np.array(slopes))), float(np.std(1 / np.array(slopes))))
 
+    def of_balance(self, name: str) -> float:
+        """A number of the energy balance of the DEM run; NaN without one."""
+        record = self.case.signals
+        books = None if record is None else record.balance
+        return np.nan if books is None else float(getattr(books, name))
+
     @cached_property
     def coherent(self) -> Coherent:
         """The coherent wave of the linear record, to the highest frequency that is looked at."""

@@ -167,6 +167,12 @@ class Products:
             raise InputError(
                 f"{self.path('signals')}: fewer than 50 times or 10 particles; record more"
             )
+        books = signals.balance
+        if books is not None and not books.kept:
+            self.notes.append(
+                f"{self.path('signals')}: the energy drifts by {books.drift:.1e}, limit "
+                f"{books.limit:.1e}, although nothing slid; do not trust this run"
+            )
         if signals.chain_particle.max() >= self.network.n_particles:
             raise InputError(f"{self.path('signals')}: its chain leaves the network; run it again")
         return signals

@@ -62,7 +62,7 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
     if absent:
         items = "".join(f"<li>{html.escape(_without_folder(text, cases))}</li>" for text in absent)
         body.append(f"<h2>Not drawn</h2><ul>{items}</ul>")
-    provenance = _provenance(cases)
+    provenance = provenance_table(cases)
     body.append(f"<h2>Provenance</h2>{_table(provenance)}")
     page = output / "report.html"
     title = "Waves in sphere packings: " + ", ".join(m.case.name for m in cases)
@@ -117,7 +117,7 @@ def _figure(png: Path, caption: str) -> str:
     )
 
 
-def _provenance(cases: list[Measures]) -> Table:
+def provenance_table(cases: list[Measures]) -> Table:
     """Every file that was read, its digest, its command and its sources as far as it says."""
     rows = []
     for m in cases:

@@ -16,22 +16,28 @@ from modal.inertia import count_below
 from modal.intervals import lowest_modes, modes_between
 from modal.lattice import FccCrystal
 from modal.leapfrog import leapfrog, steps_between_records
-from modal.mode_set import ModeSet, write_modes
+from modal.mode_set import ModeSet, read_modes, write_modes
 from modal.modes import all_modes, highest_modes, memory_of_all
 from modal.packing_commands import add_pack, add_relax, pack, relax_sample
 from modal.plausibility import plausibility
 from modal.provenance import is_current, made_by
 from modal.response import frequency_response, write_response
-from modal.sample import read_packing
-from modal.signals import write_signals
+from modal.sample import read_packing, read_sample
+from modal.signals import read_signals, write_signals
 from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
 from modal.statistics import contacts_per_particle, profile, summary, write_profile
 from modal.storage import InputError, sha256
 from modal.tangent import PRE_STRESS
 from modal.wave import propagate
 
-PRODUCERS = ("modes", "density", "wave", "response", "relax")
-"""Commands that write one product, made from sources with settings."""
+PRODUCERS = {
+    "modes": read_modes,
+    "density": None,
+    "wave": read_signals,
+    "response": None,
+    "relax": read_sample,
+}
+"""Commands that write one product, made from sources with settings, and who reads it."""
 SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample
 that has not come to rest within the tolerance."""
@@ -310,7 +316,9 @@ def main(argv: list[str] | None = None) -> int:
             options.made = made_by(options.command, vars(options), arguments)
         elif getattr(options, "if_stale", False):
             raise InputError("--if-stale is about the file of -o; give one")
-        if getattr(options, "if_stale", False) and is_current(options.output, options.made, _say):
+        if getattr(options, "if_stale", False) and is_current(
+            options.output, options.made, _say, PRODUCERS[options.command]
+        ):
             result = {"current": options.output}
         else:
             result = commands[options.command](options)

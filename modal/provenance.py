@@ -12,7 +12,7 @@ import math
 import os
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
@@ -224,11 +224,21 @@ def differing_sources(made: Provenance, wanted: Provenance) -> list[str]:
     ]
 
 
-def is_current(path: str | Path, wanted: Provenance, say: Any = print) -> bool:
-    """Whether a product is there and need not be made again; `say` is told why, where it is not."""
+def is_current(
+    path: str | Path,
+    wanted: Provenance,
+    say: Callable[[str], object] = print,
+    read: Callable[[Path], object] | None = None,
+) -> bool:
+    """Whether a product is there and need not be made again; `say` is told why, where it is not.
+
+    `read` is a reader that refuses a damaged file.
+    """
     if not Path(path).exists():
         return False
     try:
+        if read:
+            read(Path(path))
         why = changes(path, wanted)
     except InputError as error:
         say(f"{error}; making it again")
@@ -236,6 +246,13 @@ def is_current(path: str | Path, wanted: Provenance, say: Any = print) -> bool:
     if why:
         say(f"{path}: stale, {'; '.join(why)}; making it again")
     return not why
+
+
+def set_aside(path: str | Path) -> None:
+    """Rename a stale product, so that nobody takes it for the new one if that cannot be made."""
+    path = Path(path)
+    if path.exists():
+        os.replace(path, path.with_name(path.name + ".stale"))
 
 
 def _plain(value: Any) -> Any:

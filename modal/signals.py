@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from modal.energy_balance import EnergyBalance
 from modal.provenance import Provenance
 from modal.storage import InputError, atomic_h5, get, open_h5, put
 
@@ -41,7 +42,8 @@ class Signals:
     amplitude is A of u = A (1 - cos 2 pi f t), m; time_step, run_time in seconds (run_time is
     the wall-clock time that the run took). Optional, None where not recorded: layer_position (nl,)
     and layer_displacement (nt, nl), means over slabs as in `modal.layers`, m; and
-    particle_displacement (nt, n) along z of every particle of the network, m.
+    particle_displacement (nt, n) along z of every particle of the network, m; balance is the
+    energy of a DEM run.
     """
 
     time: np.ndarray
@@ -61,6 +63,7 @@ class Signals:
     layer_position: np.ndarray | None = None
     layer_displacement: np.ndarray | None = None
     particle_displacement: np.ndarray | None = None
+    balance: EnergyBalance | None = None
 
 
 def source_pulse(time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
@@ -98,6 +101,8 @@ def write_signals(path: str | Path, signals: Signals, made: Provenance | None = 
                 continue
             data = np.asarray(value).astype(np.float64 if kind == "f" else np.int32)
             put(file, dataset, data, units, compress=data.ndim == 2)
+        if signals.balance:
+            file.create_group("balance").attrs.update(signals.balance.attributes())
 
 
 def read_signals(path: str | Path) -> Signals:
@@ -117,7 +122,9 @@ def read_signals(path: str | Path) -> Signals:
         if missing:
             raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")
         attributes = {name: kind(file.attrs[name]) for name, kind in _ATTRIBUTES.items()}
-    signals = Signals(**columns, **attributes)
+        said = file["balance"].attrs if "balance" in file else {}
+        balance = EnergyBalance.of_attributes(said)
+    signals = Signals(**columns, **attributes, balance=balance)
     _validate(signals, str(path))
     return signals
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import h5py
@@ -14,9 +16,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.__main__ import main as analysis_main
+from analysis.measures import Measures
+from analysis.products import find
+from analysis.report import provenance_table
 from analysis.samples import table
+from analysis.tables import table_1
 from modal import gallery
 from modal.__main__ import main
+from modal.energy_balance import EnergyBalance
 from modal.network import write_network
 from modal.provenance import (
     Provenance,
@@ -26,6 +33,7 @@ from modal.provenance import (
     require_same_packing,
 )
 from modal.sample import Sample, read_packing, sample_of_network, write_sample
+from modal.signals import read_signals, write_signals
 from modal.storage import InputError, sha256
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -272,12 +280,11 @@ def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
     assert "stale, highest was " in capsys.readouterr().out
 
 
-def test_report_names_command_and_sources_of_every_file(folder, tmp_path):
-    command = ["report", "2", "--products", str(folder), "-o", str(tmp_path / "report")]
-    assert analysis_main(command) == 0
-    page = (tmp_path / "report" / "report.html").read_text()
-    assert "python -m modal modes case02.network.h5 --all" in page
-    assert f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})" in page
+def test_report_names_command_and_sources_of_every_file(folder):
+    rows = {row[0]: row[2:] for row in provenance_table([Measures(find("2", folder))]).rows}
+    command, sources = rows["case02.modes.h5"]
+    assert command.startswith("python -m modal modes case02.network.h5 --all")
+    assert sources == f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})"
 
 
 def test_table_of_samples_takes_the_noise_from_the_network_exported_from_it(tmp_path):
@@ -293,3 +300,24 @@ def test_table_of_samples_takes_the_noise_from_the_network_exported_from_it(tmp_
     exported.provenance = {}
     write_network(network, exported)
     assert "1.2e-13" not in table([str(sample)])
+
+
+def books(**changed: float) -> EnergyBalance:
+    """A run whose energy drifts by 1e-3 within a limit of 1e-2."""
+    sound = {"energy": 2e-10, "drift": 1e-3, "friction": 0.0, "limit": 1e-2}
+    return EnergyBalance(**{**sound, "contacts": 1200, "opened": 17, "slid": 0} | changed)
+
+
+def test_energy_balance_survives_the_file_and_is_shown(folder):
+    path = folder / "case02.signals.h5"
+    made, signals = read_provenance(path), read_signals(path)
+    assert signals.balance is None
+    for balance, note in ((books(), 0), (books(drift=-0.5), 1), (books(drift=-0.5, limit=nan), 0)):
+        write_signals(path, replace(signals, balance=balance), made)
+        again = read_signals(path).balance
+        assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
+        case = find("2", folder)
+        rows = dict(table_1([Measures(case)]).rows)
+        assert rows["DEM, contacts opened"] == "17"
+        assert float(rows["DEM, energy drift after the pulse"]) == balance.drift
+        assert sum("do not trust this run" in text for text in case.notes) == note

@@ -40,7 +40,7 @@ def number(log: str, before: str = "", after: str = "") -> float:
 def test_step_at_the_limit_keeps_the_energy(products, tmp_path):  # noqa: F811
     """Leapfrog is stable up to omega_max dt = 2 itself; the law bends by 1e-2 at 5 nm."""
     signals, log = wave(products, tmp_path, WAVE_FRACTION="1.0")
-    assert signals is not None and number(log, "energy drift ") < 1e-2
+    assert signals is not None and abs(signals.balance.drift) < signals.balance.limit < 0.02
 
 
 @pytest.mark.parametrize("over", [1.05, 2.0])
@@ -58,11 +58,18 @@ def test_every_step_past_the_limit_is_refused(over, products, tmp_path):  # noqa
 
 
 def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):  # noqa: F811
-    """1 micrometre on overlaps of 0.36: contacts open and slide, the energy only falls."""
+    """1 micrometre on overlaps of 0.36: contacts open and slide, the energy only falls.
+
+    What it falls by is what friction dissipates. The law counts that by the shear stiffness of the
+    moment, which opening and closing contacts change: the books close to some per cent.
+    """
     signals, log = wave(products, tmp_path, WAVE_AMPLITUDE="1e-6", WAVE_FRACTION="0.2")
     assert signals is not None
     assert number(log, after=" opened") > 0 and number(log, after=" slid") > 0
-    assert number(log, "energy drift ") <= 1.0
+    books = signals.balance
+    assert books.opened > 0 and books.slid > 0
+    assert -1 < books.drift < -0.1
+    assert books.drift + books.friction == pytest.approx(0, abs=0.1)
 
 
 def test_the_same_run_twice_is_the_same_to_the_last_bit(products, tmp_path):  # noqa: F811

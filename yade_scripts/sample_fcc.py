@@ -19,6 +19,7 @@ from yade.utils import readParamsFromTable
 from modal.crystal import FccPacking
 from modal.hertz_mindlin import GLASS, RADIUS
 from modal.network import read_network, write_network
+from modal.provenance import Provenance, is_current, set_aside, versions
 from modal.storage import InputError
 from yade_scripts.compression import wall_stresses
 from yade_scripts.export import contact_network
@@ -59,13 +60,17 @@ def crystal():
 def main():
     """Make the sample unless a valid one is there."""
     path = products_folder() / f"case{case:02d}.network.h5"
-    try:
-        if path.exists():
-            read_network(path)
-            print(f"{path}: already there")
-            return
-    except InputError as error:
-        print(f"{error}; making it again")
+    settings = {"stress": stress, "mu_comp": mu_comp, "mu_wave": mu_wave}
+    settings = {name: float(value) for name, value in settings.items()}
+    made = Provenance(
+        "yade_scripts/sample_fcc.py",
+        settings | {"width": width, "layers": layers},
+        versions=versions(yade=config.version),
+    )
+    if is_current(path, made, read=read_network):
+        print(f"{path}: already there")
+        return
+    set_aside(path)
     position, side, length = crystal()
     n = len(position)
     place(position, (side, side), (0.0, length), mu_wave)
@@ -83,18 +88,12 @@ def main():
         raise InputError(f"case {case}: wall stresses {walls} Pa, target {stress} Pa")
     study = {
         "case": str(case),
-        "stress": float(stress),
-        "mu_comp": float(mu_comp),
-        "mu_wave": float(mu_wave),
+        **settings,
         "young": GLASS.young,
         "poisson": GLASS.poisson,
         "density": GLASS.density,
     }
-    provenance = {
-        "command": "yade_scripts/sample_fcc.py",
-        "versions": f"yade {config.version}, numpy {np.__version__}",
-        "residual_force_ratio": float(ratio),
-    }
+    provenance = made.attributes() | {"residual_force_ratio": float(ratio)}
     write_network(path, contact_network(n, study, provenance))
     print(f"{path}: {n} spheres, {len(contacts)} contacts, residual {ratio:.1e} of the mean force")
 

@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,8 @@ from modal.storage import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS
+LOG_INTERVAL = 60.0
+"""Seconds between two lines of progress in a log."""
 NO_TIME = 1e-15
 """A time step, s, in which nothing moves; a step of zero gives undefined displacements."""
 
@@ -106,6 +109,22 @@ def wall_faces(n):
 def cell_side():
     """Lateral size of the periodic cell, (2,), m."""
     return O.cell.hSize[0][0], O.cell.hSize[1][1]
+
+
+class Report:
+    """Says how far a run has come: on a terminal always, in a log once a minute."""
+
+    def __init__(self):
+        self.last = time.monotonic()
+
+    def __call__(self, text):
+        """Say it, if it is time."""
+        now = time.monotonic()
+        if sys.stdout.isatty():
+            print(f"\r{text}", end="", flush=True)
+        elif now - self.last > LOG_INTERVAL:
+            self.last = now
+            print(text, flush=True)
 
 
 def finish(main):

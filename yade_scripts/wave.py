@@ -4,10 +4,12 @@
     yade-batch cases/fcc.table yade_scripts/wave.py
 
 Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction` of 2 / omega_max,
-the exact limit of the leapfrog scheme. Environment: WAVE_PRODUCTS, WAVE_FRACTION, WAVE_AMPLITUDE
-(m; negative reverses the wall), WAVE_DURATION (s; default until the wave front reaches the
-receiver wall), WAVE_INTERVAL (s; longest between two records), WAVE_PARTICLES (1 records every
-particle, not only chain and layers, and says which contacts have opened or slipped).
+the exact limit of the leapfrog scheme. Columns of the table, or environment variables WAVE_FRACTION
+and so on, which override them: fraction, amplitude (m; negative reverses the wall), duration (s;
+default until the wave front has made `passage` passages to the receiver wall), interval (s; longest
+between two records), particles (1 records every particle, not only chain and layers). All are
+recorded in the product; signals that were made with others, or of other files, are stale and made
+again. WAVE_PRODUCTS names the folder.
 """
 
 import math
@@ -20,18 +22,29 @@ from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 import numpy as np
-from yade import O
+from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
 from modal.chain import wall_to_wall_chain
+from modal.energy_balance import EnergyBalance, drift_limit
 from modal.layers import Layers
 from modal.mode_set import read_modes
 from modal.network import read_network
+from modal.provenance import (
+    Provenance,
+    Source,
+    is_current,
+    packing_of,
+    read_provenance,
+    require_same_packing,
+    set_aside,
+    versions,
+)
 from modal.sample import sample_of_network
 from modal.signals import Signals, read_signals, source_pulse, write_signals
-from modal.storage import InputError, sha256
+from modal.storage import InputError
 from yade_scripts.contact_watch import ContactWatch
-from yade_scripts.scene import finish, products_folder
+from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene
 
 RECORDING_INTERVAL = 5e-7
@@ -51,6 +64,10 @@ readParamsFromTable(
     input_frequency=1e5,
     fraction=0.05,
     passage=1.0,
+    amplitude=2.5e-9,
+    duration=None,
+    interval=RECORDING_INTERVAL,
+    particles=0,
     # Columns of the tables that the sample has used.
     mu_comp=0.0,
     stress=1e5,
@@ -58,12 +75,16 @@ readParamsFromTable(
     layers=200,
     unknownOk=True,
 )
-from yade.params.table import case, fraction, input_frequency, mu_wave, passage  # noqa: E402
+from yade.params import table  # noqa: E402
 
-amplitude = float(os.environ.get("WAVE_AMPLITUDE", 2.5e-9))
-fraction = float(os.environ.get("WAVE_FRACTION", fraction))
-longest_interval = float(os.environ.get("WAVE_INTERVAL", RECORDING_INTERVAL))
-every_particle = os.environ.get("WAVE_PARTICLES", "0") == "1"
+
+def setting(name):
+    """A number from the environment (WAVE_NAME), or from the table."""
+    value = os.environ.get(f"WAVE_{name.upper()}", getattr(table, name))
+    try:
+        return None if value is None else float(value)
+    except ValueError:
+        raise InputError(f"{name} {value!r}: not a number") from None
 
 
 def affine_velocity(network):
@@ -87,14 +108,11 @@ def momenta():
 
 
 def elastic_energy():
-    """Elastic energy of all contacts, J: 2/5 of N times overlap, and half Fs^2 / ks."""
-    total = 0.0
-    for contact in O.interactions:
-        if contact.isReal:
-            phys = contact.phys
-            total += 0.4 * phys.normalForce.norm() * contact.geom.penetrationDepth
-            total += 0.5 * phys.shearForce.squaredNorm() / phys.ks
-    return total
+    """Energy stored in all contacts, J: 2/5 of N times overlap, and the work of the shear forces.
+
+    Fs^2 / 2 ks would change with the overlap, to first order in the wave, without any work done.
+    """
+    return law.normElastEnergy() + law.shearEnergy
 
 
 def total_energy():
@@ -139,40 +157,56 @@ def drive():
     step += 1
 
 
-def already_there(path, network_path):
-    """Whether the signals of this very network are there."""
-    if not path.exists():
-        return False
-    try:
-        return read_signals(path).network_sha256 == sha256(network_path)
-    except InputError as error:
-        print(f"{error}; making it again")
-        return False
+def highest_frequency(path, packing):
+    """Frequency, Hz, of the highest mode of this very packing; InputError for other modes."""
+    note = require_same_packing(path, packing)
+    if note:
+        print(note)
+    asked = read_provenance(path).settings
+    if asked is not None and not {"highest", "all"} & asked.keys():
+        raise InputError(f"{path}: not the highest modes; make them with modal modes --highest 1")
+    return read_modes(path).frequency[-1]
 
 
 def main():
     """Load, run, write; InputError for what the user can mend."""
     global n, area, step, every, records, layer_records, particle_records
-    global chain, layers, states, start, watch, look_every
-    global balance_steps, stable
-    folder = products_folder()
-    network_path = folder / f"case{case:02d}.network.h5"
-    path = folder / f"case{case:02d}.signals.h5"
-    if already_there(path, network_path):
+    global chain, layers, states, start, watch, look_every, law
+    global balance_steps, stable, amplitude, input_frequency, every_particle
+    folder, case = products_folder(), f"case{table.case:02d}"
+    network_path = folder / f"{case}.network.h5"
+    modes_path = folder / f"{case}.highest.modes.h5"
+    path = folder / f"{case}.signals.h5"
+    names = ("fraction", "amplitude", "input_frequency", "duration", "interval", "particles")
+    settings = {name: setting(name) for name in (*names, "passage")}
+    packing = packing_of(network_path)
+    sources = (*packing, Source.of("highest modes", modes_path))
+    made = Provenance(
+        "yade_scripts/wave.py",
+        settings | {"mu_wave": float(table.mu_wave)},
+        sources,
+        versions(yade=config.version),
+    )
+    if is_current(path, made, read=read_signals):
         print(f"{path}: already there")
         return
+    set_aside(path)
+    fraction, amplitude, input_frequency = (settings[name] for name in names[:3])
+    every_particle = settings["particles"] == 1
     if not 0 < fraction <= 1:
         raise InputError(f"WAVE_FRACTION {fraction}: the time step is stable from 0 to 1 only")
     network = read_network(network_path)
-    highest = read_modes(folder / f"case{case:02d}.highest.modes.h5").frequency[-1]
-    build_scene(sample_of_network(network, mu_wave), margin=0.01, damping=0.0)
+    highest = highest_frequency(modes_path, packing)
+    build_scene(sample_of_network(network, table.mu_wave), margin=0.01, damping=0.0)
+    (law,) = O.engines[2].lawDispatcher.functors
+    law.calcEnergy = True
     # Over a wave nobody moves by a millionth of a radius: the collider may sleep.
     O.engines[1].dead = True
     n, area = network.n_particles, network.area
-    arrival = passage * network.length / affine_velocity(network)
-    duration = float(os.environ.get("WAVE_DURATION", arrival))
+    arrival = settings["passage"] * network.length / affine_velocity(network)
+    duration = arrival if settings["duration"] is None else settings["duration"]
     O.dt = fraction / (math.pi * highest)
-    every = max(1, int(longest_interval / O.dt))
+    every = max(1, int(settings["interval"] / O.dt))
     chain, layers = wall_to_wall_chain(network), Layers(network)
     states = [O.bodies[k].state for k in range(n)]
     start = np.array([state.pos[2] for state in states])
@@ -183,24 +217,24 @@ def main():
     look_every = max(1, steps // every // LOOKS)
     static = elastic_energy()
     started = time.perf_counter()
-    books = []
+    books, dissipated, report = [], [], Report()
     # The wall rests from 1/f on: kinetic plus elastic energy is then constant.
     quiet = int(math.ceil(1 / (input_frequency * O.dt))) + 2
     balance_steps = {quiet, steps}
     for target in (quiet, steps):
         while step < target and stable:
             O.run(min(200, target - step), wait=True)
-            if sys.stdout.isatty():
-                print(f"\rcase {case}: step {step} of {steps}", end="", flush=True)
+            report(f"{case}: step {step} of {steps}")
         if not stable:
             raise InputError(
                 f"the wave blew up after {step} steps: the time step is unstable, "
                 "lower WAVE_FRACTION"
             )
         books.append(total_energy() - static)
+        dissipated.append(law.frictionDissipation)
     seconds = time.perf_counter() - started
-    table = np.array(records)
-    if not np.isfinite(table).all():
+    recorded = np.array(records)
+    if not np.isfinite(recorded).all():
         raise InputError("the wave is not finite; the time step is unstable, lower WAVE_FRACTION")
     # A step little above the limit feeds modes that turn round at every step, until friction holds
     # them; the chain hardly shows them, and no displacement gives them away.
@@ -209,28 +243,46 @@ def main():
             f"the velocities turn round at every step (correlation {correlation:.2f}): the time "
             "step is unstable, lower WAVE_FRACTION"
         )
-    drift = abs(books[1] - books[0]) / books[0]
+    lost = dissipated[1] - dissipated[0]
+    slid = len(watch.slid)
+    slipped = slid > 0 or dissipated[1] > 0
+    limit = math.nan if slipped else drift_limit(network, fraction, amplitude, books[0])
+    balance = EnergyBalance(
+        energy=books[0],
+        drift=(books[1] - books[0]) / books[0],
+        friction=lost / books[0],
+        contacts=len(watch.depth),
+        opened=len(watch.opened),
+        slid=slid,
+        limit=limit,
+    )
     signals = Signals(
-        time=table[:, 0],
+        time=recorded[:, 0],
         chain_particle=chain,
         chain_position=start[chain],
-        chain_displacement=table[:, 4:],
-        source_displacement=table[:, 1],
-        source_stress=table[:, 2] - table[0, 2],
-        receiver_stress=table[:, 3] - table[0, 3],
+        chain_displacement=recorded[:, 4:],
+        source_displacement=recorded[:, 1],
+        source_stress=recorded[:, 2] - recorded[0, 2],
+        receiver_stress=recorded[:, 3] - recorded[0, 3],
         producer="yade",
-        case=str(case),
+        case=str(table.case),
         amplitude=amplitude,
-        input_frequency=float(input_frequency),
+        input_frequency=input_frequency,
         time_step=O.dt,
         run_time=seconds,
-        network_sha256=sha256(network_path),
+        network_sha256=packing[0].sha256,
         layer_position=layers.position,
         layer_displacement=np.array(layer_records),
         particle_displacement=np.array(particle_records) if every_particle else None,
+        balance=balance,
     )
-    write_signals(path, signals)
-    print(f"\r{path}: {steps} steps of {O.dt:.3e} s in {seconds:.0f} s; energy drift {drift:.1e}")
+    write_signals(path, signals, made)
+    print(
+        f"\r{path}: {steps} steps of {O.dt:.3e} s in {seconds:.0f} s; "
+        f"energy drift {balance.drift:.1e}, limit {limit:.1e}, to friction {balance.friction:.1e}"
+    )
+    if not balance.kept:
+        print(f"{path}: warning: the energy drifts beyond its limit although nothing slid")
     print(f"{path}: {watch.report()}")
 
 
