@@ -18,6 +18,8 @@ except ImportError:
 
 SKIN = 0.1
 """Reach of the list of pairs beyond touch, diameters; a compromise of its length and its life."""
+EMPTY = 100
+"""Cells per sphere above which pairs are not sought by cells."""
 _BESIDE = np.array([(c % 3 - 1, c // 3 % 3 - 1, c // 9 - 1) for c in range(27)])
 
 
@@ -31,15 +33,7 @@ class NearPairs:
     def __init__(self, position: np.ndarray, lengths: np.ndarray, diameter: float) -> None:
         self.diameter = diameter
         self.made_at, self.made_lengths = position.copy(), lengths.copy()
-        reach = (1 + SKIN) * diameter
-        # With fewer than three cells across, a cell would be its neighbour on both sides.
-        if numba is not None and lengths[:2].min() >= 3 * reach:
-            self.ends, self.shift = _pairs_by_cells(position, lengths, reach)
-            return
-        i, j, shift = periodic_pairs(position, lengths[:2], reach)
-        order = np.lexsort((j, i))
-        self.ends = np.column_stack([i, j])[order].astype(np.int32)
-        self.shift = shift[order, :2].astype(float)
+        self.ends, self.shift = pairs_in_reach(position, lengths, (1 + SKIN) * diameter)
 
     def holds(self, position: np.ndarray, lengths: np.ndarray) -> bool:
         """Whether no pair outside the list can touch at these positions, (n, 3) m."""
@@ -47,6 +41,23 @@ class NearPairs:
         moved = position - self.made_at * stretch
         largest = np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
         return (1 + SKIN) * min(1.0, stretch.min()) - 2 * largest / self.diameter >= 1
+
+
+def pairs_in_reach(
+    position: np.ndarray, lengths: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (k, 2) and lateral periods (k, 2) of pairs at most `reach`, m, apart, first ends sorted.
+
+    `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, z from 0.
+    """
+    # With fewer than three cells across, a cell would be its neighbour on both sides; a few spheres
+    # in a wide space would have more cells than memory.
+    crowded = lengths.prod() < EMPTY * len(position) * reach**3
+    if numba is not None and lengths[:2].min() >= 3 * reach and crowded:
+        return _pairs_by_cells(position, lengths, reach)
+    i, j, shift = periodic_pairs(position, lengths[:2], reach)
+    order = np.lexsort((j, i))
+    return np.column_stack([i, j])[order].astype(np.int32), shift[order, :2].astype(float)
 
 
 def _pairs_by_cells(position, lengths, reach):

@@ -12,6 +12,7 @@ from modal.__main__ import main
 from modal.assembly import stiffness_matrix
 from modal.equilibrium import NEAR, RESERVE, Balance, balance_of, net_forces, relax
 from modal.moving_contacts import MovingContacts
+from modal.preparation import history_forces
 from modal.random_packing import random_sample
 from modal.sample import Sample, read_sample, write_sample
 from modal.storage import InputError
@@ -79,7 +80,7 @@ def test_compiled_loop_is_the_same_as_arrays(sheared, monkeypatch):
     steps[..., 3:] /= sheared.radius
     steps[..., 0] += 0.01 * sheared.radius
     runs = []
-    for forces in (moving_contacts.forces_by_loop, moving_contacts.forces_by_arrays):
+    for forces in (history_forces.forces_by_loop, history_forces.forces_by_arrays):
         monkeypatch.setattr(moving_contacts, "forces_by_loop", forces)
         contacts = MovingContacts(sheared)
         for motion in steps:

@@ -9,12 +9,13 @@ from pathlib import Path
 CONFTEST = Path(__file__).with_name("conftest.py")
 TESTS = """
 import pytest
-from modal import central_forces, moving_contacts, operator
+from modal import central_forces, operator
 from modal.factor import available
+from modal.preparation import history_forces
 
 def test_what_is_hidden():
     assert operator.numba is None and central_forces.numba is None
-    assert moving_contacts.numba is None and not available("pardiso")
+    assert history_forces.numba is None and not available("pardiso")
 
 def test_skipped():
     pytest.skip("no reason at all")

@@ -48,16 +48,19 @@ def void_ratio(n):
 
 
 def deform(n, rates):
-    """Deform the cell at the rates (xx, yy, zz), 1/s; the walls follow along z.
+    """Deform the cell at the rates (xx, yy, zz), 1/s; the walls follow along z and only there.
 
-    The integrator adds the jump of the rate times position to every velocity, also to the walls'.
-    They are set to the velocity before that jump, so that errors do not add up.
+    The integrator multiplies every velocity by 1 + rate dt and adds the jump of the rate times
+    position, also for the walls. They are set to what that turns into rate times position along z
+    and into none across, so that errors do not add up.
     """
-    now = O.cell.velGrad[2, 2]
+    now = np.array([O.cell.velGrad[axis, axis] for axis in range(3)])
     O.cell.velGrad = Matrix3(rates[0], 0, 0, 0, rates[1], 0, 0, 0, rates[2])
     for wall in (n, n + 1):
         state = O.bodies[wall].state
-        state.vel = (0, 0, now * state.pos[2])
+        position = np.array(state.pos)
+        velocity = (np.array([0, 0, rates[2]]) - (rates - now)) * position / (1 + O.dt * now)
+        state.vel = tuple(velocity.tolist())
 
 
 class Drive:

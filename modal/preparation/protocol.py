@@ -111,7 +111,7 @@ class ConstantRate:
     target = REFERENCE
 
     def __init__(self, rate: float) -> None:
-        self.rate, self.stress = rate, np.zeros(3)
+        self.rate, self.stress = float(rate), np.zeros(3)
 
     def follow(self, stress: np.ndarray) -> np.ndarray:
         """Strain rates (3,), 1/s, at the principal stresses (3,), Pa."""

@@ -1,0 +1,195 @@
+"""Spheres in motion between two walls: leapfrog steps in a cell that is strained, with damping.
+
+One step is YADE's: forces at the present places, strain rates from the control, then
+`NewtonIntegrator` in a homothetic cell. Velocities hold the cell's own motion, rate times place,
+and jump with the rate; Cundall's local damping opposes what a sphere moves beside it (YADE's form
+with the acceleration's half step). The walls are the faces of boxes one radius thick to each side
+of their centres, which move with the cell along z and rest across it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from modal.moving_contacts import MovingContacts
+from modal.preparation.history_forces import SLABS, numba, prange
+from modal.sample import Sample, void_ratio
+from modal.storage import InputError
+
+SKIN = 0.1
+"""Reach of the list of pairs beyond touch, diameters: a compromise of its length and its life."""
+
+
+def _advance_some(
+    first, last, position, velocity, load, before, rates, dt, damping, masses, sought_at, stretch,
+):  # fmt: skip
+    largest = 0.0
+    slower, faster = 1 - damping, 1 + damping
+    of_force, of_torque = 1 / masses[0], 1 / masses[1]
+    for i in range(first, last):
+        apart = 0.0
+        for axis in range(3):
+            x, v = position[i, axis], velocity[i, axis]
+            pull, beside = load[i, axis] * of_force, v - before[axis] * x
+            work = pull * (beside + 0.5 * dt * pull)
+            pull *= slower if work > 0 else (faster if work < 0 else 1.0)
+            v += dt * (pull + before[axis] * v)
+            v += (rates[axis] - before[axis]) * x
+            x += dt * v
+            position[i, axis], velocity[i, axis] = x, v
+            apart += (x - stretch[axis] * sought_at[i, axis]) ** 2
+            w, twist = velocity[i, 3 + axis], load[i, 3 + axis] * of_torque
+            work = twist * (w + 0.5 * dt * twist)
+            twist *= slower if work > 0 else (faster if work < 0 else 1.0)
+            velocity[i, 3 + axis] = w + dt * twist
+        largest = max(largest, apart)
+    return largest
+
+
+def _advance(
+    position, velocity, load, before, rates, dt, damping, masses, sought_at, stretch
+):  # fmt: skip
+    n = len(position)
+    largest = np.zeros(SLABS)
+    for part in prange(SLABS):
+        largest[part] = _advance_some(
+            part * n // SLABS, (part + 1) * n // SLABS, position, velocity, load, before, rates,
+            dt, damping, masses, sought_at, stretch,
+        )  # fmt: skip
+    return largest.max()
+
+
+def advance_by_arrays(
+    position, velocity, load, before, rates, dt, damping, masses, sought_at, stretch
+):  # fmt: skip
+    """The same as the compiled loop; the fallback, and its oracle."""
+    pull = load / np.repeat(masses, 3)
+    beside = velocity.copy()
+    beside[:, :3] -= before * position
+    pull *= 1 - damping * np.sign(pull * (beside + 0.5 * dt * pull))
+    pull[:, :3] += before * velocity[:, :3]
+    velocity += dt * pull
+    velocity[:, :3] += (rates - before) * position
+    position += dt * velocity[:, :3]
+    return ((position - stretch * sought_at) ** 2).sum(axis=1).max()
+
+
+if numba is None:
+    advance_by_loop = advance_by_arrays
+else:
+    _advance_some = numba.njit(cache=True)(_advance_some)
+    advance_by_loop = numba.njit(cache=True, parallel=True)(_advance)
+
+
+class Dynamics:
+    """A sample in motion; every attribute is that after the last step.
+
+    contacts: see `MovingContacts`; velocity (n, 6), m/s and rad/s; rates (3,), 1/s, of the cell;
+    damping, the share of each force that local damping takes. `step` takes the time step, s.
+    """
+
+    def __init__(self, sample: Sample, damping: float = 0.0, skin: float = SKIN) -> None:
+        self.contacts = MovingContacts(sample, skin=skin, stiffness=False)
+        self._bare = sample
+        n = len(sample.position)
+        self.velocity, self.damping = np.zeros((n, 6)), damping
+        if sample.velocity is not None:
+            self.velocity[:, :3] = sample.velocity
+        if sample.angular_velocity is not None:
+            self.velocity[:, 3:] = sample.angular_velocity
+        self.rates = np.zeros(3) if sample.strain_rate is None else sample.strain_rate.copy()
+        mass = sample.material.density * 4 / 3 * np.pi * sample.radius**3
+        self.masses = np.array([mass, 0.4 * mass * sample.radius**2])
+        self._stretch = np.ones(3)
+        self._far = False
+        self._note_sought()
+
+    def step(self, dt: float, control: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
+        """One step; `control` gives the strain rates (3,), 1/s, for the stresses (3,), Pa."""
+        self.find_forces(dt)
+        rates = self.rates if control is None else np.asarray(control(self.stress()), float)
+        contacts, radius = self.contacts, self._bare.radius
+        contacts.walls += dt * rates[2] * (contacts.walls - [radius, -radius])
+        self._stretch *= 1 + dt * rates
+        largest = advance_by_loop(
+            contacts.position,
+            self.velocity,
+            contacts.load,
+            self.rates,
+            rates,
+            dt,
+            self.damping,
+            self.masses,
+            self._sought_at,
+            self._stretch,
+        )
+        contacts.side *= 1 + dt * rates[:2]
+        self.rates = rates.copy()
+        # The list holds while (D + skin) * least stretch - 2 u >= D; so it does for the walls.
+        within = (1 + contacts.skin) * min(1.0, self._stretch.min())
+        if not np.isfinite(largest):
+            raise InputError(
+                f"the motion is not finite at a time step of {dt:.3g} s; take a smaller fraction"
+            )
+        self._far = not within - np.sqrt(largest) / radius >= 1
+
+    def find_forces(self, dt: float) -> None:
+        """Forces at the present places, where a step `dt` has led; 0 opens and closes only."""
+        contacts = self.contacts
+        if self._far:
+            contacts.seek()
+            self._note_sought()
+        gained = contacts.side * (1 - 1 / (1 + dt * self.rates[:2]))
+        contacts.touch(self.velocity, dt, gained)
+
+    def _note_sought(self) -> None:
+        self._sought_at, self._far = self.contacts.position.copy(), False
+        self._stretch[:] = 1.0
+
+    def stress(self) -> np.ndarray:
+        """Principal stresses (3,), Pa, compression positive, of the forces found last."""
+        return self.contacts.virial / (self.contacts.side.prod() * np.diff(self.contacts.walls))
+
+    def unbalanced(self) -> float:
+        """Mean residual force on a sphere over the mean contact force, shear included; or NaN."""
+        contacts = self.contacts
+        if contacts.touching == 0:
+            return float("nan")
+        residual = np.sqrt((contacts.load[:, :3] ** 2).sum(axis=1)).mean()
+        return float(residual / contacts.mean_contact)
+
+    def void_ratio(self) -> float:
+        """Volume of voids over volume of spheres, wall to wall."""
+        contacts = self.contacts
+        length = float(contacts.walls[1] - contacts.walls[0])
+        return void_ratio(len(self.velocity), self._bare.radius, contacts.side, length)
+
+    def coordination_number(self) -> float:
+        """Mean number of contacts of a sphere, walls included."""
+        pairs, walls = self.contacts.numbers()
+        return (2 * pairs + walls) / len(self.velocity)
+
+    def kinetic_energy(self) -> float:
+        """Of all spheres, turning included, J."""
+        return float(0.5 * ((self.velocity**2).sum(axis=0) @ np.repeat(self.masses, 3)))
+
+    def sample(self, *, moving: bool) -> Sample:
+        """The sample as it is now; with its velocities and strain rate if it is `moving`.
+
+        Contacts are opened and closed at the present places; their shear forces miss the increment
+        of the last step, which the first step of the sample in motion makes good.
+        """
+        self._far = True
+        self.find_forces(0.0)
+        sample = self.contacts.sample()
+        if moving:
+            velocity, turning = self.velocity[:, :3].copy(), self.velocity[:, 3:].copy()
+            # Velocities hold the cell's motion: those of another image differ by its share.
+            velocity += self.rates * (sample.position - self.contacts.position)
+            sample = replace(
+                sample, velocity=velocity, angular_velocity=turning, strain_rate=self.rates.copy()
+            )
+        return sample
