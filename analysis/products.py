@@ -12,6 +12,7 @@ import numpy as np
 from analysis.effective_medium import of_contacts
 from analysis.exact_chain import Chain, is_fcc
 from analysis.paper import matching_case
+from analysis.settled import MARK, why_unsettled
 from analysis.structure_factor import StructureFactor, read_structure
 from modal.density import SCHEMA as DENSITY_SCHEMA
 from modal.density import VERSION as DENSITY_VERSION
@@ -139,7 +140,13 @@ class Products:
         """Short name for legends: what it is, and under which stress."""
         kind = "FCC" if self.is_crystal else "random"
         stress = f", {self.stress / 1e3:g} kPa" if np.isfinite(self.stress) else ""
-        return f"{kind}{stress} (case {self.number})"
+        mark = f", {MARK}" if self.unsettled else ""
+        return f"{kind}{stress} (case {self.number}{mark})"
+
+    @cached_property
+    def unsettled(self) -> str:
+        """Why its state does not count as settled; empty where it does."""
+        return why_unsettled(self.network, np.nan if self.is_crystal else self.stress)
 
     @cached_property
     def modes(self) -> ModeSet | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.exact_chain import is_fcc
 from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
+from analysis.settled import MARK, why_unsettled
 from modal.equilibrium import balance_of
 from modal.network import Network, read_network
 from modal.provenance import read_provenance
@@ -31,6 +32,7 @@ HEADER = (
     "paper",
     "Z of force-bearing",
     "rattlers",
+    "settled",
     "stress x, y, z, % off",
     "walls, % off",
     "residual / mean force",
@@ -65,18 +67,20 @@ def row(path: str | Path) -> list[str]:
     name = Path(path).name.removesuffix(".sample.h5")
     paper_e = stated("void_ratio", matching_case(is_fcc(network), target, mu))
     paper_z = COORDINATION_AT_1_KPA.get(mu) if target == 1e3 else None
+    state = why_unsettled(network, np.nan if is_fcc(network) else target)
     off = [100 * (value / target - 1) for value in found["stress_pa"] + found["wall_stress_pa"]]
     cells = [
         name,
         _number(target, "g"),
         _number(mu, "g"),
         _number(found["void_ratio"], ".4f"),
-        _number(paper_e, ".3f"),
+        _paper(paper_e, ".3f", state),
         _number(found.get("void_ratio_of_bulk"), ".4f"),
         _number(found["coordination_number"], ".3f"),
-        _number(paper_z, ".2f"),
+        _paper(paper_z, ".2f", state),
         _number(found["coordination_number_without_rattlers"], ".3f"),
         str(found["rattlers"]),
+        f"{MARK}: {state}" if state else "yes",
         ", ".join(_number(value, "+.2f") for value in off[:3]),
         ", ".join(_number(value, "+.2f") for value in off[3:]),
         _number(balance.residual, ".1e"),
@@ -99,6 +103,12 @@ def _noise(path: str | Path, study: dict[str, Any]) -> list[float]:
         if sha256(path) in parents:
             study = read_network(exported).study
     return [float(study[name]) for name in NOISE if name in study]
+
+
+def _paper(value: float | None, form: str, state: str) -> str:
+    """A number of the paper, which a state that has not settled is no answer to."""
+    text = _number(value, form)
+    return f"{text} (here {MARK})" if text and state else text
 
 
 def _velocity(network: Network) -> float | None:

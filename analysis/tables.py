@@ -52,6 +52,7 @@ class Table:
 
 QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...] = (
     ("stress, kPa", lambda m: f"{m.case.stress / 1e3:g}"),
+    ("not settled, because", lambda m: m.case.unsettled),
     ("e", lambda m: m.void_ratio),
     ("Z", lambda m: m.coordination[0]),
     ("Z of force-bearing", lambda m: m.coordination[1]),

@@ -1,0 +1,43 @@
+"""Whether a state counts as settled: measured from its contact forces, whatever it is called.
+
+The limits are those at which a preparation calls a state reached (`modal.preparation.protocol`). A
+state that ran out of patience before is marked wherever one of its numbers is shown.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.equilibrium import net_forces
+from modal.network import Network
+from modal.preparation.protocol import SETTLED
+from modal.statistics import FORCES, stress_tensor, wall_stress
+
+MARK = "not settled"
+
+
+def why_unsettled(network: Network, stress: float = np.nan) -> str:
+    """What of a packing's state is beyond `SETTLED`; empty if nothing is, or without forces.
+
+    `stress` is the target of its three stresses, Pa; NaN where it has none or only an axial one, as
+    a crystal has. Where anything is beyond, it also says how far the walls' pressures are off.
+    """
+    if network.n_contacts == 0 or any(getattr(network, name) is None for name in FORCES):
+        return ""
+    most_off, most_left = SETTLED
+    force = net_forces(network)
+    size = np.hypot(
+        np.linalg.norm(force[:, :3], axis=1),
+        np.linalg.norm(force[:, 3:], axis=1) / network.radius,
+    )
+    residual = float(size.mean() / network.force_normal.mean())
+    off = float(abs(np.diag(stress_tensor(network)) / stress - 1).max())
+    found = []
+    if residual > most_left:
+        found.append(f"residual {residual:.1e} over {most_left:g}")
+    if off > most_off:
+        found.append(f"stress {100 * off:.2f} % off, over {100 * most_off:g} %")
+    if found and np.isfinite(stress):
+        walls = 100 * (wall_stress(network) / stress - 1)
+        found.append("walls " + ", ".join(f"{value:+.1f} %" for value in walls))
+    return "; ".join(found)
