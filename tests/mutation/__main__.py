@@ -41,9 +41,9 @@ TESTS = {
     "inertia": "floppy_and_counts edges lattice_and_modes",
     "floppy": "floppy_and_counts edges files_and_commands",
     "krylov": "krylov floppy_and_counts mode_lists edges lattice_and_modes",
-    "spectrum": "linear_wave density response mode_lists edges",
-    "wave": "linear_wave response edges",
-    "density": "density edges files_and_commands",
+    "spectrum": "spectrum linear_wave density response mode_lists edges",
+    "wave": "spectrum linear_wave response edges",
+    "density": "density spectrum edges files_and_commands",
 }
 """Test files of a module of modal, the quickest and most likely ones first."""
 MEMORY = 8 << 30

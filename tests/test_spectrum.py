@@ -1,0 +1,182 @@
+"""The end of the spectrum, what a recurrence beyond it shows, and what is said to be needed."""
+
+import tracemalloc
+from functools import partial
+
+import numpy as np
+import pytest
+
+from modal import density, gallery, wave
+from modal.density import density_of_states
+from modal.operator import ContactOperator
+from modal.spectrum import GrowthError, bound_of_spectrum, top_of_spectrum, wider_top
+from modal.wave import chebyshev_moments, expansion, propagate
+
+
+class Diagonal:
+    """An operator with a known spectrum, that counts its products."""
+
+    pre_stress = "none"
+
+    def __init__(self, square) -> None:
+        self.square = np.asarray(square, float)
+        self.shape = 2 * (len(self.square),)
+        self.products = 0
+
+    def apply(self, u: np.ndarray) -> np.ndarray:
+        """A u."""
+        self.products += 1
+        return self.square * u
+
+    def accumulate(self, u: np.ndarray, out: np.ndarray, factor: float = 1.0) -> np.ndarray:
+        """Out += factor A u."""
+        out += factor * self.apply(u)
+        return out
+
+
+class Everything:
+    """Receivers of all motions."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def observe(self, u: np.ndarray, out: np.ndarray) -> None:
+        """Record all."""
+        out[:] = u
+
+
+SPECTRA = {
+    "one value": np.full(50, 7.0),
+    "two values": np.repeat([1.0, 9.0], 25),
+    "even": np.linspace(0, 1, 500),
+    "an edge like a packing's": 1 - np.linspace(0, 1, 3000) ** 2,
+    "huge": 1e30 * np.linspace(0, 1, 500),
+    "tiny": 1e-30 * np.linspace(0, 1, 500),
+}
+
+
+@pytest.mark.parametrize("name", SPECTRA)
+@pytest.mark.parametrize("end", [top_of_spectrum, bound_of_spectrum])
+def test_end_of_known_spectra(end, name):
+    """Above the top by the margin of 2 % at most and half a per cent of residual; products told."""
+    operator = Diagonal(SPECTRA[name])
+    top, products = end(operator)
+    assert SPECTRA[name].max() < top < 1.026 * SPECTRA[name].max()
+    assert products == operator.products
+
+
+def test_few_values_take_as_many_products():
+    """A Krylov space of two eigenvalues is exhausted after two products."""
+    for end in (top_of_spectrum, bound_of_spectrum):
+        assert end(Diagonal(SPECTRA["two values"])) == (pytest.approx(9 / 0.98, rel=1e-12), 2)
+        assert end(Diagonal(np.zeros(20))) == (0.0, 1)
+
+
+def test_bound_takes_the_products_of_its_theorem():
+    """Within 2 % but for 1e-6: 1.648 sqrt(n) exp(-(2k - 1) sqrt(0.02)) <= 1e-6, and no fewer."""
+    _, steps = bound_of_spectrum(Diagonal(SPECTRA["an edge like a packing's"]))
+
+    def failure(k: int) -> float:
+        return 1.648 * np.sqrt(3000) * np.exp(-(2 * k - 1) * np.sqrt(0.02))
+
+    assert failure(steps) <= 1e-6 < failure(steps - 1)
+
+
+def grown(square, share: float, orders: int) -> tuple[Diagonal, GrowthError, float]:
+    """A recurrence that left the interval from zero to a share of the top."""
+    operator, size = Diagonal(square), len(square)
+    start, top = np.ones(size), share * max(square)
+    with pytest.raises(GrowthError) as caught:
+        chebyshev_moments(operator, start, np.ones(size), top, orders, Everything(size))
+    return operator, caught.value, top
+
+
+def test_growth_is_seen_in_the_last_product_too():
+    """T_1 of what lies at 1.1 times the interval is 1.2: there are no more products than that."""
+    grown(np.full(4, 1.1), 1 / 1.1, 2)
+
+
+@pytest.mark.parametrize("share", [0.999, 0.5, 0.1])
+def test_wider_interval_holds_the_spectrum(share):
+    operator, error, top = grown(np.linspace(0, 3, 400), share, 300)
+    before = operator.products
+    wider, products = wider_top(operator, error, top)
+    assert 3 < wider < 3 * 1.026
+    assert products == operator.products - before
+
+
+def test_a_negative_direction_is_no_reason_to_widen():
+    """Below zero by more than beyond the top; equal distances; or not even numbers any more."""
+    for square, share in ((np.linspace(-2, 1, 50), 0.9), (np.linspace(-1e-3, 1, 50), 1.0)):
+        operator, error, top = grown(square, share, 300)
+        with pytest.raises(GrowthError) as caught:
+            wider_top(operator, error, top)
+        assert caught.value is error
+    operator, error, top = grown(np.linspace(0, 3, 50), 0.5, 100)
+    error.vector[7] = np.nan
+    with pytest.raises(GrowthError):
+        wider_top(operator, error, top)
+
+
+class Linear:
+    """A motion whose response is a straight line in omega^2: two coefficients."""
+
+    def __init__(self, at_zero: float, slope: float) -> None:
+        self.at_zero, self.slope = at_zero, slope
+
+    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Shape (squares, times)."""
+        return (self.at_zero + self.slope * square)[:, None] * time
+
+
+def test_expansion_of_a_line_has_two_coefficients():
+    time = np.array([0.0, 1.0, 2.0])
+    coefficient, left_out = expansion(Linear(3.0, 0.25), time, 8.0, 1e-9)
+    # 3 + x / 4 with x = 4 (1 + X): 4 T_0 + T_1.
+    assert coefficient == pytest.approx(np.outer([4, 1], time), abs=1e-14)
+    assert left_out < 1e-13
+    assert expansion(Linear(3.0, 0.0), time, 8.0, 1e-9)[0] == pytest.approx(3 * time[None])
+    coefficient, left_out = expansion(Linear(0.0, 0.0), time, 8.0, 1e-9)
+    assert not coefficient.any() and left_out == 0
+
+
+CRYSTAL = gallery.fcc(2, 100)
+TASKS = {
+    "wave, many times": (wave, partial(propagate, CRYSTAL, 5e-4, interval=1e-7)),
+    "wave, many spheres": (wave, partial(propagate, CRYSTAL, 1e-3, interval=1e-5, particles=True)),
+    "density, exact": (
+        density,
+        partial(density_of_states, gallery.fcc(2, 40), resolution=100.0, tolerance=1e-4),
+    ),
+    "density, random": (
+        density,
+        partial(density_of_states, CRYSTAL, resolution=200.0, tolerance=1e-2),
+    ),
+}
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_memory_is_as_large_as_said(task, monkeypatch):
+    """Within a factor of two of the largest sum of all arrays."""
+    module, compute = TASKS[task]
+    said = []
+    monkeypatch.setattr(
+        module, "refuse_endless", lambda *_, bytes_needed, **__: said.append(bytes_needed)
+    )
+    ContactOperator(CRYSTAL, mass_scaled=True).apply(np.zeros(6 * CRYSTAL.n_particles))
+    tracemalloc.start()
+    compute()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.5 < peak / said[0] < 2
+
+
+def test_moments_are_those_of_chebyshevs_polynomials():
+    """Rows of scale T_k(2 A / top - 1) start, by the cosine."""
+    square, top = np.linspace(0, 5, 30), 6.0
+    start, scale = np.random.default_rng(1).standard_normal((2, 30))
+    rows = chebyshev_moments(Diagonal(square), start, scale, top, 70, Everything(30))
+    angle = np.arccos(2 * square / top - 1)
+    expected = np.cos(np.arange(70)[:, None] * angle) * start * scale
+    # Round-off grows by at most the order at each product.
+    assert rows == pytest.approx(expected, abs=70**2 * 1e-15)
