@@ -226,8 +226,10 @@ def _check_forces(network: Network, name: str) -> None:
             "in N/m and overlaps in m"
         )
     stiff = network.stiffness_normal > 0
+    if not stiff.any():
+        raise InputError(f"{name}: no contact has a normal stiffness; mend the export")
     ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
-    if len(ratio) and np.median(ratio) > STIFFNESS_RATIO:
+    if np.median(ratio) > STIFFNESS_RATIO:
         raise InputError(
             f"{name}: tangential over normal stiffness is {np.median(ratio):.3g} in the median "
             "contact (elastic bodies: 2/3 to 1); give both in N/m"

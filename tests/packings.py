@@ -18,7 +18,8 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
     """Spheres of radii 1:3, of glass and of steel, pushed apart to overlaps of some per cent.
 
     Hertz and Mindlin with R* = R_i R_j / (R_i + R_j); the contact point divides the branch as the
-    radii do. Not in balance. Between walls, or periodic in all directions.
+    radii do, and one contact in five slides. Not in balance. Between walls, or periodic in all
+    directions.
     """
     random = np.random.default_rng(seed)
     radius = random.uniform(0.5e-3, 1.5e-3, n)
@@ -58,6 +59,9 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
     stiff = YOUNG / (1 - POISSON**2) * np.sqrt(reduced * overlap)
     force = 2 / 3 * stiff * overlap
     across = np.cross(normal, random.standard_normal(normal.shape))
+    share = np.linalg.norm(across, axis=1)
+    limit = np.quantile(share, 0.8)
+    across *= np.minimum(1, limit / share)[:, None]
     mass = random.choice([2230.0, 7850.0], n) * 4 / 3 * np.pi * radius**3
     at_i = np.where(pair, radius[i] * distance / (radius[i] + other), distance)
     return Network(
@@ -78,7 +82,7 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
         force_normal=force,
         force_tangential=0.1 * force[:, None] * across,
         overlap=overlap,
-        sliding=np.zeros(len(i), bool),
+        sliding=share >= limit,
         cell_shift=shift,
     )
 
@@ -182,3 +186,15 @@ OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shif
 def bare(network: Network, *kept: str) -> Network:
     """The network without its optional data, but for those `kept`."""
     return replace(network, **{name: None for name in OPTIONAL if name not in kept})
+
+
+def mirrored(network: Network) -> Network:
+    """Left and right exchanged along x: another packing with as many contacts."""
+    flip = np.array([-1.0, 1.0, 1.0])
+    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
+    shift = network.cell_shift * np.array([-1, 1, 1])
+    return replace(
+        network,
+        **{name: getattr(network, name) * flip for name in vectors},
+        cell_shift=shift,
+    )

@@ -79,6 +79,7 @@ def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, capsys):
         "largest_off_diagonal_stress_pa",
         "stress_deviation_along_z",
         "net_force_over_contact_force",
+        "largest_net_force_over_contact_force",
     } & known.keys()
     needs_normal_force = {
         "wall_stress_pa",
