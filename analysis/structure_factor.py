@@ -156,7 +156,7 @@ def write_structure(
         put(file, "frequency", found.frequency, "Hz")
         put(file, "order", found.order, "1")
         put(file, "wavenumber", found.wavenumber, "1/m")
-        put(file, "power", found.power, "1/Hz", compress=True)
+        put(file, "power", found.power, "1/Hz")
 
 
 def read_structure(path: str | Path) -> StructureFactor:

@@ -62,7 +62,7 @@ def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None
         for name, (_, units) in _UNITS.items():
             data = getattr(modes, name)
             if data is not None:
-                put(file, name, data, units, compress=data.ndim > 1)
+                put(file, name, data, units)
 
 
 def read_modes(path: str | Path) -> ModeSet:

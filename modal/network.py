@@ -141,7 +141,7 @@ def write_network(path: str | Path, network: Network) -> None:
                 if data is None:
                     continue
                 stored = np.asarray(data).astype({"f": np.float64, "i": np.int32, "b": bool}[kind])
-                put(file, f"{group}/{name}", stored, units, compress=True)
+                put(file, f"{group}/{name}", stored, units)
         put(file, "cell/size", np.asarray(network.cell_size, float), "m")
         put(file, "cell/periodic", np.asarray(network.cell_periodic, bool), "1")
         put(file, "walls/position", np.asarray(network.wall_position, float), "m")

@@ -158,4 +158,4 @@ def write_response(
             ("chain/displacement", response.chain_displacement, "m/m"),
             ("layers/displacement", response.layer_displacement, "m/m"),
         ):
-            put(file, name, np.stack([values.real, values.imag], axis=-1), units, compress=True)
+            put(file, name, np.stack([values.real, values.imag], axis=-1), units)

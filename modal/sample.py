@@ -173,13 +173,13 @@ def write_sample(path: str | Path, sample: Sample) -> None:
         file.attrs.update(radius=sample.radius, friction=sample.friction)
         material = sample.material
         file.attrs.update(young=material.young, poisson=material.poisson, density=material.density)
-        put(file, "particles/position", sample.position, "m", compress=True)
+        put(file, "particles/position", sample.position, "m")
         put(file, "cell/side", np.asarray(sample.side, float), "m")
         put(file, "walls/position", np.asarray(sample.walls, float), "m")
         for name, (dataset, units) in _OPTIONAL.items():
             data = getattr(sample, name)
             if data is not None:
-                put(file, dataset, data, units, compress=np.ndim(data) == 2)
+                put(file, dataset, data, units)
         file.create_group("study").attrs.update(sample.study)
         file.create_group("provenance").attrs.update(sample.provenance)
 

@@ -100,7 +100,7 @@ def write_signals(path: str | Path, signals: Signals, made: Provenance | None = 
             if value is None and name in _OPTIONAL:
                 continue
             data = np.asarray(value).astype(np.float64 if kind == "f" else np.int32)
-            put(file, dataset, data, units, compress=data.ndim == 2)
+            put(file, dataset, data, units)
         if signals.balance:
             file.create_group("balance").attrs.update(signals.balance.attributes())
 

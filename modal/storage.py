@@ -1,7 +1,8 @@
 """HDF5 files that are complete or absent: written under a temporary name, then renamed.
 
 All of a file carries checksums, so that a bit that has flipped is noticed when the file is read:
-the data by HDF5's fletcher32 filter, names, shapes and attributes by the format of HDF5 1.10.
+the data by HDF5's fletcher32 filter and zlib's, names, shapes and attributes by the format of
+HDF5 1.10.
 Files of other programs, with or without, are read alike.
 """
 
@@ -136,13 +137,13 @@ def _refuse_endless_heap(path: Path) -> None:
             at = raw.find(_HEAP, at + 8)
 
 
-def put(
-    file: h5py.File | h5py.Group, name: str, data: np.ndarray, units: str, *, compress: bool = False
-) -> None:
-    """Write one dataset with its units; `compress` for the large ones."""
-    options = {"fletcher32": True} if np.size(data) > 0 else {}
-    if compress and options:
-        options |= {"compression": "gzip", "shuffle": True}
+def put(file: h5py.File | h5py.Group, name: str, data: np.ndarray, units: str) -> None:
+    """Write one dataset with its units.
+
+    Compressed even where it is small: fletcher32 takes 0xFFFF for zero, zlib's Adler-32 does not.
+    """
+    checked = {"fletcher32": True, "compression": "gzip", "shuffle": True}
+    options = checked if np.size(data) > 0 else {}
     file.create_dataset(name, data=data, **options).attrs["units"] = units
 
 

@@ -295,6 +295,26 @@ def test_wrong_contents_are_refused_in_one_line(kind, sound, tmp_path):
     assert not faults
 
 
+@pytest.mark.parametrize("kind", ["signals", "modes"])
+def test_zeros_that_became_ones_are_noticed(kind, sound, tmp_path):
+    """A sum of 16-bit words modulo 65535, as HDF5's own checksum, takes 0xFFFF for zero."""
+    path, whole = tmp_path / FILES[kind], (sound / FILES[kind]).read_bytes()
+    reading = READERS[kind](sound / FILES[kind])
+    zeros = [at for at in range(0, len(whole) - 4, 2) if whole[at : at + 4] == bytes(4)]
+    chosen = np.random.default_rng(5).permutation(zeros)[:100]
+
+    def work(number: int) -> str:
+        at = chosen[number]
+        path.write_bytes(whole[:at] + b"\xff" * 4 + whole[at + 4 :])
+        try:
+            return "same" if same(READERS[kind](path), reading) else f"SILENT at {at}"
+        except InputError:
+            return "refused"
+
+    found = Counter(result for _, result in damage.in_child(work, range(400), tmp_path / "log"))
+    assert set(found) <= {"refused", "same"}, found
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", READERS)
 def test_two_thousand_damaged_files(kind, sound, tmp_path):
