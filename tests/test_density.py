@@ -14,6 +14,7 @@ from modal.__main__ import main
 from modal.assembly import mass_diagonal, stiffness_matrix
 from modal.density import DensityOfStates, density_of_states
 from modal.network import write_network
+from modal.operator import ContactOperator
 from modal.random_packing import random_network
 from modal.storage import InputError
 
@@ -187,12 +188,40 @@ def test_command_and_file(tmp_path, capsys):
         assert file["frequency"].attrs["units"] == "Hz"
 
 
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_products_are_those_made(tolerance, monkeypatch):
+    """By random vectors, and for the whole spectrum; one more is timed beforehand."""
+    made = []
+
+    class Counting(ContactOperator):
+        def accumulate(self, u, out, factor=1.0):
+            made.append(u.size // self.shape[0])
+            return super().accumulate(u, out, factor)
+
+    monkeypatch.setattr("modal.density.ContactOperator", Counting)
+    states = density_of_states(gallery.fcc(3, 8), resolution=5e3, tolerance=tolerance)
+    assert states.products + 1 == sum(made)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_a_single_negative_direction_is_refused(tolerance):
+    """One normal spring that pushes away: exactly one eigenvalue is below zero."""
+    network = gallery.fcc(3, 8)
+    network.stiffness_normal[100] *= -20
+    square = np.linalg.eigvalsh(stiffness_matrix(network).toarray())
+    assert square[0] < -1e-2 * square[-1] and square[1] > 0
+    with pytest.raises(InputError, match="negative direction"):
+        density_of_states(network, resolution=5e3, tolerance=tolerance)
+
+
 def test_bad_input():
     network = gallery.column(3)
     for wrong in (
         {"resolution": 0},
         {"resolution": np.nan},
         {"tolerance": 2},
+        {"tolerance": 1.0},
+        {"tolerance": 0.0},
         {"resolution": 1e-9},
     ):
         with pytest.raises(InputError):

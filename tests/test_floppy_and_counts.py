@@ -255,6 +255,7 @@ def test_a_count_gives_the_memory_of_its_factor_back(solver, monkeypatch):
     monkeypatch.setattr("modal.inertia.factorise", noted)
     problem = Eigenproblem.of(gallery.fcc(4, 8), solver=solver)
     assert problem.size > SMALL
+    assert count_below(problem, 0.0) == count_below(problem, -5e4) == 0
     assert count_below(problem, 5e4) == int((frequency_of(dense_squares(problem)) < 5e4).sum())
     assert not kept
 

@@ -70,6 +70,8 @@ def test_few_values_take_as_many_products():
     for end in (top_of_spectrum, bound_of_spectrum):
         assert end(Diagonal(SPECTRA["two values"])) == (pytest.approx(9 / 0.98, rel=1e-12), 2)
         assert end(Diagonal(np.zeros(20))) == (0.0, 1)
+    # Two values of either sign, whose mean is near zero.
+    assert bound_of_spectrum(Diagonal([-1.0, 1.0] * 25)) == (pytest.approx(1 / 0.98), 2)
 
 
 def test_bound_takes_the_products_of_its_theorem():
@@ -127,6 +129,15 @@ class Linear:
     def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Shape (squares, times)."""
         return (self.at_zero + self.slope * square)[:, None] * time
+
+
+def test_a_record_of_its_end_alone_is_as_exact():
+    """Two times instead of three hundred: the orders follow the duration, not the record."""
+    long, short = (propagate(gallery.fcc(2, 30), 3e-4, interval=dt) for dt in (1e-6, 3e-4))
+    end = long.signals.chain_displacement[-1]
+    # The tolerance times some hundred coefficients.
+    found = short.signals.chain_displacement[-1]
+    assert abs(found - end).max() < 1e-7 * abs(end).max()
 
 
 def test_expansion_of_a_line_has_two_coefficients():
