@@ -14,11 +14,13 @@ from modal.network import read_network
 from modal.preparation.protocol import SETTLED
 from modal.sample import read_sample, sample_of_network
 from modal.signals import read_signals
+from modal.source import Pulse
+from modal.statistics import stress_tensor
+from modal.wave import propagate
 
 ROOT = Path(__file__).resolve().parents[1]
 CHAIN = "mu_comp spheres width seed highest\n0.4 400 4.2 1 1e5\n"
 CASES = "case mu_comp mu_wave stress input_frequency fraction passage\n30 0.4 0.5 1e5 1e5 0.2 1.3\n"
-STRESS = 1e5
 
 
 def start(script: str, table: str, folder: Path) -> subprocess.Popen:
@@ -62,8 +64,12 @@ def test_states_have_their_stress(products):
     for stress in (1e3, 1e4, 1e5):
         sample = read_sample(products / "chain_mu0.4" / f"{stress:g}Pa.sample.h5")
         found = [sample.study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")]
-        if stress == STRESS:
-            assert found == pytest.approx([stress] * 3, rel=5e-3)
+        # The file's forces give the stresses that the run has seen, but for the last step's motion.
+        rebuilt = np.diag(stress_tensor(sample.network()))
+        assert found == pytest.approx(rebuilt, rel=SETTLED[0])
+        if stress > 1e3:  # there a packing of friction may run out of patience
+            assert sample.study["settled"]
+            assert found == pytest.approx([stress] * 3, rel=SETTLED[0])
         error, residual = sample.study["stress_error"], sample.study["unbalanced"]
         assert error == pytest.approx(max(abs(np.array(found) / stress - 1)), abs=1e-12)
         # Whoever's patience ended first is marked.
@@ -111,15 +117,28 @@ def test_network_from_the_compact_form_is_the_exported_one(products):
 
 
 def test_wave_arrives_through_the_random_packing(products):
-    """Every layer moves, the first one as far as the wall does, and the receiver wall feels it."""
+    """Layers and walls as the linear wave of the very network moves and pushes them.
+
+    Exact tangent, at YADE's times. What is left is the law's bend at 5 nm on overlaps of some
+    0.36 um, 1 %, and the leapfrog at 0.2 of its limit: some 0.2^2 / 24 of the phase of the
+    highest frequencies. 3 % for layer means, which cover the whole sample, and both walls.
+    """
     network, highest = products / "case30.network.h5", products / "case30.highest.modes.h5"
     assert main(["modes", str(network), "--highest", "1", "-o", str(highest)]) == 0
     run("wave", CASES, products)
     signals = read_signals(products / "case30.signals.h5")
-    top = abs(signals.layer_displacement).max(axis=0)
-    assert 0.3 * 5e-9 < top[0] < 2 * 5e-9
-    assert (top > 0).all()
-    assert abs(signals.receiver_stress).max() > 0
+    linear = propagate(
+        read_network(network),
+        signals.time[-1],
+        motion=Pulse(signals.amplitude, signals.input_frequency),
+        interval=signals.time[1],
+        pre_stress="full",
+    ).signals
+    assert linear.time == pytest.approx(signals.time)
+    for name in ("layer_displacement", "source_stress", "receiver_stress"):
+        seen, wanted = getattr(signals, name), getattr(linear, name)
+        error = np.linalg.norm(seen - wanted, axis=0) / np.linalg.norm(wanted, axis=0)
+        assert np.max(error) < 0.03, name
 
 
 def test_killed_chain_goes_on_and_ends_the_same(tmp_path, products):
