@@ -45,7 +45,9 @@ def _advance_some(
             work = twist * (w + 0.5 * dt * twist)
             twist *= slower if work > 0 else (faster if work < 0 else 1.0)
             velocity[i, 3 + axis] = w + dt * twist
-        largest = max(largest, apart)
+        # What is no number stays in sight.
+        if largest == largest and not apart <= largest:
+            largest = apart
     return largest
 
 
@@ -128,12 +130,13 @@ class Dynamics:
         )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
+        if not largest < radius**2:
+            raise InputError(
+                f"a sphere moves by more than its radius in one step of {dt:.3g} s: the motion is "
+                "unstable; take a smaller fraction"
+            )
         # The list holds while (D + skin) * least stretch - 2 u >= D; so it does for the walls.
         within = (1 + contacts.skin) * min(1.0, self._stretch.min())
-        if not np.isfinite(largest):
-            raise InputError(
-                f"the motion is not finite at a time step of {dt:.3g} s; take a smaller fraction"
-            )
         self._far = not within - np.sqrt(largest) / radius >= 1
 
     def find_forces(self, dt: float) -> None:
