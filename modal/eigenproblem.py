@@ -24,6 +24,11 @@ TOGETHER = 24
 """Modes that are measured together: bounds the memory."""
 LARGEST_SHAPES = 2e9
 """Bytes of mode shapes up to which they are kept: about 1,200 modes of 35,201 spheres."""
+COUNTED = 1e-11
+"""Error of the omega^2 that a count refers to, relative to A's largest diagonal entry; round-off of
+a factor is mostly a tenth of it."""
+BLUR = 1e-9, 1e-6
+"""Least and largest relative distance in frequency that is left for it."""
 _OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 
 
@@ -88,6 +93,11 @@ class Eigenproblem:
         A = self.assembled()
         sizes = sp.csr_matrix((abs(A.data), A.indices, A.indptr), A.shape)
         return float((sizes @ np.ones(self.size)).max())
+
+    def blur(self, square: float) -> float:
+        """Relative distance within which a count cannot tell frequencies near omega^2 apart."""
+        share = COUNTED * self.diagonal.max() / abs(square) if square else np.inf
+        return float(np.clip(share, *BLUR))
 
     @property
     def resolution(self) -> float:
@@ -215,13 +225,15 @@ def found_modes(
 
 
 def certificate(missing: int, because: str = "") -> dict[str, Any]:
-    """Attributes that say whether a list is complete, how many modes it lacks, and `because`.
+    """Attributes that say whether a list is complete, and how many modes it lacks.
 
-    Without modes missing, a text says why the list may still not be the one that was asked for.
+    `because` says why no count was made. A `missing` below zero is a count that contradicts.
     """
-    if missing:
-        because = f"{missing} modes are missing: they did not converge" + because
-    attributes = {"certified": not because, "missing": missing}
+    if missing > 0:
+        because = f"{missing} modes are missing: they did not converge"
+    if missing < 0:
+        because = f"{-missing} more modes were found than the exact count allows"
+    attributes = {"certified": not because, "missing": max(missing, 0)}
     return attributes | ({"uncertified_because": because} if because else {})
 
 

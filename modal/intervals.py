@@ -27,8 +27,8 @@ SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
 SLICE = 300
 """Modes that one factorisation is asked for; wider intervals are cut by exact counts."""
-EDGE = 1e-6
-"""Relative distance within which two frequencies may be one, degenerate or unresolved."""
+NARROW = 1e-6
+"""Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
 
 
 def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
@@ -45,24 +45,14 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
         return _lowest_by_slices(problem, count)
     sigma = -SHIFT * problem.diagonal.max()
     search = Search(problem, sigma, definite=True)
-    missing, going = count, True
-    while missing > 0 and going:
-        going = search.ask(missing)
-        missing = count - len(search.square)
-        if missing <= 0:
-            # The list is complete if nothing below its top is missing; the top itself may be one
-            # of several equal frequencies, of which only some were asked for.
-            search.release()
-            edge = frequency_of(np.sort(search.square)[count - 1 : count])[0] * (1 - EDGE)
-            found = int((frequency_of(search.square) < edge).sum()) + floppy
-            missing = count_below(problem, edge) - found
+    missing = search.complete(count, 1, lambda edge: count_below(problem, edge) - floppy)
     if len(search.square) == 0:
         raise InputError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
             "below round-off; ask for --highest, or --between further up"
         )
     modes = search.modes(0.0, np.inf, f"lowest {count}")
-    modes = subset(modes, slice(0, max(0, count - missing)), f"lowest {count}")
+    modes = subset(modes, slice(0, count - max(missing, 0)), f"lowest {count}")
     modes.attributes |= certificate(missing)
     return modes
 
@@ -100,7 +90,7 @@ def _cut(
     frequencies that cannot be cut stays whole.
     """
     wanted = below[high] - below[low]
-    if wanted <= SLICE or high - low < EDGE * high:
+    if wanted <= SLICE or high - low < NARROW * high:
         return [(low, high)] if wanted else []
     middle = float(np.cbrt((low**3 + high**3) / 2))
     below[middle] = count_below(problem, middle)
@@ -123,13 +113,9 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int)
     if not interior:
         sigma = -SHIFT * problem.diagonal.max()
     search = Search(problem, sigma, definite=not interior)
-    elastic = problem.size - problem.floppy.total
-    missing, going = wanted, True
-    while missing > 0 and going:
-        ask = min(missing, elastic - len(search.square))
-        going = ask > 0 and search.ask(ask)
-        frequency = frequency_of(search.square)
-        missing = wanted - int(((frequency >= low) & (frequency < high)).sum())
+    missing = search.gather(
+        wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
+    )
     modes = search.modes(low, high, f"{low:g} {high:g}", of)
     modes.attributes |= certificate(missing)
     return modes

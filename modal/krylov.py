@@ -1,4 +1,4 @@
-"""Block Lanczos for the modes nearest a shift: several solves at once, zero modes held out.
+"""Block Lanczos for the modes nearest a shift, or from the top, with known modes held out.
 
 The eigenvalues of (A - sigma)^-1 that are largest in size belong to the modes nearest sigma. A
 direct solver answers a block of right-hand sides for a third of the price of single ones, and a
@@ -20,32 +20,39 @@ from modal.progress import progress
 BLOCK = 12
 """Right-hand sides of one solve."""
 TOLERANCE = 1e-10
-"""Residual of (A - sigma)^-1 at which a mode counts as converged, relative to its eigenvalue. That
-of A relative to omega^2 was up to 50 times as large for the lowest 100 of 35,201 spheres."""
+"""Residual at which a mode counts as converged, relative to its eigenvalue: of (A - sigma)^-1, or
+of A for the highest modes. The error of omega^2 - sigma, or omega^2, is then no larger relative to
+it. After solves the residual of A, which a `ModeSet` states, may be |A| / omega^2 times as large;
+it was 50 times for the lowest 100 of 35,201 spheres."""
+WIDTH_ABOVE = 4
+"""Columns of a block from the top, where products cost less than the basis."""
 ROWS = 4096
 """Rows of the basis that are combined together."""
 SEED = 20170729
 """The same start every time, so that the same network gives the same digits."""
 
 
-def start_block(size: int, width: int) -> np.ndarray:
-    """Shape (size, width): the start of every iteration."""
-    return np.random.default_rng(SEED).standard_normal((size, width))
+def start_block(size: int, width: int, round: int = 0) -> np.ndarray:
+    """Shape (size, width): the start of an iteration. The modes of one frequency that a block does
+    not see are orthogonal to it: the next `round` needs another."""
+    return np.random.default_rng(SEED + round).standard_normal((size, width))
 
 
-def _orthonormal(block: np.ndarray, basis: np.ndarray, held: Held) -> tuple:
+def _orthonormal(
+    block: np.ndarray, basis: np.ndarray, held: Held, *, anew: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q, V^T block and R of block = V (V^T block) + Q R, the held-out modes taken away.
 
     In exact arithmetic the last two blocks of V are all that the block has in common with it, so
     they go first; what round-off brought back of the others is then small, and one pass over all
     of V leaves the block orthogonal to round-off. Where nothing is left of a column, Q goes on in
-    a direction that round-off chose, and a degenerate frequency shows more of its modes. The block
-    is overwritten.
+    a direction that round-off chose, and a degenerate frequency shows more of its modes. The first
+    block of a basis that began `anew` has something of every column. The block is overwritten.
     """
     width = block.shape[1]
     within = np.zeros((basis.shape[1], width))
     coupling = np.eye(width)
-    for first in (max(0, basis.shape[1] - 2 * width), 0):
+    for first in (0 if anew else max(0, basis.shape[1] - 2 * width), 0):
         held.take_out_of(block)
         inside = basis[:, first:].T @ block
         block -= basis[:, first:] @ inside
@@ -68,22 +75,23 @@ class Held:
         block -= self.found @ (self.found.T @ block)
 
     @property
-    def count(self) -> int:
-        """Number of held modes."""
-        return self.null.shape[1] + self.found.shape[1]
+    def free(self) -> int:
+        """Dimensions that are left."""
+        return self.found.shape[0] - self.null.shape[1] - self.found.shape[1]
 
 
 @dataclass
 class Nearest:
-    """Modes nearest a shift: omega^2 (k,) ascending, unit vectors (size, k), solves spent.
+    """Modes nearest a shift, or the top: omega^2 (k,) ascending, unit vectors (size, k).
 
-    converged (k,) bool: residual of (A - sigma)^-1 below `TOLERANCE` of its eigenvalue.
+    converged (k,) bool: residual below `TOLERANCE` of the eigenvalue; products: solves, or products
+    with A, spent on single vectors.
     """
 
     square: np.ndarray
     vector: np.ndarray
     converged: np.ndarray
-    solves: int
+    products: int
 
 
 def modes_nearest(
@@ -97,12 +105,14 @@ def modes_nearest(
 
     `solve` applies (A - sigma)^-1 to (size, k). The basis grows to 5 count + 40 blocks at most.
     """
-    free = size - held.count
+    free = held.free
     width = min(BLOCK, max(1, free // 8))
     limit = min(5 * count + 40 * BLOCK, free)
     basis = np.empty((size, limit + width), order="F")
     projected = np.zeros((limit + width, limit + width))
-    basis[:, :width] = _orthonormal(start_block(size, width), basis[:, :0], held)[0]
+    basis[:, :width] = _orthonormal(
+        start_block(size, width, held.found.shape[1]), basis[:, :0], held
+    )[0]
     dimension = width
     look = 2 * count
     for _ in progress(limit // width, "Lanczos"):
@@ -126,9 +136,61 @@ def modes_nearest(
     square = sigma + 1 / inverse[chosen]
     order = np.argsort(square)
     mixing = vector[:, chosen[order]]
-    # Row by row in place: basis and vectors together would be the peak of the memory.
-    for first in range(0, size, ROWS):
-        rows = slice(first, first + ROWS)
-        basis[rows, : len(order)] = basis[rows, :dimension] @ mixing
+    _combine(basis, mixing)
     basis.resize((size, len(order)), refcheck=False)  # gives the rest back without a copy
     return Nearest(square[order], basis, converged[order], dimension)
+
+
+def modes_from_top(
+    apply: Callable[[np.ndarray], np.ndarray], size: int, count: int, held: Held, most: int
+) -> Nearest:
+    """The `count` largest eigenpairs of A, at best; those that converged are marked.
+
+    `apply` multiplies (size, k) by A, at most about `most` columns in all. The basis is small: when
+    it is full it begins anew with its best vectors, which keep what was learnt (thick restart:
+    K. Wu and H. Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000).
+    """
+    width = min(WIDTH_ABOVE, count)
+    limit = min(3 * count + 40, held.free)
+    kept = min((limit + count) // 3, limit - 2 * width)
+    basis = np.empty((size, limit + width), order="F")
+    projected = np.zeros((limit + width, limit + width))
+    start = start_block(size, width, held.found.shape[1])
+    basis[:, :width] = _orthonormal(start, basis[:, :0], held)[0]
+    dimension, anew, look = width, False, 2 * count
+    for step in progress(most // width + 2, "Lanczos"):
+        last = slice(dimension - width, dimension)
+        block = apply(np.ascontiguousarray(basis[:, last]))
+        block, within, coupling = _orthonormal(block, basis[:, :dimension], held, anew=anew)
+        projected[:dimension, last] = within
+        projected[last, :dimension] = within.T
+        anew, full, spent = False, dimension + width > limit, (step + 1) * width
+        if dimension >= look or full:
+            square, vector = eigh(projected[:dimension, :dimension], check_finite=False)
+            best = square[-count:]
+            residual = np.linalg.norm(coupling @ vector[-width:, -count:], axis=0)
+            converged = residual <= TOLERANCE * abs(best)
+            if (converged.all() or spent >= most) and len(best) == count:
+                break
+            look = dimension + (limit - kept) // 3
+        if full:
+            _combine(basis[:, :dimension], vector[:, -kept:])
+            projected[:] = 0
+            projected[range(kept), range(kept)] = square[-kept:]
+            dimension, anew = kept, True
+            look = 0
+        basis[:, dimension : dimension + width] = block
+        dimension += width
+    _combine(basis[:, :dimension], vector[:, -count:])
+    return Nearest(best, basis[:, :count].copy(order="F"), converged, spent)
+
+
+def _combine(basis: np.ndarray, mixing: np.ndarray) -> None:
+    """The first columns of `basis` become basis @ `mixing`; the others lose their meaning.
+
+    Row by row in place: basis and vectors together would be the peak of the memory.
+    """
+    dimension, count = mixing.shape
+    for first in range(0, len(basis), ROWS):
+        rows = slice(first, first + ROWS)
+        basis[rows, :count] = basis[rows, :dimension] @ mixing

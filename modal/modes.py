@@ -1,7 +1,7 @@
 """All modes of a packing, or the highest (Otsubo et al. 2017, Eq. 1).
 
 Small networks are dense; a laterally periodic crystal is block-diagonalised by its translations;
-the top of the spectrum goes to ARPACK. The low end and intervals: `modal.intervals`.
+the highest modes come from block Lanczos. The low end and intervals: `modal.intervals`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
-from scipy.sparse.linalg import eigsh
 
 from modal.eigenproblem import (
     SMALL,
@@ -24,16 +23,15 @@ from modal.eigenproblem import (
     shapes_left_out,
     subset,
 )
-from modal.krylov import start_block
+from modal.inertia import count_below
 from modal.mode_set import ModeSet
 from modal.resonance import chi_z, particle_motion, planar_resonances, rotation_share
+from modal.search import SearchFromTop
 from modal.storage import InputError
 from modal.symmetry import LateralTranslations, lateral_translations, symmetry_blocks
 
 DENSE_LIMIT = 6000
 """Degrees of freedom up to which the dense solver (0.9 GB, about a minute) is used."""
-RESIDUAL = 1e-9
-"""Of the highest modes, relative to omega^2."""
 
 
 def all_modes(problem: Eigenproblem) -> ModeSet:
@@ -147,19 +145,33 @@ def _shapes_of_waves(
     return shapes
 
 
-def highest_modes(problem: Eigenproblem, count: int) -> ModeSet:
-    """The `count` highest modes, by ARPACK on products with A alone."""
+def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) -> ModeSet:
+    """The `count` highest modes, from products with A as long as these converge.
+
+    Certified: the exact count above the lowest of them is that of the modes found. It takes a
+    factorisation, which costs more than a few modes; without `certify` it is left out.
+    """
     check_count(problem, count, problem.size)
     if problem.size <= SMALL or count > problem.size // 4:
         top = slice(problem.size - count, problem.size)
         return dense_modes(problem, lambda frequency: top, f"highest {count}")
-    start = start_block(problem.size, 1)[:, 0]
-    # A basis of half of ARPACK's usual size takes more products, which cost less than the basis.
-    square, vector = eigsh(
-        problem.operator, k=count, ncv=2 * count + 10, which="LA", v0=start, tol=RESIDUAL
-    )
-    order = np.argsort(square)
-    vector = vector[:, order]
-    modes = found_modes(problem, square[order], vector, f"highest {count}", "arpack")
-    modes.attributes |= certificate(0, "the highest modes are not counted")
+    search = SearchFromTop(problem)
+    because = "" if certify else "the exact count was left out (--uncertified)"
+
+    def above(edge: float) -> int:
+        nonlocal because
+        try:
+            return problem.size - count_below(problem, edge)
+        except InputError as error:
+            because = f"no exact count: {error}"
+            return 0
+
+    missing = 0 if because else search.complete(count, -1, above)
+    if because:
+        missing = search.look_again(count)
+    modes = search.modes(-np.inf, np.inf, f"highest {count}")
+    found = len(modes.frequency)
+    listed = min(found, count - max(missing, 0))
+    modes = subset(modes, slice(found - listed, found), f"highest {count}")
+    modes.attributes |= certificate(missing, because)
     return modes
