@@ -26,6 +26,8 @@ it. After solves the residual of A, which a `ModeSet` states, may be |A| / omega
 it was 50 times for the lowest 100 of 35,201 spheres."""
 WIDTH_ABOVE = 4
 """Columns of a block from the top, where products cost less than the basis."""
+ROOM = 4
+"""Dimensions from the top that are left for each mode, at least."""
 ROWS = 4096
 """Rows of the basis that are combined together."""
 SEED = 20170729
@@ -146,31 +148,31 @@ def modes_from_top(
 ) -> Nearest:
     """The `count` largest eigenpairs of A, at best; those that converged are marked.
 
-    `apply` multiplies (size, k) by A, at most about `most` columns in all. The basis is small: when
+    `apply` multiplies (size, k) by A, at most about `most` columns in all; more than `ROOM` times
+    `count` dimensions must be free. The basis is small: when
     it is full it begins anew with its best vectors, which keep what was learnt (thick restart:
     K. Wu and H. Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000).
     """
     width = min(WIDTH_ABOVE, count)
     limit = min(3 * count + 40, held.free)
-    kept = min((limit + count) // 3, limit - 2 * width)
+    kept = (limit + count) // 3
     basis = np.empty((size, limit + width), order="F")
     projected = np.zeros((limit + width, limit + width))
     start = start_block(size, width, held.found.shape[1])
     basis[:, :width] = _orthonormal(start, basis[:, :0], held)[0]
-    dimension, anew, look = width, False, 2 * count
+    dimension, anew, look = width, False, 2 * count + width
     for step in progress(most // width + 2, "Lanczos"):
         last = slice(dimension - width, dimension)
         block = apply(np.ascontiguousarray(basis[:, last]))
         block, within, coupling = _orthonormal(block, basis[:, :dimension], held, anew=anew)
-        projected[:dimension, last] = within
         projected[last, :dimension] = within.T
         anew, full, spent = False, dimension + width > limit, (step + 1) * width
-        if dimension >= look or full:
+        if dimension >= look or full or spent >= most:
             square, vector = eigh(projected[:dimension, :dimension], check_finite=False)
             best = square[-count:]
             residual = np.linalg.norm(coupling @ vector[-width:, -count:], axis=0)
             converged = residual <= TOLERANCE * abs(best)
-            if (converged.all() or spent >= most) and len(best) == count:
+            if converged.all() or spent >= most:
                 break
             look = dimension + (limit - kept) // 3
         if full:

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from modal.eigenproblem import Eigenproblem, found_modes, frequency_of
 from modal.factor import Factor, SingularError, factorise
-from modal.krylov import WIDTH_ABOVE, Held, Nearest, modes_from_top, modes_nearest
+from modal.krylov import ROOM, WIDTH_ABOVE, Held, Nearest, modes_from_top, modes_nearest
 from modal.mode_set import ModeSet
 
 ABOVE = 1e-7
@@ -134,6 +134,10 @@ class SearchFromTop(Search):
 
     def ask(self, count: int) -> bool:
         """Search `count` more below what was found; whether any converged."""
+        if np.isinf(self.sigma) and self.held().free <= ROOM * count:
+            highest = self.square.max(initial=self.problem.bound)
+            self.reach = ABOVE * highest
+            self.sigma = highest + self.reach
         if np.isfinite(self.sigma):
             return super().ask(count)
         most = PRODUCTS + PRODUCTS_EACH * count

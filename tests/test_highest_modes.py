@@ -57,13 +57,13 @@ def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
 
 
 def test_a_crystal_and_a_disordered_one_against_dense_spectra():
-    crystal = gallery.fcc(3, 24)
+    crystal = gallery.fcc(3, 14)
     factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
     disordered = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
     for network in (crystal, disordered):
         problem = Eigenproblem.of(network)
         exact = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
-        for count in (1, 7, 60):
+        for count in (1, 7, problem.size // 4):
             found = highest_modes(problem, count)
             assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
             assert found.attributes["certified"]
