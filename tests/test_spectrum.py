@@ -9,7 +9,13 @@ import pytest
 from modal import density, gallery, wave
 from modal.density import density_of_states
 from modal.operator import ContactOperator
-from modal.spectrum import GrowthError, bound_of_spectrum, top_of_spectrum, wider_top
+from modal.spectrum import (
+    LANCZOS_STEPS,
+    GrowthError,
+    bound_of_spectrum,
+    top_of_spectrum,
+    wider_top,
+)
 from modal.wave import chebyshev_moments, expansion, propagate
 
 
@@ -72,6 +78,13 @@ def test_few_values_take_as_many_products():
         assert end(Diagonal(np.zeros(20))) == (0.0, 1)
     # Two values of either sign, whose mean is near zero.
     assert bound_of_spectrum(Diagonal([-1.0, 1.0] * 25)) == (pytest.approx(1 / 0.98), 2)
+
+
+def test_an_estimate_ends_at_its_most_products():
+    """From -1 to 1 the residual falls as k^(-3/2), to 0.8 % of the top after 40 steps."""
+    top, products = top_of_spectrum(Diagonal(np.linspace(-1, 1, 3000)))
+    assert products == LANCZOS_STEPS
+    assert 1 < top < 1.03
 
 
 def test_bound_takes_the_products_of_its_theorem():

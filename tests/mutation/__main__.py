@@ -210,6 +210,10 @@ def main(arguments: list[str] | None = None) -> int:
             found[row["key"]] = row
             print(f"{number}/{len(waiting)} {mutant.path}:{mutant.line} {outcome} {by}", flush=True)
     print(report(mutants, found))
+    possible = {(m.path, m.before, m.after) for pool in pools for m in pool}
+    for path, before, after in reasons():
+        if path in {place for place, *_ in possible} and (path, before, after) not in possible:
+            print(f"equivalent.toml: no such mutant any more: {path}: {before} -> {after}")
     return 0
 
 
