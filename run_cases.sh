@@ -10,7 +10,11 @@ usage() {
   --stage NAME   only one of: state sample highest wave modes analysis
   -j N           jobs that yade-batch runs at a time (default 2)
   --dry-run      print the commands, run nothing
-Products go to products/; a finished product is not made again.
+Products go to products/. What was made with other settings, or of a file that has changed, is said
+to be stale and made again; the rest is kept (python -m analysis status lists it). A random case
+starts from its committed sample in results/samples where products/ has nothing of its own. A case
+that fails is left out from there on, the others go on; the exit status is then 1.
+YADE is the program named by the variable YADE, or the one in PATH.
 HELP
 }
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
@@ -35,12 +39,30 @@ done
 for n in "${cases[@]}"; do
     [ "$n" -ge 1 ] && [ "$n" -le 32 ] || fail "case $n: there are cases 1 to 32"
 done
+declare -A failed=()
 run() { if [ -n "$dry" ]; then echo "$*"; else "$@"; fi; }
+give_up() { # case, what is missing
+    failed[$1]=$2
+    echo "run_cases.sh: case $1: $2; going on without it" >&2
+}
+attempt() { # case, what it makes, command: the case is given up where the command fails
+    local n=$1 what=$2 status=0; shift 2
+    run "$@" || status=$?
+    [ "$status" != 130 ] || exit 130
+    # Status 3: a product that falls short of what was asked, and says so.
+    [ "$status" = 0 ] || [ "$status" = 3 ] || give_up "$n" "no $what"
+}
+alive() { # cases ...: those that have not failed
+    local n; for n in "$@"; do [ -n "${failed[$n]:-}" ] || echo "$n"; done
+}
 yade() { # options, table, script: runs the jobs, whatever its status
-    command -v yade-batch > /dev/null || [ -n "$dry" ] || fail "yade-batch is not in PATH: install yade"
-    run yade-batch "$@" || echo "run_cases.sh: yade-batch ended with status $?" >&2
+    local batch=${YADE:+$YADE-batch}; batch=${batch:-yade-batch}
+    command -v "$batch" > /dev/null || [ -n "$dry" ] ||
+        fail "$batch is not in PATH: install yade, or name it by the variable YADE"
+    run "$batch" "$@" || echo "run_cases.sh: $batch ended with status $?" >&2
 }
 file() { printf 'products/case%02d.%s.h5' "$1" "$2"; }
+committed() { printf 'results/samples/case%02d.sample.h5' "$1"; }
 column() { awk -v n="$1" -v c="$2" '$1 == n {print $c}' cases/random.table; }
 state() { # case: the state of its chain under the stress of the case
     local mu stress; mu=$(column "$1" 2) stress=$(column "$1" 4)
@@ -53,59 +75,73 @@ state() { # case: the state of its chain under the stress of the case
         printf 'products/chain_mu%s/%s' "$mu" "$(printf '%gPa.sample.h5' "$stress")"
     fi
 }
+walks() { # case: whether its chain is walked; not where there is only a sample to start from
+    [ -f "$(state "$1")" ] || ! { [ -f "$(file "$1" sample)" ] || [ -f "$(committed "$1")" ]; }
+}
+rows() { # table, wanted first columns: writes these lines to a file of their own and names it
+    local wanted=$2 copy; copy=$(mktemp products/.table.XXXXXX)
+    awk -v want=" $wanted " '/^#/ {next} /^[a-z]/ || index(want, " " $1 " ")' "$1" > "$copy"
+    echo "$copy"
+}
 batch() { # script, kind of product, table, cases ...
-    local script=$1 kind=$2 rows=$3 missing=() n table="products/$2.table"; shift 3
-    for n in "$@"; do [ -f "$(file "$n" "$kind")" ] || missing+=("$n"); done
-    [ ${#missing[@]} -gt 0 ] || return 0
-    if [ -z "$dry" ]; then
-        awk -v want=" ${missing[*]} " '/^#/ {next} /^case/ || index(want, " " $1 " ")' \
-            "$rows" > "$table"
-    fi
+    local script=$1 kind=$2 table=$3 n lines; shift 3
+    mapfile -t lines < <(alive "$@")
+    [ ${#lines[@]} -gt 0 ] || return 0
+    [ -n "$dry" ] || table=$(rows "$table" "${lines[*]}")
     yade -j "$jobs" --job-threads 1 --log "products/$kind.%.log" "$table" "$script"
     [ -z "$dry" ] || return 0
-    # yade-batch returns 0 although a job failed: what counts is the product.
-    for n in "${missing[@]}"; do
-        [ -f "$(file "$n" "$kind")" ] || { echo "case $n: no $kind; see products/$kind.*.log" >&2; exit 1; }
+    rm -f "$table"
+    # yade-batch returns 0 although a job failed: what counts is the product. The scripts keep what
+    # is current and set aside what is stale.
+    for n in "${lines[@]}"; do
+        [ -f "$(file "$n" "$kind")" ] || give_up "$n" "no $kind, see products/$kind.*.log"
     done
 }
 chains() { # the compression chains that the random cases come from
-    local n mu table=products/chains.table mus=" "
+    local n mu table=cases/chains.table mus=" " walked=()
     for n in "${random[@]}"; do
-        mu=$(column "$n" 2)
-        [ -f "$(state "$n")" ] || [[ $mus = *" $mu "* ]] || mus+="$mu "
+        walks "$n" || continue
+        walked+=("$n") mu=$(column "$n" 2)
+        [[ $mus = *" $mu "* ]] || mus+="$mu "
     done
-    [ "$mus" != " " ] || return 0
     if [[ $mus = *" 0 "* ]]; then
-        run .venv/bin/python -m modal pack -o products/chain_mu0
+        run .venv/bin/python -m modal pack -o products/chain_mu0 || [ $? != 130 ] || exit 130
     fi
     mus=${mus/ 0 / }
     if [ "$mus" != " " ]; then
-        [ -n "$dry" ] || awk -v want="$mus" '/^#/ {next} /^mu_comp/ || index(want, " " $1 " ")' \
-            cases/chains.table > "$table"
+        [ -n "$dry" ] || table=$(rows "$table" "$mus")
         yade -j "$jobs" --job-threads 1 --log "products/chain.%.log" "$table" \
             yade_scripts/chain.py
+        [ -n "$dry" ] || rm -f "$table"
     fi
     [ -z "$dry" ] || return 0
-    for n in "${random[@]}"; do
-        [ -f "$(state "$n")" ] || { echo "case $n: no state; see products/chain.*.log" >&2; exit 1; }
+    for n in "${walked[@]}"; do
+        [ -f "$(state "$n")" ] || give_up "$n" "no state, see products/chain.*.log"
     done
 }
 random_samples() { # at rest with the friction of the wave, exported by YADE with its noise
     local n
-    for n in "${random[@]}"; do
-        # Status 3: nearly at rest; the sample says how near.
-        [ -f "$(file "$n" sample)" ] || run .venv/bin/python -m modal relax "$(state "$n")" \
-            --friction "$(column "$n" 3)" -o "$(file "$n" sample)" || [ $? = 3 ]
+    for n in $(alive "${random[@]}"); do
+        if walks "$n"; then
+            attempt "$n" sample .venv/bin/python -m modal relax "$(state "$n")" \
+                --friction "$(column "$n" 3)" --if-stale -o "$(file "$n" sample)"
+        elif [ ! -f "$(file "$n" sample)" ]; then
+            run cp "$(committed "$n")" "$(file "$n" sample)"
+        fi
     done
     batch yade_scripts/export_random.py network cases/random.table "${random[@]}"
 }
 modes() { # case, kind, options
-    local out; out=$(file "$1" "$2"); local n=$1; shift 2
-    [ -f "$out" ] || run .venv/bin/python -m modal modes "$(file "$n" network)" "$@" -o "$out"
+    local n=$1 kind=$2; shift 2
+    [ -z "${failed[$n]:-}" ] || return 0
+    attempt "$n" "$kind" .venv/bin/python -m modal modes "$(file "$n" network)" "$@" \
+        --if-stale -o "$(file "$n" "$kind")"
 }
 fcc=() random=()
 for n in "${cases[@]}"; do if [ "$n" -le 4 ]; then fcc+=("$n"); else random+=("$n"); fi; done
-run ./setup.sh --extra analysis
+setup=(--extra analysis)
+case " ${stages[*]} " in *" state "* | *" sample "* | *" wave "*) ;; *) setup+=(--without-yade) ;; esac
+run ./setup.sh "${setup[@]}"
 run mkdir -p products
 for stage in "${stages[@]}"; do
     case "$stage" in
@@ -120,7 +156,13 @@ for stage in "${stages[@]}"; do
                 modes "$n" translations.modes --all --translations-only
             done
             for n in "${random[@]}"; do modes "$n" modes --lowest 100; done ;;
-        analysis) run .venv/bin/python -m analysis compare "${cases[@]}" \
-            --products products -o products/report ;;
+        analysis) mapfile -t whole < <(alive "${cases[@]}")
+            [ ${#whole[@]} = 0 ] || run .venv/bin/python -m analysis compare "${whole[@]}" \
+                --products products -o products/report || failed[comparison]="failed" ;;
     esac
 done
+if [ ${#failed[@]} -gt 0 ]; then
+    text=; for n in "${!failed[@]}"; do text+="; case $n: ${failed[$n]}"; done
+    echo "run_cases.sh: failed:${text#;}" >&2
+    exit 1
+fi

@@ -1,23 +1,45 @@
 #!/usr/bin/env bash
 # Set up what is missing: YADE, and h5py and scipy for its Python, from Debian; a virtual
 # environment in .venv.
-#   ./setup.sh [--extra analysis|test]
+#   ./setup.sh [--extra analysis|test] [--without-yade]
+# YADE is the program named by the variable YADE, the one in PATH, or Debian's.
 # Does nothing where all is there. As root or with sudo it installs; otherwise it prints the
 # exact command and ends with status 2.
 set -euo pipefail
 cd "$(dirname "$0")"
-extra=analysis
-case "${1:-}" in
-    "") ;;
-    --extra) extra=${2:?"setup.sh: --extra needs a name: analysis or test"} ;;
-    *) echo "setup.sh: unknown option $1; use --extra analysis or --extra test" >&2; exit 2 ;;
-esac
+extra=analysis need_yade=1
+while [ $# -gt 0 ]; do
+    case "$1" in
+        --extra) extra=${2:?"setup.sh: --extra needs a name: analysis or test"}; shift ;;
+        --without-yade) need_yade= ;;
+        *) echo "setup.sh: unknown option $1; use --extra analysis or --extra test" >&2; exit 2 ;;
+    esac
+    shift
+done
 
 packages=()
-[ -x /usr/bin/yade ] || packages+=(yade)
-/usr/bin/python3 -c 'import h5py' 2>/dev/null || packages+=(python3-h5py)
-# The scripts inside YADE find the recorded chain of contacts with scipy's shortest path.
-/usr/bin/python3 -c 'import scipy' 2>/dev/null || packages+=(python3-scipy)
+if [ -n "$need_yade" ]; then
+    yade=$(command -v "${YADE:-yade}" || command -v /usr/bin/yade || true)
+    if [ -z "$yade" ] && [ -n "${YADE:-}" ]; then
+        echo "setup.sh: YADE=$YADE: no such program; name another or leave it out" >&2
+        exit 2
+    fi
+    [ -n "$yade" ] || packages+=(yade)
+    # The Python that YADE's own first line names: Debian's, or that of a module or conda.
+    python=$([ -z "$yade" ] || head -c 200 "$yade" | sed -n '1s/^#! *\([^ ]*python[^ ]*\).*/\1/p')
+    python=${python:-/usr/bin/python3}
+    lacking=()
+    # The scripts inside YADE find the recorded chain of contacts with scipy's shortest path.
+    for name in h5py scipy; do
+        "$python" -c "import $name" 2>/dev/null || lacking+=("$name")
+    done
+    if [[ $python = /usr/bin/python3* ]]; then
+        packages+=("${lacking[@]/#/python3-}")
+    elif [ ${#lacking[@]} -gt 0 ]; then
+        echo "setup.sh: $python, which runs YADE, lacks ${lacking[*]}; install them there" >&2
+        exit 2
+    fi
+fi
 # An existing virtual environment needs no venv module any more.
 [ -x .venv/bin/python ] || python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv)
 if [ ${#packages[@]} -gt 0 ]; then

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from test_faults import equal, killed_again_and_again, study, undisturbed
 
+from modal.provenance import packing_of, read_provenance
+
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = """case mu_comp mu_wave stress input_frequency width layers
 2 0 0.1 1e5 1e5 3 20
@@ -127,3 +129,54 @@ def test_products_folder_that_is_a_file(start):
     (folder / "products").write_text("")
     status, error = outcome(folder)
     assert status != 0 and len(error) == 1 and "products" in error[0]
+
+
+def test_case_that_fails_does_not_keep_the_others_from_going_on(start):
+    """Case 1 is too narrow for YADE; case 2 gets its products, and the last line names case 1."""
+    folder = copy_of(start, "one_fails")
+    narrow = TABLE.splitlines()[1].replace("2 0 0.1 1e5 1e5 3", "1 0 0.1 1e5 1e5 2")
+    (folder / "cases/fcc.table").write_text(f"{TABLE}{narrow}\n")
+    command = ["./run_cases.sh", "--case", "1", "2", "--stage"]
+    for stage, status, made in (("sample", 1, "network"), ("highest", 1, "highest.modes")):
+        run = subprocess.run([*command, stage], cwd=folder, capture_output=True, text=True)
+        assert run.returncode == status
+        last = run.stderr.strip().splitlines()[-1]
+        assert last.startswith(f"run_cases.sh: failed: case 1: no {made}") and "case 2" not in last
+        assert (folder / f"products/case02.{made}.h5").is_file()
+    assert not list((folder / "products").glob(".table.*"))
+
+
+def test_changed_table_makes_the_products_again(reference):
+    """Another stress in the table: network, modes and signals follow it, each saying why."""
+    folder = copy_of(reference[0], "changed")
+    table = folder / "cases/fcc.table"
+    table.write_text(TABLE.replace("0.1 1e5", "0.1 2e5"))
+    status, error = outcome(folder)
+    assert status == 0
+    assert "stress was 100000.0, is 200000.0" in (folder / "products/network.2.log").read_text()
+    assert "stale, packing was case02.network.h5 (" in "\n".join(error)
+    network = packing_of(folder / "products/case02.network.h5")
+    for kind in ("highest.modes", "signals", "modes", "translations.modes"):
+        path = folder / f"products/case02.{kind}.h5"
+        assert read_provenance(path).packing[0] == network[0]
+
+
+def test_committed_sample_spares_the_chain(start):
+    """`--case 30` begins at results/samples, but with a state of one's own at that."""
+    folder = copy_of(start, "committed")
+    shutil.copy(ROOT / "cases/random.table", folder / "cases")
+    (folder / "results/samples").mkdir(parents=True)
+    sample = folder / "results/samples/case30.sample.h5"
+
+    def planned() -> str:
+        command = ["./run_cases.sh", "--case", "30", "--dry-run"]
+        run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+        return run.stdout
+
+    assert "chain.py" in planned()
+    sample.write_text("")
+    assert "chain.py" not in planned() and f"cp results/samples/{sample.name}" in planned()
+    state = folder / "products/chain_mu0.4/100000Pa.sample.h5"
+    state.parent.mkdir(parents=True)
+    state.write_text("")
+    assert "modal relax products/chain_mu0.4/100000Pa.sample.h5" in planned()

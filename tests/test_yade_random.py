@@ -1,6 +1,7 @@
 """A small random packing in YADE, driven by yade-batch: chain, kill and resume, rest, export."""
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -12,10 +13,12 @@ import pytest
 from modal.__main__ import main
 from modal.network import read_network
 from modal.preparation.protocol import SETTLED
+from modal.provenance import packing_of
 from modal.sample import read_sample, sample_of_network
 from modal.signals import read_signals
 from modal.source import Pulse
 from modal.statistics import stress_tensor
+from modal.storage import sha256
 from modal.wave import propagate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -91,6 +94,30 @@ def test_relaxed_packing_is_at_rest_in_yade(products):
     network = read_network(products / "case30.network.h5")
     assert network.study["unbalanced"] < 2e-9
     assert network.study["noise_layer"] < 1e-3 * 5e-9
+
+
+def test_export_leaves_the_sample_as_it_was(products):
+    """A step that rewrote its input would be stale by its own doing; the network has the noise."""
+    sample = read_sample(products / "case30.sample.h5")
+    assert not [name for name in sample.study if name.startswith("noise")]
+    network = products / "case30.network.h5"
+    digest = sha256(products / "case30.sample.h5")
+    assert read_network(network).provenance["parent_sha256"] == digest
+    assert [source.sha256 for source in packing_of(network)] == [sha256(network), digest]
+    before = network.stat().st_mtime_ns
+    assert "already there" in run("export_random", CASES, products)
+    assert network.stat().st_mtime_ns == before
+
+
+def test_sample_out_of_balance_or_of_other_settings_is_not_exported(products, tmp_path):
+    """The chain's state has its stress within 0.3 %, and net forces of 1e-3 of the contacts'."""
+    state = products / "chain_mu0.4" / "100000Pa.sample.h5"
+    shutil.copy(state, tmp_path / "case30.sample.h5")
+    log = run("export_random", CASES, tmp_path)
+    assert "error: " in log and "its friction is 0.4, the table of cases has 0.5" in log
+    log = run("export_random", CASES.replace("0.4 0.5", "0.4 0.4"), tmp_path)
+    assert "error: " in log and "bring it to rest with modal relax" in log
+    assert not (tmp_path / "case30.network.h5").exists()
 
 
 def test_no_sphere_misses_its_wall(products):
