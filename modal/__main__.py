@@ -126,7 +126,6 @@ def _solve(problem: Eigenproblem, options: argparse.Namespace) -> ModeSet:
 def _info(options: argparse.Namespace) -> dict[str, Any]:
     network = read_packing(options.network)
     touching = contacts_per_particle(network)
-    friction = network.study.get("mu_wave")
     floppy = Eigenproblem.of(network).floppy
     if options.layers:
         write_profile(options.layers, profile(network))
@@ -136,7 +135,7 @@ def _info(options: argparse.Namespace) -> dict[str, Any]:
         "wall_contacts": int(network.with_wall.sum()),
         "length_m": network.length,
         "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
-        **summary(network, None if friction is None else float(friction)),
+        **summary(network, network.noted("mu_wave")),
         **plausibility(network),
         "degrees_of_freedom": 6 * network.n_particles,
         "floppy_modes": floppy.total,

@@ -90,10 +90,8 @@ def _check_particles(network: Network, name: str) -> None:
     factor = np.maximum(density / median, median / density)
     fault = f"is {DENSITY:g} times lighter or heavier for its radius than the median of all"
     refuse(factor > DENSITY, name, "particle", fault)
-    stated = network.study.get("density")
-    if not isinstance(stated, int | float | np.number) or not 0 < stated < np.inf:
-        return
-    if not 1 / STATED_DENSITY < median / stated < STATED_DENSITY:
+    stated = network.noted("density")
+    if stated is not None and not 1 / STATED_DENSITY < median / stated < STATED_DENSITY:
         raise InputError(
             f"{name}: masses and radii give {median:.4g} kg/m^3, the group study says "
             f"{stated:.4g}; give mass in kg and radius in m"

@@ -123,6 +123,13 @@ class Network:
             )
         return data
 
+    def noted(self, name: str) -> float | None:
+        """The positive number that the free notes in `study` give under this name, or None."""
+        said = self.study.get(name)
+        if isinstance(said, int | float | np.number) and 0 < said < np.inf:
+            return float(said)
+        return None
+
     def with_contacts(self, kept: np.ndarray) -> Network:
         """The same particles with the contacts that `kept` selects: (m,) bool, or indices."""
         columns = {name: getattr(self, name) for name in _CONTACTS}

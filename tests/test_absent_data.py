@@ -185,3 +185,14 @@ def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
     first, second = plain.network(), replace(plain, shear=np.zeros((contacts, 2))).network()
     assert np.array_equal(first.sliding, second.sliding)
     assert (first.sliding == (friction == 0)).all()
+
+
+@pytest.mark.parametrize("said", ["high", np.nan, [0.1, 0.2], -0.3, 0.0])
+def test_notes_that_are_no_friction_are_only_notes(said, tmp_path, capsys):
+    """Free attributes of another program: neither a traceback nor NaN in JSON."""
+    path = tmp_path / "x.network.h5"
+    network = gallery.fcc(2, 6)
+    write_network(path, replace(network, study={"mu_wave": said, "density": said}))
+    assert "largest_share_of_friction" not in printed(capsys, "info", str(path))
+    write_network(path, replace(network, study={"mu_wave": 0.3, "density": "2230"}))
+    assert printed(capsys, "info", str(path))["largest_share_of_friction"] == 0
