@@ -104,7 +104,7 @@ class Measures:
         return Estimate(float(np.mean(1 / np.array(slopes))), float(np.std(1 / np.array(slopes))))
 
     def of_balance(self, name: str) -> float:
-        """A number of the energy balance of the DEM run; NaN without one."""
+        """A number of the energy balance of the YADE run; NaN without one."""
         record = self.case.signals
         books = None if record is None else record.balance
         return np.nan if books is None else float(getattr(books, name))
@@ -156,7 +156,7 @@ class Measures:
     def static(self) -> float:
         """V_P, m/s, of the springs under a steady push: no wave, no estimator of one.
 
-        NaN for samples too short to have a bulk.
+        NaN for samples too short to have a bulk, or whose springs do not hold all of it.
         """
         try:
             return static_velocity(self.case.network)[0]

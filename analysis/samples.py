@@ -115,7 +115,7 @@ def _velocity(network: Network) -> float | None:
     try:
         return static_velocity(network)[0]
     except InputError:
-        return None  # too short a packing has no bulk
+        return None  # too short for a bulk, or with parts that nothing holds
 
 
 def stages(path: str | Path) -> list[list[str]]:

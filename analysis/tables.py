@@ -81,11 +81,11 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...]
     ("f_max, kHz", lambda m: m.f_max / 1e3),
     ("gain at its first maximum, at a resolution", lambda m: m.gain_height),
     ("first gain maximum over f_1", lambda m: m.gain_place),
-    ("DEM, energy drift after the pulse", lambda m: m.of_balance("drift")),
-    ("DEM, limit of the drift (none where contacts slid)", lambda m: m.of_balance("limit")),
-    ("DEM, energy to friction after the pulse", lambda m: m.of_balance("friction")),
-    ("DEM, contacts opened", lambda m: m.of_balance("opened")),
-    ("DEM, contacts slid", lambda m: m.of_balance("slid")),
+    ("YADE, energy drift after the pulse", lambda m: m.of_balance("drift")),
+    ("YADE, limit of the drift (none where contacts slid)", lambda m: m.of_balance("limit")),
+    ("YADE, energy to friction after the pulse", lambda m: m.of_balance("friction")),
+    ("YADE, contacts opened", lambda m: m.of_balance("opened")),
+    ("YADE, contacts slid", lambda m: m.of_balance("slid")),
 )
 """Heading, and how it is measured."""
 
