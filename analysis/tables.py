@@ -98,7 +98,7 @@ def in_khz(found: Plateau) -> Estimate:
 def number(found: float | Estimate | str, digits: int = 4) -> str:
     """A value, to the first digit of its uncertainty where there is one, else to `digits`.
 
-    Empty where there is no value.
+    Counts are whole; empty where there is no value.
     """
     if isinstance(found, str):
         return found
@@ -106,7 +106,7 @@ def number(found: float | Estimate | str, digits: int = 4) -> str:
     if not np.isfinite(value):
         return ""
     if not (np.isfinite(error) and error > 0):
-        return f"{value:.{digits}g}"
+        return f"{value:.0f}" if value == round(value) else f"{value:.{digits}g}"
     error = float(f"{error:.0e}")  # one digit, which may carry: 0.96 is 1
     places = -int(np.floor(np.log10(error)))
     return f"{round(value, places):.{max(places, 0)}f} ± {error:.{max(places, 0)}f}"

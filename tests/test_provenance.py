@@ -318,6 +318,6 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = find("2", folder)
         rows = dict(table_1([Measures(case)]).rows)
-        assert rows["DEM, contacts opened"] == "17"
-        assert float(rows["DEM, energy drift after the pulse"]) == balance.drift
+        assert rows["YADE, contacts opened"] == "17"
+        assert float(rows["YADE, energy drift after the pulse"]) == balance.drift
         assert sum("do not trust this run" in text for text in case.notes) == note
