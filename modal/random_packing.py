@@ -17,6 +17,7 @@ import numpy as np
 from modal.hertz_mindlin import RADIUS
 from modal.minimiser import STRESS_TOLERANCE, Rest, minimise
 from modal.network import Network
+from modal.provenance import STATE, Provenance, Source, is_current
 from modal.sample import Sample, read_sample, void_ratio, write_sample
 from modal.storage import InputError
 
@@ -108,7 +109,8 @@ def walk(
 
     States that are there already are kept, or brought nearer to rest where their residual exceeds
     the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
-    killed walk is continued by the same call. InputError where a state does not come to rest: the
+    killed walk is continued by the same call. States that came from another one are stale: that is
+    reported, and they are made again. InputError where a state does not come to rest: the
     best one met is then the checkpoint. Returns each stress with its file.
     """
     files = []
@@ -118,19 +120,20 @@ def walk(
         path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
         files.append((stress, path))
         limit = PEAK_TOLERANCE if number == 0 else tolerance
-        done = _saved(path, start, number)
+        made = _provenance(start, number, stress, files[-2][1] if number else None)
+        done = _saved(path, start, made, report)
         if done and _at_rest(done, stress, limit):
             sample = done
             continue
         spent = {"steps": 0, "seconds": 0.0}
-        under_way = _saved(checkpoint, start, number) or done
+        under_way = _saved(checkpoint, start, made, report) or done
         if under_way:
             sample = under_way
             spent = {name: sample.study.get(name, 0) for name in spent}
         elif number == 0:
             sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
         study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0}
-        sample = replace(sample, study=study)
+        sample = replace(sample, study=study, provenance=start.provenance | made.attributes())
         watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", spent, report)
         sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
         study |= {"residual": rest.residual, "stresses": rest.stress}
@@ -187,8 +190,17 @@ def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
     return off <= STRESS_TOLERANCE and sample.study.get("residual", np.inf) <= tolerance
 
 
-def _saved(path: Path, start: Sample, number: int) -> Sample | None:
-    """The sample in `path` if it is state `number`; InputError if it is of another study."""
+def _provenance(start: Sample, number: int, stress: float, before: Path | None) -> Provenance:
+    """What state `number` is made from: the state `before`, and the numbers of the walk."""
+    settings = start.study | {"number": number, "stress": float(stress), "peak": PEAK}
+    sources = () if before is None else (Source.of(STATE, before),)
+    return Provenance("python -m modal pack", settings, sources)
+
+
+def _saved(
+    path: Path, start: Sample, wanted: Provenance, report: Callable[[str], None]
+) -> Sample | None:
+    """The sample in `path` if it is made as wanted; InputError if it is of another study."""
     if not path.exists():
         return None
     found = read_sample(path)
@@ -198,4 +210,6 @@ def _saved(path: Path, start: Sample, number: int) -> Sample | None:
                 f"{path}: belongs to {key} {found.study.get(key)}, not {value}; "
                 "choose another folder"
             )
-    return found if found.study.get("number") == number else None
+    if found.study.get("number") != (wanted.settings or {})["number"]:
+        return None  # a checkpoint of a state that is still to come, or is over
+    return found if is_current(path, wanted, report) else None

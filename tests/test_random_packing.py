@@ -18,9 +18,10 @@ from modal.__main__ import main
 from modal.central_forces import CentralForces, NearPairs, forces_by_arrays, forces_by_loop
 from modal.geometry import periodic_pairs
 from modal.minimiser import minimise
+from modal.provenance import read_provenance
 from modal.random_packing import cloud, random_network, random_sample
 from modal.sample import read_sample, write_sample
-from modal.storage import InputError
+from modal.storage import InputError, sha256
 
 
 def _crowd(spheres=200, aspect=2.0):
@@ -211,13 +212,14 @@ def test_killed_walk_goes_on(tmp_path, capsys):
 
 def test_walk_starts_from_its_checkpoint(tmp_path):
     """A checkpoint of the state under way is taken up instead of the cloud."""
-    sample = cloud(80, 1.0, 1)
-    packed, _ = minimise(sample, 2e8, tolerance=1e-4)
-    study = {"spheres": 80, "aspect": 1.0, "seed": 1, "number": 0}
-    write_sample(tmp_path / "checkpoint.sample.h5", replace(packed, study=study))
+    peak = tmp_path / "00_200000kPa.sample.h5"
+    assert main(_pack(tmp_path)) == 0
+    packed = read_sample(peak)
+    peak.rename(tmp_path / "checkpoint.sample.h5")
     assert main(_pack(tmp_path)) == 0
     # At rest already: no step was needed.
-    assert read_sample(tmp_path / "00_200000kPa.sample.h5").study["steps"] == 0
+    assert read_sample(peak).study["steps"] == packed.study["steps"]
+    assert np.array_equal(read_sample(peak).position, packed.position)
 
 
 def test_smaller_tolerance_deepens_what_is_there(tmp_path):
@@ -227,6 +229,36 @@ def test_smaller_tolerance_deepens_what_is_there(tmp_path):
     fine = read_sample(tmp_path / "01_10000kPa.sample.h5").study
     assert fine["residual"] <= 1e-4 < rough["residual"]
     assert fine["steps"] > rough["steps"]
+
+
+def test_state_is_stale_where_the_walk_before_it_was_another(tmp_path, capsys):
+    """The second state at 1 MPa came from 10 MPa; asked for from 2 MPa it is another packing."""
+    second = tmp_path / "02_1000kPa.sample.h5"
+    assert main(_pack(tmp_path)) == 0
+    first_digest = sha256(tmp_path / "01_10000kPa.sample.h5")
+    before, written = read_sample(second).position, second.stat().st_mtime_ns
+    assert [source.sha256 for source in read_provenance(second).sources] == [first_digest]
+    assert main(_pack(tmp_path)) == 0
+    assert second.stat().st_mtime_ns == written
+    capsys.readouterr()
+    assert main(_pack(tmp_path, "--stress", "2e6", "1e6")) == 0
+    told = capsys.readouterr().err
+    assert f"stale, state was 01_10000kPa.sample.h5 ({first_digest[:8]}), is 01_2000kPa" in told
+    assert not np.array_equal(read_sample(second).position, before)
+
+
+def test_checkpoint_of_another_stress_is_not_gone_on_from(tmp_path, capsys):
+    """State 2 under way to 10 MPa is no beginning of state 2 at 1 MPa."""
+    assert main(_pack(tmp_path, "--stress", "1e7", "2e7")) == 0
+    (tmp_path / "02_20000kPa.sample.h5").rename(tmp_path / "checkpoint.sample.h5")
+    assert main(_pack(tmp_path)) == 0
+    assert "checkpoint.sample.h5: stale, stress was 20000000.0, is 1000000.0" in (
+        capsys.readouterr().err
+    )
+    again = tmp_path / "again"
+    assert main(_pack(again)) == 0
+    found, undisturbed = (read_sample(f / "02_1000kPa.sample.h5") for f in (tmp_path, again))
+    assert np.array_equal(found.position, undisturbed.position)
 
 
 @pytest.mark.parametrize(
