@@ -69,11 +69,10 @@ def pack(options: argparse.Namespace) -> dict[str, Any]:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
             raise InputError(f"{_typed(name)}: has no meaning {kind} friction; leave it out")
-    provenance = {"command": "python -m modal pack", "seed": options.seed}
     if options.friction != 0:
         study = _study_of(options)
         folder, stresses = Path(options.output), options.stress or STRESSES
-        files = compress.walk(folder, study, stresses, provenance, _say)
+        files = compress.walk(folder, study, stresses, "python -m modal pack", _say)
         settled = {str(path): bool(read_sample(path).study["settled"]) for _, path in files}
         return {"samples": {str(path): stress for stress, path in files}, "settled": settled}
     tolerance = 1e-3 if options.tolerance is None else options.tolerance
@@ -83,7 +82,7 @@ def pack(options: argparse.Namespace) -> dict[str, Any]:
     start = replace(
         start,
         study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed},
-        provenance=provenance,
+        provenance={"seed": options.seed},
     )
     files = walk(Path(options.output), start, options.stress or list(WALK), tolerance, _say)
     return {"samples": {str(path): stress for stress, path in files}}

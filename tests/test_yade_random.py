@@ -13,8 +13,8 @@ import pytest
 from modal.__main__ import main
 from modal.network import read_network
 from modal.preparation.protocol import SETTLED
-from modal.provenance import packing_of
-from modal.sample import read_sample, sample_of_network
+from modal.provenance import packing_of, read_provenance
+from modal.sample import read_sample, sample_of_network, write_sample
 from modal.signals import read_signals
 from modal.source import Pulse
 from modal.statistics import stress_tensor
@@ -184,6 +184,23 @@ def test_killed_chain_goes_on_and_ends_the_same(tmp_path, products):
     undisturbed = read_sample(products / "chain_mu0.4" / "100000Pa.sample.h5")
     assert (state.position == undisturbed.position).all()
     assert (state.shear == undisturbed.shear).all()
+
+
+def test_higher_stress_is_added_to_a_finished_chain(products, tmp_path):
+    """`highest` raised in the table: the chain goes on; a state of another study is not kept."""
+    folder = tmp_path / "chain_mu0.4"
+    shutil.copytree(products / folder.name, folder)
+    state = read_sample(folder / "100000Pa.sample.h5")
+    settings = read_provenance(folder / "100000Pa.sample.h5").settings
+    assert settings["mu_comp"] == 0.4 and settings["spheres"] == 400
+    state.study["seed"] = 2
+    write_sample(folder / "100000Pa.sample.h5", state)
+    log = run("chain", CHAIN.replace(" 1e5", " 1e6"), tmp_path)
+    assert "100000Pa.sample.h5: it belongs to another study (seed is 2, not 1)" in log
+    shutil.copy(products / folder.name / "100000Pa.sample.h5", folder)
+    run("chain", CHAIN.replace(" 1e5", " 1e6"), tmp_path)
+    higher = read_sample(folder / "1e+06Pa.sample.h5")
+    assert higher.study["stress_zz"] == pytest.approx(1e6, rel=SETTLED[0])
 
 
 def test_checkpoint_of_another_study_is_refused(products):

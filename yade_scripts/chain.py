@@ -25,11 +25,11 @@ from yade.utils import PyRunner, readParamsFromTable
 
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
-from modal.preparation.protocol import Stage, Study, stages, steps_of
+from modal.preparation.protocol import END, Stage, Study, goes_on, stages, steps_of
 from modal.sample import read_sample, write_sample
 from modal.storage import InputError
 from yade_scripts import compression
-from yade_scripts.scene import finish, products_folder
+from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell
 
 MARGIN = 0.1
@@ -82,6 +82,7 @@ def leg(sample, study):
     O.dt = stage.time_step()
     drive(stage.control, stage.control.target, n)
     resume_cell()
+    report = Report()
     seconds, steps, ended = float(before["stage_time"]), 0, False
     for _ in range(protocol.LEG):
         O.dt = stage.time_step()
@@ -93,11 +94,10 @@ def leg(sample, study):
         ended = settled or stage.impatient(seconds)
         if not np.isfinite(stage.control.stress).all():
             raise InputError(f"{stage.name}: the stress is not finite; unstable time step")
-        if sys.stdout.isatty():
-            left = (stage.patience - seconds) * (time.perf_counter() - started)
-            left /= seconds - before["stage_time"]
-            to_go = f", at most {left:.0f} s to go in this stage" if left < math.inf else ""
-            print(f"\r{progress(stage, steps)}{to_go}", end="", flush=True)
+        left = (stage.patience - seconds) * (time.perf_counter() - started)
+        left /= seconds - before["stage_time"]
+        to_go = f", at most {left:.0f} s to go in this stage" if left < math.inf else ""
+        report(f"{progress(stage, steps)}{to_go}")
         if ended:
             break
     reached = {
@@ -117,10 +117,8 @@ def leg(sample, study):
     of_stage["seconds"] = before.get(f"seconds_{name}", 0.0) + took
     cost = {"steps": before["steps"] + steps, "seconds": before["seconds"] + took}
     after.study = before | reached | cost | _of(name, of_stage)
-    after.provenance = {
-        "command": "yade_scripts/chain.py",
-        "versions": f"yade {config.version}, numpy {np.__version__}",
-    }
+    made = study.provenance("yade_scripts/chain.py", yade=config.version)
+    after.provenance = made.attributes()
     print(f", {cost['seconds']:.0f} s", flush=True)
     return after, ended
 
@@ -146,24 +144,28 @@ def main():
     study = Study(**{name: getattr(table, name) for name in vars(Study())})
     folder = products_folder() / f"chain_mu{study.mu_comp:g}"
     checkpoint = folder / "checkpoint.sample.h5"
+    names = stages(tuple(stress for stress in protocol.STRESSES if stress <= table.highest))
+    files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}
     if checkpoint.exists():
         sample = read_sample(checkpoint)
         study.refuse_other(sample.study, checkpoint)
+        sample.study["stage"] = goes_on(sample.study, files, checkpoint)
+        for path in filter(Path.exists, files.values()):
+            study.refuse_other(read_sample(path).study, path)
     else:
         sample = compacted(study)
         write_sample(checkpoint, sample)
-    names = stages(tuple(stress for stress in protocol.STRESSES if stress <= table.highest))
-    while sample.study["stage"] != "end":
+    while sample.study["stage"] != END:
         name = sample.study["stage"]
         sample, ended = leg(sample, study)
         if ended:
-            if name not in protocol.PREPARATION:
+            if name in files:
                 sample.study["stress"] = float(name)
                 # What follows brings it to rest; the checkpoint keeps the motion.
                 state = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
-                write_sample(folder / f"{name}Pa.sample.h5", state)
-                print(f"{folder / name}Pa.sample.h5: written", flush=True)
-            following = [*names, "end"][names.index(name) + 1]
+                write_sample(files[name], state)
+                print(f"{files[name]}: written", flush=True)
+            following = [*names, END][names.index(name) + 1]
             sample.study |= {"stage": following, "stage_time": 0.0}
         write_sample(checkpoint, sample)
 

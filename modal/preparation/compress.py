@@ -17,12 +17,18 @@ from typing import Any
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.dynamics import Dynamics
-from modal.preparation.protocol import ConstantRate, Servo, Stage, Study, stages, steps_of
+from modal.preparation.protocol import (
+    END,
+    ConstantRate,
+    Servo,
+    Stage,
+    Study,
+    goes_on,
+    stages,
+    steps_of,
+)
 from modal.sample import Sample, read_sample, validate, write_sample
 from modal.storage import InputError
-
-END = "end"
-"""Name of the stage after the last."""
 
 
 class Pace:
@@ -110,7 +116,7 @@ def walk(
     folder: Path,
     study: Study,
     stresses: Sequence[float],
-    provenance: dict[str, Any],
+    command: str,
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
     """Walk to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
@@ -129,15 +135,17 @@ def walk(
     if checkpoint.exists():
         sample = read_sample(checkpoint)
         study.refuse_other(sample.study, checkpoint)
-        sample.study["stage"] = _goes_on(sample.study, files, checkpoint)
+        sample.study["stage"] = goes_on(sample.study, files, checkpoint)
+        for path in filter(Path.exists, files.values()):
+            study.refuse_other(read_sample(path).study, path)
     else:
         sample = compacted(study)
-        sample.provenance = provenance
+        sample.provenance = study.provenance(command).attributes()
         write_sample(checkpoint, sample)
     while sample.study["stage"] != END:
         name = sample.study["stage"]
         sample, ended = leg(sample, study, say)
-        sample.provenance = provenance
+        sample.provenance = study.provenance(command).attributes()
         if ended:
             if name in files:
                 sample.study["stress"] = float(name)
@@ -158,29 +166,3 @@ def _short_of(study: dict[str, Any]) -> str:
         f", not settled: unbalanced {study['unbalanced']:.1e}, stresses off by "
         f"{study['stress_error']:.1e}"
     )
-
-
-def _goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> str:
-    """The stage that a walk goes on with; InputError if it has passed a stress, or heads elsewhere.
-
-    A walk that was at its end, or on its way to a stress, may be given higher ones later.
-    """
-    stage = str(study["stage"])
-    if stage in protocol.PREPARATION:
-        return stage
-    done = float(study.get("stress", -math.inf))
-    for name, path in files.items():
-        if float(name) <= done and not path.exists():
-            raise InputError(
-                f"{checkpoint}: {name} Pa lies below its present stress of {done:g} Pa; take "
-                "another folder"
-            )
-    ahead = [name for name in files if float(name) > done]
-    if stage == END:
-        return ahead[0] if ahead else END
-    if stage not in ahead:
-        raise InputError(
-            f"{checkpoint}: the walk is on its way to {stage} Pa; name this stress as well, or "
-            "take another folder"
-        )
-    return stage

@@ -15,10 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from modal.hertz_mindlin import GLASS, RADIUS, Material
+from modal.provenance import Provenance, versions
 from modal.storage import InputError
 
 HIGHEST = 0.6037
@@ -38,6 +41,8 @@ PATIENCE = 30.5
 """After which a packing that does not settle is taken as it is, and marked; 12,000 such steps. At
 1 kPa these are 6.6 of its own times, at 10 MPa 142."""
 
+END = "end"
+"""Name of the stage after the last."""
 PREPARATION = "approach", "cool", "jam"
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
 CLOUD, LOOSE = 0.2, 0.5
@@ -192,6 +197,10 @@ class Study:
         """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
         return vars(self) | {"protocol": 2}
 
+    def provenance(self, command: str, **programs: str) -> Provenance:
+        """What a state is made from: the study alone; `programs` with their versions."""
+        return Provenance(command, self.attributes, versions=versions(**programs))
+
     def refuse_other(self, found: dict, path: object) -> None:
         """InputError if a checkpoint's attributes are those of another study."""
         for name, value in self.attributes.items():
@@ -257,3 +266,29 @@ class Stage:
     def impatient(self, seconds: float) -> bool:
         """Whether the time of the stage is over, to half a check."""
         return seconds > self.patience - self.check / 2
+
+
+def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> str:
+    """The stage that a walk goes on with; InputError if it has passed a stress, or heads elsewhere.
+
+    A walk that was at its end, or on its way to a stress, may be given higher ones later.
+    """
+    stage = str(study["stage"])
+    if stage in PREPARATION:
+        return stage
+    done = float(study.get("stress", -math.inf))
+    for name, path in files.items():
+        if float(name) <= done and not path.exists():
+            raise InputError(
+                f"{checkpoint}: {name} Pa lies below its present stress of {done:g} Pa; take "
+                "another folder"
+            )
+    ahead = [name for name in files if float(name) > done]
+    if stage == END:
+        return ahead[0] if ahead else END
+    if stage not in ahead:
+        raise InputError(
+            f"{checkpoint}: the walk is on its way to {stage} Pa; name this stress as well, or "
+            "take another folder"
+        )
+    return stage
