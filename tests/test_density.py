@@ -189,6 +189,24 @@ def test_command_and_file(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_coarsest_resolution_knows_the_mean_of_omega_squared(tolerance):
+    """A width beyond the whole spectrum leaves two moments: all modes, and the trace of A."""
+    network = gallery.fcc(3, 8)
+    states = density_of_states(network, resolution=1e9, tolerance=tolerance)
+    moments, size = states.moments.sum(axis=1), 6 * network.n_particles
+    assert moments.shape[1] == 2
+    assert moments[:, 0] == pytest.approx(size, rel=1e-12)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    A = scale[:, None] * stiffness_matrix(network).toarray() * scale
+    A /= (2 * np.pi * states.highest) ** 2
+    wanted = 2 * A.trace() - size
+    np.fill_diagonal(A, 0)
+    # The standard deviation of r^T 2 A r for a vector r of signs; the mean of six has less.
+    error = 2 * np.sqrt(2) * np.linalg.norm(A) if states.random_vectors else 1e-12 * size
+    assert moments[:, 1].mean() == pytest.approx(wanted, abs=2 * error)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
 def test_products_are_those_made(tolerance, monkeypatch):
     """By random vectors, and for the whole spectrum; one more is timed beforehand."""
     made = []
