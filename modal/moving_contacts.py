@@ -89,7 +89,7 @@ class MovingContacts:
             of_wall = np.column_stack([at, np.full(len(at), code)])
             parts.append((of_wall, np.zeros((len(at), 2))))
         ends, near = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        order = np.argsort(ends[:, 0], kind="stable")
+        order = np.lexsort(ends.T[::-1])
         before_ends, before_shift = self._ends, self._shift
         self._ends, self._shift = ends[order].astype(np.int32), near[order].astype(np.int8)
         touched = self._normal.any(axis=1)

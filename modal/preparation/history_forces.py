@@ -24,7 +24,7 @@ except ImportError:
     numba = None
 prange = numba.prange if numba else range
 
-SLABS = 32
+SLABS = 16
 """At most so many: more share the work more evenly, fewer leave more to do at once."""
 TOTALS = "normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"
 """What the loops return: sums over contacts in N, numbers, and stress times volume in N m."""
