@@ -18,10 +18,10 @@ from modal.density import SCHEMA as DENSITY_SCHEMA
 from modal.density import VERSION as DENSITY_VERSION
 from modal.mode_set import ModeSet, read_modes
 from modal.network import Network
+from modal.plausibility import read_remarked
 from modal.provenance import Source, packing_of, require_same_packing
 from modal.response import SCHEMA as RESPONSE_SCHEMA
 from modal.response import VERSION as RESPONSE_VERSION
-from modal.sample import read_packing
 from modal.signals import Signals, read_signals
 from modal.source import Pulse
 from modal.storage import InputError, get, open_h5
@@ -83,7 +83,7 @@ class Products:
     @cached_property
     def network(self) -> Network:
         """Contact network."""
-        return read_packing(self.packing_path)
+        return read_remarked(self.packing_path, self.notes.append)
 
     def check(self) -> None:
         """InputError where any product at hand is of another packing."""

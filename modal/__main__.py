@@ -19,7 +19,7 @@ from modal.leapfrog import leapfrog, steps_between_records
 from modal.mode_set import ModeSet, read_modes, write_modes
 from modal.modes import all_modes, highest_modes, memory_of_all
 from modal.packing_commands import add_pack, add_relax, pack, relax_sample
-from modal.plausibility import plausibility
+from modal.plausibility import plausibility, read_remarked
 from modal.provenance import is_current, made_by
 from modal.response import frequency_response, write_response
 from modal.sample import read_packing, read_sample
@@ -145,7 +145,7 @@ def _info(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _modes(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_packing(options.network)
+    network = read_remarked(options.network, _say)
     if options.sliding == "slip":
         network = slipping(network)
     problem = Eigenproblem.of(
@@ -188,7 +188,7 @@ def _say_what_is_not(modes: ModeSet, output: str | None) -> None:
 
 
 def _count(options: argparse.Namespace) -> dict[str, Any]:
-    problem = Eigenproblem.of(read_packing(options.network), solver=options.solver)
+    problem = Eigenproblem.of(read_remarked(options.network, _say), solver=options.solver)
     counts = {}
     for typed in options.at:
         try:
@@ -204,7 +204,7 @@ def _count(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _wave(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_packing(options.network)
+    network = read_remarked(options.network, _say)
     motion = Pulse(options.amplitude, options.input_frequency)
     if options.source:
         motion = read_motion(options.source)
@@ -243,7 +243,7 @@ def _wave(options: argparse.Namespace) -> dict[str, Any]:
 
 def _response(options: argparse.Namespace) -> dict[str, Any]:
     found = frequency_response(
-        read_packing(options.network),
+        read_remarked(options.network, _say),
         highest=options.highest,
         resolution=options.resolution,
         pre_stress=options.pre_stress,

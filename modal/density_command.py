@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 import numpy as np
 
 from modal.density import density_of_states, write_density
 from modal.eigenproblem import Eigenproblem
-from modal.sample import read_packing
+from modal.plausibility import read_remarked
 from modal.storage import InputError, sha256
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
@@ -32,7 +33,7 @@ def density(options: argparse.Namespace) -> dict[str, Any]:
         at = np.array([float(typed) for typed in options.at])
     except ValueError:
         raise InputError(f"--at {' '.join(options.at)}: give frequencies in Hz") from None
-    network = read_packing(options.network)
+    network = read_remarked(options.network, lambda text: print(text, file=sys.stderr))
     floppy = Eigenproblem.of(network).floppy
     states = density_of_states(
         network,

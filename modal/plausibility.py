@@ -7,6 +7,8 @@ of stiffnesses, or a mass in another unit, shows in these numbers and nowhere el
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from modal.consistency import branches, density_of, force_ratio
 from modal.equilibrium import net_forces
 from modal.geometry import periodic_pairs
 from modal.network import Network
+from modal.sample import read_packing
 
 LAWS = {"Hertz": 2 / 3, "linear": 1.0}
 """Force over stiffness times overlap."""
@@ -51,6 +54,14 @@ def plausibility(network: Network) -> dict[str, Any]:
         _touching(network, remarks)
         told |= _stiffnesses(network, remarks) | _forces(network, remarks)
     return told | {"remarks": remarks}
+
+
+def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:
+    """The packing of a file, as `modal.sample.read_packing`; `say` is told each remark."""
+    network = read_packing(path)
+    for remark in plausibility(network)["remarks"]:
+        say(f"{path}: {remark}")
+    return network
 
 
 def _touching(network: Network, remarks: list[str]) -> None:

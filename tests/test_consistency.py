@@ -9,6 +9,7 @@ import packings
 import pytest
 
 from modal import gallery
+from modal.__main__ import main
 from modal.network import Network, read_network, validate, write_network
 from modal.plausibility import plausibility
 from modal.storage import InputError
@@ -194,6 +195,32 @@ def test_info_tells_of_what_no_check_can():
     assert plausibility(packings.cohesive())["pulling_contacts"] == 1
     low, _, high = plausibility(MIXED)["density_kg_per_m3"]
     assert (low, high) == pytest.approx((2230, 7850))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "modes --lowest 3",
+        "count --at 3e4",
+        "density --resolution 5e4 --tolerance 0.5",
+        "wave --duration 2e-5",
+        "response --highest 2e4 --resolution 1e4",
+    ],
+)
+def test_every_command_passes_the_remarks_on(command, tmp_path, capsys):
+    """On standard error, a line each, and nothing about a sound network."""
+    name, *options = command.split()
+    for network, said in (
+        (packings.sheared(), []),
+        (changed(packings.sheared(), stiffness_normal=permuted), ["follow no law"]),
+    ):
+        path = tmp_path / "some.network.h5"
+        write_network(path, network)
+        assert main([name, str(path), *options, "--json"]) == 0
+        lines = capsys.readouterr().err.splitlines()
+        remarks = [line for line in lines if line.startswith(f"{path}: ")]
+        assert bool(remarks) == bool(said)
+        assert all(any(text in line for line in remarks) for text in said)
 
 
 def test_a_column_without_a_cell_has_no_width():
