@@ -276,6 +276,15 @@ def _lattice(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def _short_of(command: str, path: str) -> dict[str, Any]:
+    """What a product that is kept fell short of when it was made: its exit status stays."""
+    if command == "modes":
+        return {"missing": int(read_modes(path).attributes.get("missing", 0))}
+    if command == "relax":
+        return {"at_rest": bool(read_sample(path).study.get("at_rest", True))}
+    return {}
+
+
 def _say(text: str) -> None:
     print(text, file=sys.stderr)
 
@@ -323,7 +332,7 @@ def main(argv: list[str] | None = None) -> int:
         if getattr(options, "if_stale", False) and is_current(
             options.output, options.made, _say, PRODUCERS[options.command]
         ):
-            result = {"current": options.output}
+            result = {"current": options.output} | _short_of(options.command, options.output)
         else:
             result = commands[options.command](options)
     except InputError as error:

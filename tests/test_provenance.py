@@ -112,6 +112,21 @@ def test_changed_source_makes_a_product_stale(network, capsys):
     assert read_provenance(path).packing[0].sha256 == new
 
 
+def test_a_kept_product_that_fell_short_keeps_its_status(network, tmp_path):
+    """Modes with some missing, a sample not at rest: status 3 the first time and every time."""
+    modes = made("modes", network)
+    with h5py.File(modes, "r+") as file:
+        file.attrs["missing"] = 2
+    arguments = ["modes", str(network), *COMMANDS["modes"], "--if-stale", "-o", str(modes)]
+    assert main(arguments) == 3
+    rested = tmp_path / "case30.sample.h5"
+    relax = ["relax", str(ROOT / "tests/data/friction150.sample.h5"), "-o", str(rested)]
+    assert main([*relax, "--tolerance", "1e-6"]) == 0
+    with h5py.File(rested, "r+") as file:
+        file["study"].attrs["at_rest"] = False
+    assert main([*relax, "--tolerance", "1e-6", "--if-stale"]) == 3
+
+
 def test_if_stale_needs_a_file(network, capsys):
     assert main(["modes", str(network), "--if-stale"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
