@@ -2,8 +2,9 @@
 
     python -m benchmarks [--quick] [NAME ...] [-o DIR]
 
-Each job prints a Markdown table and writes NAME.md, NAME.csv and its figures to DIR; README.md
-there lists them. Without names all jobs run: three minutes with --quick, forty without.
+Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
+there lists them. Without names all jobs run: three minutes with --quick, 25 without. The name
+`defaults` measures nothing: it prints what the rows in DIR say of the programs' defaults.
 """
 
 from __future__ import annotations
@@ -15,86 +16,82 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks import machine, report
+from benchmarks import defaults
+from benchmarks.harness import machine, report
 from modal.storage import InputError
 
-JOBS = (
-    "fcc_time_step",
-    "random_time_step",
-    "wave",
-    "eigensolvers",
-    "density",
-    "preparation",
-    "shortcuts",
-    "scaling",
-)
+JOBS = {
+    "wave": ("wave",),
+    "modes": ("eigensolvers", "crystal_modes"),
+    "density": ("density",),
+    "time_step": ("fcc_time_step", "random_time_step"),
+    "preparation": ("preparation", "protocol"),
+    "scaling": ("scaling", "modes_scaling"),
+}
+"""Each job and its tables, by whose names it may be called as well."""
 
 
-LONG = ("modes", "modes_scaling", "protocol", "agreement")
-"""Tables of 35,201 spheres and more, and of whole chains; run only when named."""
-
-
-def result(name: str, quick: bool, scratch: Path) -> report.Finding:
-    """Run one job."""
-    job = importlib.import_module(f"benchmarks.{name}")
-    if name == "modes":
-        return report.Finding(job.__doc__.splitlines()[0], "", job.run(quick))
-    return job.run(quick, scratch)
-
-
-def index(folder: Path) -> None:
-    """README.md: the sections that are there."""
+def index(folder: Path, quick: bool) -> None:
+    """README.md: the pages that are there, and the defaults, of which small sizes say nothing."""
     lines = [
         "# Run time against error",
         "",
         "Made by `python -m benchmarks` (`--quick` in three minutes; names pick some). Each page "
         "says on what machine. Seconds are processor time of one thread, medians of three runs; "
-        "tasks of about ten seconds and more, and those of `--quick`, run once. Each task has a "
+        "tasks of five seconds and more, and those of `--quick`, run once. Each task has a "
         "process of its own, whose peak memory is given.",
         "",
     ]
-    for name in (*JOBS, *LONG):
-        page = folder / f"{name}.md"
-        if page.exists():
-            title = page.read_text().splitlines()[0].lstrip("# ")
-            lines.append(f"- [{title}]({name}.md)")
+    for path in sorted(folder.glob("*.md")):
+        if path.name != "README.md":
+            lines.append(f"- [{path.read_text().splitlines()[0].lstrip('# ')}]({path.name})")
+    lines += [] if quick else ["", defaults.table(folder)]
     (folder / "README.md").write_text("\n".join(lines) + "\n")
+
+
+def done(name: str, quick: bool, folder: Path) -> bool:
+    """Run one job and write its page; False, after one line, if it could not be done."""
+    start = time.perf_counter()
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            page = importlib.import_module(f"benchmarks.{name}").run(quick, Path(scratch))
+        if not quick:
+            page.notes += defaults.notes(page.tables)
+    except Exception as error:  # the others are half an hour's work: none is lost to this one
+        kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+        print(f"error: {name}: {kind}{error}", file=sys.stderr, flush=True)
+        return False
+    page.notes.append(
+        f"Made by `python -m benchmarks {'--quick ' * quick}{name}` in "
+        f"{time.perf_counter() - start:.0f} s. {machine.description()}. "
+        f"Programs that wanted a core meanwhile: {machine.load():.1f} (this one included)."
+    )
+    print(report.write(page, name, folder) + "\n", flush=True)
+    index(folder, quick)
+    return True
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the jobs; returns the exit status, 2 if a job could not be done."""
-    known = (*JOBS, *LONG)
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description=__doc__.splitlines()[0]
     )
+    job_of = {name: job for job, tables in JOBS.items() for name in (job, *tables)}
+    known = (*JOBS, "defaults")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(known))
     parser.add_argument("--quick", action="store_true", help="small sizes, three minutes")
     parser.add_argument("-o", "--output", default="products/benchmarks", metavar="DIR")
     options = parser.parse_args(argv)
-    unknown = [name for name in options.names if name not in known]
+    folder = Path(options.output)
+    if options.names == ["defaults"]:
+        print(defaults.table(folder))
+        return 0
+    unknown = [name for name in options.names if name not in job_of]
     if unknown:
         parser.error(f"{unknown[0]!r} is not a job; choose from {', '.join(known)}")
-    folder, status = Path(options.output), 0
     folder.mkdir(parents=True, exist_ok=True)
-    where = machine.description()
-    for name in options.names or JOBS:
-        start = time.perf_counter()
-        try:
-            with tempfile.TemporaryDirectory() as scratch:
-                finding = result(name, options.quick, Path(scratch))
-        except Exception as error:  # the others are half an hour's work: none is lost to this one
-            kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
-            print(f"error: {name}: {kind}{error}", file=sys.stderr, flush=True)
-            status = 2
-            continue
-        finding.notes += [
-            f"Made by `python -m benchmarks {'--quick ' * options.quick}{name}` in "
-            f"{time.perf_counter() - start:.0f} s. " + "; ".join(where) + ". "
-            f"Programs that wanted a core meanwhile: {machine.load():.1f} (this one included).",
-        ]
-        print(report.write(finding, name, folder) + "\n", flush=True)
-        index(folder)
-    return status
+    jobs = dict.fromkeys(job_of[name] for name in options.names or JOBS)
+    return 0 if all([done(job, options.quick, folder) for job in jobs]) else 2
 
 
 if __name__ == "__main__":

@@ -1,247 +1,258 @@
-"""Modes of a full-size random packing: what each task costs, and what its result is worth.
+"""Modes: this program against what a user would type, in a random packing and in a crystal.
 
-    python -m benchmarks.modes [--quick] [--network FILE] [--rows NAME ...]
-
-The sample is case 6 (35,201 spheres; --quick: a packing of 300 made on the spot). Every task of the
-command line runs in a process of its own, whose seconds (without the imports) and peak memory it
-reports itself; processor time, of all threads, is that of the whole process. A task that fails says
-why in its row. --rows picks some: assembly, product, highest, lowest, lowest-scipy, count, below,
-density, crystal.
+The lowest modes of a random packing, by this program's back ends, by scipy's `eigsh` with its
+tolerances, and by dense `eigh`. The error is that of the frequencies, against those from the energy
+of the springs, which are right to more digits than K itself. Loosely held spheres make K singular:
+what that does to a solver that does not know of them is part of the comparison.
+All modes of a crystal, by its lateral symmetry and dense. What each task costs at full size:
+`python -m benchmarks scaling`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import resource
-import subprocess
-import sys
-import tempfile
-import time
-import tracemalloc
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import eigh
+from scipy.sparse.linalg import eigsh
 
-from benchmarks.report import table
+from benchmarks.harness import diagram
+from benchmarks.harness.measure import attempted, measured
+from benchmarks.harness.packing import KnownPacking, by_energy
+from benchmarks.harness.report import Page, Rows
 from modal import gallery
 from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.network import Network, write_network
-from modal.operator import ContactOperator
-from modal.random_packing import random_network
-from modal.sample import read_packing
-from modal.storage import InputError
+from modal.eigenproblem import Eigenproblem, frequency_of
+from modal.factor import SOLVERS, available, factorise
+from modal.inertia import count_below
+from modal.intervals import lowest_modes
+from modal.modes import all_modes
+from modal.network import read_network, write_network
 
-ROOT = Path(__file__).resolve().parents[1]
-SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
-LONGEST = 3600
-"""Seconds after which a task is given up."""
+TITLE = "Modes: this program against scipy's own solvers"
+SPHERES = {True: 250, False: 700}
+LAYERS = {True: (12, 40), False: (40, 200)}
+"""Layers of the 4 x 4 crystal that is compared with dense matrices, and of the long one."""
+LOWEST = 20
+TOLERANCES = {True: (1e-2, 1e-8, 0.0), False: (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 0.0)}
+SHIFT = -((2 * np.pi * 100.0) ** 2)
+"""omega^2 a little below zero that keeps the factor of a singular K finite, rad^2/s^2."""
+Task = Callable[[], list[float]]
+OWN, EIGSH = "this program", f"eigsh, sigma < 0, k = {LOWEST} + floppy"
+FAST_ENOUGH = 1.25
+"""Time over that of the fastest back end within which the program's choice is a good one."""
 
 
-def modal(*arguments: str | float | Path) -> dict[str, Any]:
-    """What one command of modal prints as JSON, and its processor time, imports included, in s.
-
-    InputError with the command's own line if it fails.
-    """
-    before = _processor_time()
-    command = [sys.executable, "-m", "modal", *map(str, arguments), "--json"]
-    try:
-        done = subprocess.run(
-            command, cwd=ROOT, capture_output=True, text=True, timeout=LONGEST, check=False
+def program(path: str, solver: str | None, count: int) -> Task:
+    """Task: this program's lowest modes, from the network to certified frequencies."""
+    network = read_network(path)
+    # Loading a back end for the first time is not part of the task.
+    for definite in (True, False):
+        factorise(
+            sp.identity(3, format="csr"), definite=definite, solver=solver if definite else None
         )
-    except subprocess.TimeoutExpired:
-        raise InputError(f"given up after {LONGEST} s") from None
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        raise InputError(last)
-    return json.loads(done.stdout) | {"processor_seconds": _processor_time() - before}
+    return lambda: lowest_modes(Eigenproblem.of(network, solver=solver), count).frequency.tolist()
 
 
-def _processor_time() -> float:
-    """Of all commands so far that have ended, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def typed(path: str, count: int, sigma: float | None, tolerance: float) -> Task:
+    """Task: eigsh(K, k, M, sigma) as one would type it; without sigma, which="SM": no factor."""
+    network = read_network(path)
+    how: dict[str, Any] = {"sigma": sigma} if sigma is not None else {"which": "SM"}
+
+    def action() -> list[float]:
+        K, M = stiffness_matrix(network).tocsc(), sp.diags(mass_diagonal(network)).tocsc()
+        square = eigsh(K, count, M, tol=tolerance, maxiter=20000, return_eigenvectors=False, **how)
+        return frequency_of(np.sort(square)).tolist()
+
+    return action
 
 
-def best_of(times: int, action: Callable[[], Any]) -> float:
-    """Shortest of several runs, s: what else the machine does only makes a run longer."""
-    seconds = []
-    for _ in range(times):
-        start = time.perf_counter()
-        action()
-        seconds.append(time.perf_counter() - start)
-    return min(seconds)
+def dense(path: str, count: int | None) -> Task:
+    """Task: eigh of the full matrices; all modes, or the lowest `count` only."""
+    network = read_network(path)
+
+    def action() -> list[float]:
+        K, M = stiffness_matrix(network).toarray(), np.diag(mass_diagonal(network))
+        subset = None if count is None else [0, count - 1]
+        return frequency_of(eigh(K, M, subset_by_index=subset, overwrite_a=True)[0]).tolist()
+
+    return action
 
 
-def _row(result: dict[str, Any], note: str) -> dict[str, Any]:
-    return {
-        "seconds": result["seconds"],
-        "processor_s": result["processor_seconds"],
-        "peak_gb": result["peak_memory_bytes"] / 1e9,
-        "result": note,
-    }
+def by_symmetry(path: str) -> Task:
+    """Task: all modes of a crystal by its lateral symmetry."""
+    network = read_network(path)
+    return lambda: all_modes(Eigenproblem.of(network)).frequency.tolist()
 
 
-def assembly(network: Network) -> dict[str, Any]:
-    """K as a sparse matrix."""
-    seconds = best_of(3, lambda: stiffness_matrix(network))
-    return {
-        "seconds": seconds,
-        "processor_s": None,
-        "peak_gb": None,
-        "result": f"{network.n_contacts} contacts",
-    }
+def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> tuple:
+    """Elastic and zero modes in a list, and the largest relative error of the wanted ones.
+
+    A frequency below half of the lowest elastic one is a zero mode. The error, of the `wanted`
+    lowest elastic modes, is None where the list holds fewer.
+    """
+    elastic = exact[floppy:]
+    listed = np.sort(np.array(found))
+    modes = listed[listed > 0.5 * elastic[0]]
+    zero = len(listed) - len(modes)
+    if len(modes) < wanted:
+        return len(modes), zero, None
+    return len(modes), zero, float(abs(modes[:wanted] / elastic[:wanted] - 1).max())
 
 
-def product(network: Network) -> dict[str, Any]:
-    """One product K u by the operator without a matrix; the memory is the operator's own."""
-    u = np.random.default_rng(1).standard_normal(6 * network.n_particles)
-    out = np.empty_like(u)
-    ContactOperator(network).apply(u, out)  # what compiling holds is not the operator's
-    tracemalloc.start()
-    operator = ContactOperator(network)
-    operator.apply(u, out)
-    held = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    seconds = best_of(50, lambda: operator.apply(u, out))
-    wanted = stiffness_matrix(network) @ u
-    error = np.linalg.norm(out - wanted) / np.linalg.norm(wanted)
-    return {
-        "seconds": seconds,
-        "processor_s": None,
-        "peak_gb": held / 1e9,
-        "result": f"relative difference from the sparse matrix {error:.1e}",
-    }
+def packing_rows(packing: KnownPacking, quick: bool) -> Rows:
+    """Every method on one random packing; where a method fails, why."""
+    floppy, exact, rows = packing.floppy, packing.exact.copy(), []
+    exact[floppy : floppy + LOWEST] = by_energy(packing.problem, floppy, LOWEST)
 
+    def add(method: str, setting: str, task: str, times: int = 1, **arguments: Any) -> None:
+        cost = attempted(
+            f"benchmarks.modes:{task}", times=times, path=str(packing.path), **arguments
+        )
+        row: dict[str, Any] = {"method": method, "setting": setting}
+        row |= dict.fromkeys(("elastic_modes", "zero_modes", "error", "seconds", "peak_mb"))
+        row["failure"] = cost.failure or None
+        if not cost.failure:
+            elastic, zero, error = compare(cost.value, exact, floppy, LOWEST)
+            row |= {"elastic_modes": elastic, "zero_modes": zero, "error": error}
+            row |= cost.cost
+            if error is None:
+                row["failure"] = f"{elastic} elastic modes, {LOWEST} wanted"
+        rows.append(row)
 
-def modes(path: Path, *choice: str | float) -> dict[str, Any]:
-    """The command `modes` with its choice of modes."""
-    found = modal("modes", path, *choice)
-    frequency, residual = found["frequency_hz"], max(found["residual"], default=0.0)
-    note = f"{len(frequency)} mode" + "s" * (len(frequency) != 1)
-    if frequency:
-        note += f" {frequency[0]:.6g} to {frequency[-1]:.6g} Hz, residual {residual:.1e}"
-    certified = "certified" if found["certified"] else "not certified"
-    return _row(found, f"{note}, {certified}, {found['solver']}")
-
-
-def count(path: Path, frequency: float) -> dict[str, Any]:
-    """One exact count."""
-    found = modal("count", path, "--at", f"{frequency:g}")
-    return _row(found, f"{found['count_below'][f'{frequency:g}']} modes below {frequency:g} Hz")
-
-
-def density(path: Path, resolution: float) -> dict[str, Any]:
-    """The density of states, against twelve exact counts over the whole spectrum."""
-    top = modal("modes", path, "--highest", 1, "--uncertified")["frequency_hz"][0]
-    at = [f"{f:.6g}" for f in np.linspace(top / 13, top * 12 / 13, 12)]
-    found = modal("density", path, "--resolution", resolution, "--at", *at)
-    exact = modal("count", path, "--at", *at)["count_below"]
-    estimated, size = found["estimated_count_below"], found["degrees_of_freedom"]
-    distance = max(abs(estimated[f] - exact[f]) for f in at) / size
-    error = max(found["standard_error"].values()) / size
-    note = f"at {resolution:g} Hz: {distance:.2%} of all modes from 12 exact counts"
-    return _row(found, f"{note} (its own standard error {error:.2%})")
-
-
-def crystal(folder: Path, layers: int) -> dict[str, Any]:
-    """All modes of a crystal by its lateral symmetry; the method against a dense slab."""
-    path = folder / "crystal.network.h5"
-    write_network(path, gallery.fcc(4, layers))
-    found = modal("modes", path, "--all")
-    frequency = np.array(found["frequency_hz"])
-    # Cuts in the middle of the widest gaps, where no cluster of equal frequencies is split.
-    widest = np.argsort(np.diff(frequency))[-3:]
-    at = [f"{(frequency[k] + frequency[k + 1]) / 2:.9g}" for k in widest]
-    exact = modal("count", path, "--at", *at)["count_below"]
-    equal = sum(int((frequency < float(f)).sum()) == exact[f] for f in at)
-    slab = gallery.fcc(4, 10)
-    write_network(path, slab)
-    by_symmetry = np.array(modal("modes", path, "--all")["frequency_hz"])
-    scale = 1 / np.sqrt(mass_diagonal(slab))
-    square = eigh(scale[:, None] * stiffness_matrix(slab).toarray() * scale, eigvals_only=True)
-    dense = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
-    error = abs(by_symmetry - dense).max() / dense.max()
-    note = f"{len(frequency)} modes, {equal} of 3 exact counts equal, slab of 10 layers {error:.1e}"
-    return _row(found, note)
-
-
-def tasks(network: Network, path: Path, folder: Path, quick: bool) -> dict[str, tuple]:
-    """Name -> (what, at most, how), in the order of the table."""
-    few, low, layers = (20, 6e4, 20) if quick else (100, 2e4, 200)
-    lowest = f"lowest {few} elastic modes"
-    return {
-        "assembly": ("assembly of K", "1.0 s", partial(assembly, network)),
-        "product": ("product K u, one core", "3 ms, 20 MB", partial(product, network)),
-        "highest": ("highest mode", "1 s", partial(modes, path, "--highest", 1, "--uncertified")),
-        "lowest": (lowest, "120 s, 3 GB", partial(modes, path, "--lowest", few)),
-        "lowest-scipy": (
-            f"{lowest}, scipy alone",
-            "12 min, 6 GB",
-            partial(modes, path, "--lowest", few, "--solver", "banded"),
-        ),
-        "count": ("one exact count", "12 s", partial(count, path, low)),
-        "below": (f"all modes below {low:g} Hz", "8 min", partial(modes, path, "--below", low)),
-        "density": ("density of states", "20 s, 0.5 %", partial(density, path, 2e3)),
-        "crystal": (
-            f"all modes of FCC 4x4x{layers}",
-            "10 s, 1e-9",
-            partial(crystal, folder, layers),
-        ),
-    }
-
-
-def run(
-    quick: bool = False, network_file: str | None = None, chosen: list[str] | None = None
-) -> list[dict[str, Any]]:
-    """Rows of the table; a task that fails has its reason as result."""
-    rows = []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        path = folder / "packing.network.h5"
-        if network_file is None and quick:
-            network = random_network(300, 1e5, seed=1, aspect=5.0)
-        else:
-            network = read_packing(network_file or SAMPLE)
-        write_network(path, network)
-        everything = tasks(network, path, folder, quick)
-        for key in chosen or everything:
-            what, at_most, action = everything[key]
-            try:
-                measured = action()
-            except InputError as error:
-                measured = dict.fromkeys(("seconds", "processor_s", "peak_gb"))
-                measured["result"] = f"failed: {error}"
-            rows.append({"what": what, "at most": at_most, **measured})
-            print(f"{what}: {measured['result']}", file=sys.stderr, flush=True)
+    times, all_low = 1 if quick else 3, LOWEST + floppy
+    for solver in (None, *filter(available, SOLVERS)):
+        name = f"{OWN}, {solver}" if solver else OWN
+        add(name, f"{LOWEST} elastic modes", "program", times, solver=solver, count=LOWEST)
+    for name, sigma in (("eigsh, sigma = 0", 0.0), ("eigsh, sigma < 0", SHIFT)):
+        add(name, f"k = {LOWEST}", "typed", count=LOWEST, sigma=sigma, tolerance=0.0)
+    for tolerance in TOLERANCES[quick]:
+        setting = {"count": all_low, "sigma": SHIFT, "tolerance": tolerance}
+        add(EIGSH, f"tol = {tolerance:g}", "typed", times, **setting)
+    if not quick:
+        setting = {"count": all_low, "sigma": None, "tolerance": 1e-6}
+        add("eigsh, which = SM", "tol = 1e-06", "typed", **setting)
+    add("eigh, all modes", "", "dense", count=None)
+    add("eigh, lowest only", "", "dense", count=all_low)
     return rows
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Print the table; returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a packing of 300 spheres")
-    parser.add_argument("--network", metavar="FILE", help="this sample or network instead")
-    names = [
-        "assembly",
-        "product",
-        "highest",
-        "lowest",
-        "lowest-scipy",
-        "count",
-        "below",
-        "density",
-        "crystal",
+def crystal_rows(folder: Path, quick: bool) -> Rows:
+    """All modes of 4 x 4 crystals: errors over the highest frequency, miscounts over all modes."""
+    path, (short, long) = str(folder / "crystal.network.h5"), LAYERS[quick]
+    write_network(path, gallery.fcc(4, short))
+    whole = measured("benchmarks.modes:dense", path=path, count=None)
+    blocks = measured("benchmarks.modes:by_symmetry", path=path)
+    network = gallery.fcc(4, long)
+    write_network(path, network)
+    large = measured("benchmarks.modes:by_symmetry", path=path)
+    apart = abs(np.array(blocks.value) - whole.value).max() / max(whole.value)
+    # Cuts in the middle of the widest gaps, where no cluster of equal frequencies is split.
+    frequency, problem = np.array(large.value), Eigenproblem.of(network)
+    cuts = [frequency[k : k + 2].mean() for k in np.argsort(np.diff(frequency))[-3:]]
+    wrong = max(abs(count_below(problem, f) - int((frequency < f).sum())) for f in cuts)
+    return [
+        {"method": method, "layers": layers, "checked by": check, "error": float(error), **run.cost}
+        for method, layers, check, error, run in (
+            ("dense", short, "", 0.0, whole),
+            ("by symmetry", short, "dense", apart, blocks),
+            ("by symmetry", long, "three exact counts", wrong / len(frequency), large),
+        )
     ]
-    parser.add_argument("--rows", nargs="+", choices=names, help="only these")
-    options = parser.parse_args(argv)
-    print(table(run(options.quick, options.network, options.rows)))
-    return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def run(quick: bool, folder: Path) -> Page:
+    """A random packing and a crystal."""
+    packing = KnownPacking.of(SPHERES[quick], folder)
+    tables = {
+        "eigensolvers": packing_rows(packing, quick),
+        "crystal_modes": crystal_rows(folder, quick),
+    }
+    bound = round_off(packing)
+    task = (
+        f"The {LOWEST} lowest elastic modes of a {packing}. From the contact network to the "
+        "frequencies, assembly included. The error is the largest of the wanted frequencies, "
+        "against the energy of the springs; `zero_modes` says how many floppy ones a method lists "
+        f"with them (k = {LOWEST} + floppy: it is told how many there are). Only this program "
+        f"counts the modes afterwards, which is in its time. Lowest mode "
+        f"{packing.exact[packing.floppy]:.0f} Hz, highest {packing.exact[-1]:.0f} Hz: round-off in "
+        f"K can shift the lowest by half the unit times their ratio squared, {bound:.1e}. Then all "
+        "modes of crystals."
+    )
+    label = {"error": "relative error of the frequencies (-)"}
+    figure = diagram.work_precision(tables["eigensolvers"], label)
+    said = notes(tables["eigensolvers"]) + crystal_notes(tables["crystal_modes"])
+    return Page(TITLE, task, tables, said, {"eigensolvers": figure})
+
+
+def round_off(packing: KnownPacking) -> float:
+    """Relative shift of the lowest elastic frequency by round-off in K."""
+    ratio = packing.exact[-1] / packing.exact[packing.floppy]
+    return float(np.finfo(float).eps * ratio**2 / 2)
+
+
+def trend(rows: Rows) -> tuple[float, float] | None:
+    """Slope of log error over log tolerance, and its standard error; None below four points."""
+    known = [(float(row["setting"].removeprefix("tol = ")), row["error"]) for row in rows]
+    known = [(tolerance, error) for tolerance, error in known if tolerance > 0 and error]
+    if len(known) < 4:
+        return None
+    x, y = np.log(np.array(known)).T
+    fit, covariance = np.polyfit(x, y, 1, cov=True)
+    return float(fit[0]), float(np.sqrt(covariance[0, 0]))
+
+
+def choice(rows: Rows) -> tuple[float, str]:
+    """Time of the program's own choice over that of its fastest back end, and which that is."""
+    ends = [row for row in rows if row["method"].startswith(f"{OWN}, ") and row.get("seconds")]
+    best = min(ends, key=lambda row: row["seconds"])
+    return rows[0]["seconds"] / best["seconds"], best["method"].removeprefix(f"{OWN}, ")
+
+
+def notes(rows: Rows) -> list[str]:
+    """Where the errors stop, what the floppy modes do, and what each method costs."""
+    known = [row for row in rows if row.get("error") is not None]
+    own = [row["error"] for row in known if row["method"].startswith(OWN)]
+    eigsh_rows = [row for row in known if row["method"] == EIGSH]
+    errors = [row["error"] for row in eigsh_rows]
+    said = [f"{OWN.capitalize()}: errors of {min(own):.1e} to {max(own):.1e} with its back ends."]
+    if errors:
+        text = f"{EIGSH}: errors of {min(errors):.1e} to {max(errors):.1e}"
+        slope = trend(eigsh_rows)
+        if slope is not None:
+            shown = "" if abs(slope[0]) > 2 * slope[1] else ", which shows no trend"
+            text += f"; they go as tol^({slope[0]:.2f} ± {slope[1]:.2f}){shown}"
+        said.append(text + ".")
+    for row in rows:
+        if row.get("failure"):
+            zero = f"lists {row['zero_modes']:.0f} floppy modes; " if row.get("zero_modes") else ""
+            said.append(f"{row['method']}, {row['setting']}: {zero}{row['failure']}.")
+    floppy = max(row["zero_modes"] for row in known)
+    loose = [row for row in known if row["zero_modes"] not in (0, floppy)]
+    if loose:
+        said.append(
+            f"Of {floppy:.0f} zero modes {len(loose)} runs of eigsh list only some, "
+            + ", ".join(f"{row['zero_modes']:.0f} ({row['setting']})" for row in loose)
+            + ": a single start vector need not see all modes of one frequency."
+        )
+    for name in dict.fromkeys(row["method"] for row in known[1:]):
+        last = [row for row in known if row["method"] == name][-1]
+        said.append(
+            f"{name}: {last['seconds'] / rows[0]['seconds']:.2g} times the seconds of this "
+            f"program's own choice, {last['peak_mb'] / rows[0]['peak_mb']:.2g} times its memory."
+        )
+    return said
+
+
+def crystal_notes(rows: Rows) -> list[str]:
+    """What symmetry saves, and that nothing is lost by it."""
+    whole, blocks, large = rows
+    return [
+        f"All modes of 4 x 4 x {blocks['layers']} spheres by symmetry: dense matrices take "
+        f"{whole['seconds'] / blocks['seconds']:.3g} times as long, frequencies are within "
+        f"{blocks['error']:.0e}; {large['layers']} layers take {large['seconds']:.3g} s, exact "
+        f"counts are off by {large['error']:.0e} of all modes."
+    ]

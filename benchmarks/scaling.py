@@ -1,68 +1,67 @@
-"""Seconds and bytes against the number of spheres, with exponents and the limit of the memory bus.
+"""Seconds and bytes against the number of spheres and of modes, and the limit of the memory bus.
 
-Samples are the lower parts of the packing of case 6, up to the whole, and three copies of it side
-by side. What a product K u has to read, over the bytes a second that the memory delivers in this
-very run, is the least time that it can take: the limit drawn. Only what a cache holds can be
-faster.
+Smaller packings are the lower parts of the sample of case 6, so they stay as slender; larger ones
+are the sample repeated sideways. What a product K u has to read, over the bytes a second that the
+memory delivers in this very run, is the least time that it can take: the limit drawn. Only what a
+cache holds can be faster.
 """
 
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks import diagram, machine, yade_job
-from benchmarks.measure import attempted, measured
-from benchmarks.modes import SAMPLE
-from benchmarks.modes_scaling import exponent, resized
-from benchmarks.report import Finding
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.factor import factorise
+from benchmarks.harness import diagram, machine, yade
+from benchmarks.harness.diagram import exponent
+from benchmarks.harness.measure import attempted, measured
+from benchmarks.harness.packing import resized, sample_or_small
+from benchmarks.harness.report import Page, Rows
+from modal import gallery
+from modal.assembly import stiffness_matrix
+from modal.density import density_of_states
+from modal.eigenproblem import Eigenproblem
+from modal.inertia import count_below
+from modal.intervals import lowest_modes, modes_between
+from modal.modes import highest_modes
 from modal.network import Network, read_network, write_network
 from modal.operator import ContactOperator
-from modal.random_packing import random_network
-from modal.sample import Sample, read_packing, write_sample
+from modal.sample import Sample, write_sample
 from modal.storage import InputError
 from modal.wave import propagate
 
-TITLE = "Scaling: seconds and bytes against the number of spheres"
-SIZES = {True: (125, 250, 500), False: (1_000, 3_000, 10_000, 35_201, 105_603)}
-FACTORED_AT_MOST = 40_000
-"""Spheres up to which K is factorised: three times as many need 6 GB and most of a minute."""
+TITLE = "Scaling: seconds and bytes against the number of spheres and of modes"
+SIZES = {True: (125, 250, 500), False: (1_000, 6_000, 35_201, 105_603, 985_628)}
+MODES = {True: (5, 20), False: (10, 30, 100)}
+"""Numbers of lowest modes of the whole sample."""
+BAND = {True: (2e4, 3e4), False: (1.9e4, 2e4)}
+"""Ends, Hz, of the interval whose modes are all found."""
+ASSEMBLED, FACTORED = 150_000, 40_000
+"""Spheres up to which K is assembled (three times as many: 10 GB), and up to which it is factorised
+(three times as many: 7 GB and minutes)."""
 DURATION = {True: 6e-5, False: 6e-4}
 STEPS = 30
 """YADE steps that are timed."""
 PRODUCTS = 400_000
 """Products that are timed together, times the number of spheres; at least 20."""
-SHIFT = 1e-7
-"""Shift below zero, over the largest diagonal entry, that keeps the factor definite."""
+COUNT_AT, RESOLUTION, FEW = 2e4, 1e4, 10
+"""Hz of the exact count; Hz of the density of states; lowest modes against the size."""
 
 
-def assembly(path: str) -> Callable[[], int]:
-    """Task: K as a sparse matrix; returns its nonzeros."""
-    network = read_network(path)
-    return lambda: int(stiffness_matrix(network).nnz)
+def compile_loop() -> None:
+    """What compiling takes and holds is no part of a task."""
+    ContactOperator(gallery.column(2)).apply(np.ones(12))
 
 
-def _scaled(network: Network) -> sp.csr_matrix:
-    scale = sp.diags(1 / np.sqrt(mass_diagonal(network)))
-    matrix = (scale @ stiffness_matrix(network) @ scale).tocsr()
-    shift = SHIFT * matrix.diagonal().max()
-    return (matrix + shift * sp.identity(matrix.shape[0], format="csr")).tocsr()
-
-
-def factor(path: str) -> Callable[[], str]:
-    """Task: factor of K, definite by a shift; returns the back end."""
-    matrix = _scaled(read_network(path))
-    factorise(sp.identity(3, format="csr"), definite=True)  # loads the back end
-    return lambda: factorise(matrix, definite=True).solver
+def nothing() -> Callable[[], None]:
+    """Task: what the interpreter and the imports hold."""
+    compile_loop()
+    return lambda: None
 
 
 def repetitions(spheres: int) -> int:
@@ -89,11 +88,11 @@ def products(path: str, compiled: bool) -> Callable[[], float]:
             return float(moved)
 
         return by_matrix
+    compile_loop()
     tracemalloc.start()
     operator = ContactOperator(network)
     held = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
-    operator.apply(u, out)  # compiles the loop
 
     def by_contacts() -> float:
         for _ in range(times):
@@ -103,150 +102,173 @@ def products(path: str, compiled: bool) -> Callable[[], float]:
     return by_contacts
 
 
-def wave(path: str, duration: float) -> Callable[[], int]:
-    """Task: the linear wave; returns the number of products."""
+def density(network: Network) -> str:
+    """The density of states, floppy modes split off; its products."""
+    zero_modes = Eigenproblem.of(network).floppy.basis
+    states = density_of_states(network, resolution=RESOLUTION, zero_modes=zero_modes)
+    return f"{states.products} products"
+
+
+def modes(network: Network, which: str, limits: Sequence[float], solver: str | None = None) -> str:
+    """The highest or lowest modes, or all between two frequencies; how they were found."""
+    top = partial(highest_modes, certify=False)
+    find = {"highest": top, "lowest": lowest_modes, "between": modes_between}[which]
+    found = find(Eigenproblem.of(network, shapes=False, solver=solver), *limits)
+    exact = "certified" if found.attributes["certified"] else "not certified"
+    last, solver = found.frequency[-1], found.attributes["solver"]
+    return f"{len(found.frequency)} modes to {last:.0f} Hz, {exact}, {solver}"
+
+
+ACTIONS: dict[str, Callable[..., str]] = {
+    "assembly": lambda network: f"{stiffness_matrix(network).nnz} nonzeros",
+    "wave": lambda network, duration: f"{propagate(network, duration).products} products",
+    "density": density,
+    "count": lambda network, at: f"{count_below(Eigenproblem.of(network), at)} modes",
+    "modes": modes,
+}
+"""What is done with a network; returns what the table says of the result."""
+
+
+def act(path: str, action: str, **given: Any) -> Callable[[], str]:
+    """Task: one of `ACTIONS`."""
+    compile_loop()
     network = read_network(path)
-    propagate(network, 1e-5)  # compiles the loop
-    return lambda: propagate(network, duration, tolerance=1e-8).products
+    return lambda: ACTIONS[action](network, **given)
 
 
-def nothing() -> Callable[[], None]:
-    """Task: what the interpreter and the imports hold."""
-    return lambda: None
+def curves(n: int, quick: bool) -> dict[str, dict[str, Any]]:
+    """Name -> what is given to `act`, or to `products`, for a packing of n spheres."""
+    few: dict[str, Any] = {"action": "modes", "which": "lowest", "limits": [FEW]}
+    tasks: dict[str, dict[str, Any]] = {
+        "product K u, contacts": {"compiled": True},
+        f"linear wave, {1e3 * DURATION[quick]:g} ms": {
+            "action": "wave",
+            "duration": DURATION[quick],
+        },
+        "highest mode": {"action": "modes", "which": "highest", "limits": [1]},
+        f"density, {RESOLUTION / 1e3:g} kHz": {"action": "density"},
+    }
+    if n <= ASSEMBLED:
+        tasks |= {"product K u, CSR": {"compiled": False}, "assembly of K": {"action": "assembly"}}
+    if n <= FACTORED:
+        tasks["one exact count"] = {"action": "count", "at": COUNT_AT}
+        tasks |= {
+            f"lowest {FEW} modes": few,
+            f"lowest {FEW}, scipy alone": few | {"solver": "banded"},
+        }
+    return tasks
 
 
-def lower_part(network: Network) -> Sample:
-    """Spheres and walls of a network for YADE, which finds the contacts itself."""
-    return Sample(network.position, network.cell_size[:2], network.wall_position, friction=0.1)
+class Sweep:
+    """Measures tasks on the network of one file."""
 
+    def __init__(self, folder: Path, quick: bool, bandwidth: float) -> None:
+        self.path, self.quick, self.bandwidth = folder / "scaling.network.h5", quick, bandwidth
+        self.bare = measured("benchmarks.scaling:nothing", times=3).peak_mb
 
-def _empty(curve: str, spheres: int) -> dict[str, Any]:
-    return {"curve": curve, "x": spheres, "seconds": None, "mb": None}
-
-
-def yade_rows(network: Network, folder: Path) -> list[dict[str, Any]]:
-    """A step under compression and a step of a wave."""
-    path = folder / "scaling.sample.h5"
-    write_sample(path, lower_part(network))
-    rows = []
-    for name, wave_step in (("YADE, sample step", False), ("YADE, wave step", True)):
-        row = _empty(name, network.n_particles)
-        try:
-            run = yade_job.measured(
-                "steps",
-                folder,
-                sample=str(path),
-                kind="wave" if wave_step else "sample",
-                stress=1e5,
-                steps=STEPS,
-                collider="asleep" if wave_step else "when needed",
-                rotations=True,
-                output=None,
-            )
-            rows.append(row | {"seconds": run.seconds, "mb": run.value["scene_mb"]})
-        except InputError as error:
-            rows.append(row | {"failure": str(error)})
-    return rows
-
-
-def modal_rows(
-    network: Network, folder: Path, quick: bool, bare: float, bandwidth: float
-) -> list[dict[str, Any]]:
-    """Assembly, factor, products with their limits, and the linear wave."""
-    path, n, rows = folder / "scaling.network.h5", network.n_particles, []
-    write_network(path, network)
-    tasks: list[tuple[str, str, dict[str, Any]]] = [
-        ("assembly of K", "assembly", {}),
-        ("factor of K", "factor", {}),
-        ("product K u, contacts", "products", {"compiled": True}),
-        ("product K u, CSR", "products", {"compiled": False}),
-        (f"linear wave, {1e3 * DURATION[quick]:g} ms", "wave", {"duration": DURATION[quick]}),
-    ]
-    for curve, task, arguments in tasks:
-        if task == "factor" and n > FACTORED_AT_MOST:
-            continue
-        times = 1 if quick or task == "wave" else 3
-        run = attempted(f"benchmarks.scaling:{task}", times=times, path=str(path), **arguments)
-        row = _empty(curve, n)
+    def row(self, curve: str, x: int, given: dict[str, Any]) -> dict[str, Any]:
+        """One point; of a product, the bytes that it moves and the time they need on the bus."""
+        task = "act" if "action" in given else "products"
+        times = 3 if task == "products" and not self.quick else 1
+        run = attempted(f"benchmarks.scaling:{task}", times=times, path=str(self.path), **given)
+        row: dict[str, Any] = {"curve": curve, "x": x, "seconds": None, "mb": None}
         if run.failure:
-            row["failure"] = run.failure
-        elif task == "products":
-            row["seconds"] = run.seconds / repetitions(n)
-            row["seconds_limit"] = run.value / bandwidth
-            row["mb"] = run.value / 1e6
-        else:
-            row |= {"seconds": run.seconds, "mb": max(run.peak_mb - bare, 1e-3)}
-            row["result"] = run.value
-        rows.append(row)
+            return row | {"result": run.failure}
+        if task == "products":
+            limit = {"seconds_limit": run.value / self.bandwidth}
+            return row | limit | {"seconds": run.seconds / repetitions(x), "mb": run.value / 1e6}
+        mb = max(run.peak_mb - self.bare, 1e-3)
+        return row | {"seconds": run.seconds, "mb": mb, "result": run.value}
+
+
+def yade_rows(network: Network, folder: Path) -> Rows:
+    """A step under compression and a step of a wave; YADE finds the contacts itself."""
+    path, rows = folder / "scaling.sample.h5", []
+    cell = network.cell_size[:2], network.wall_position
+    write_sample(path, Sample(network.position, *cell, friction=0.1))
+    for curve, wave_step in (("YADE, sample step", False), ("YADE, wave step", True)):
+        row: dict[str, Any] = {"curve": curve, "x": network.n_particles, "seconds": None}
+        try:
+            setting = {"wave": wave_step, "stress": 1e5, "steps": STEPS}
+            run = yade.measured("steps", folder, sample=str(path), **setting)
+            rows.append(row | {"seconds": run.seconds, "mb": run.value})
+        except InputError as error:
+            rows.append(row | {"mb": None, "result": str(error)})
     return rows
 
 
-def run(quick: bool, folder: Path) -> Finding:
-    """Every size."""
-    sample = random_network(500, 1e5, seed=1, aspect=5.0) if quick else read_packing(SAMPLE)
+def run(quick: bool, folder: Path) -> Page:
+    """Every size, then every number of modes of the whole sample."""
+    sample = sample_or_small(500, quick)
     rates = machine.bandwidth(32.0 if quick else 256.0)
-    bare = measured("benchmarks.scaling:nothing", times=3).peak_mb
-    rows = []
+    sweep, rows = Sweep(folder, quick, max(rates.values())), []
     for size in SIZES[quick]:
         network = resized(sample, size)
-        if yade_job.available():
+        n = network.n_particles
+        if yade.available() and n <= ASSEMBLED:
             rows += yade_rows(network, folder)
-        rows += modal_rows(network, folder, quick, bare, max(rates.values()))
-    curves = list(dict.fromkeys(row["curve"] for row in rows))
-    rows.sort(key=lambda row: curves.index(row["curve"]))
+        write_network(sweep.path, network)
+        del network
+        rows += [sweep.row(curve, n, given) for curve, given in curves(n, quick).items()]
+    names = list(dict.fromkeys(row["curve"] for row in rows))
+    rows.sort(key=lambda row: names.index(row["curve"]))
+    write_network(sweep.path, sample)
+    n, (low, high) = sample.n_particles, BAND[quick]
+    lowest = {"action": "modes", "which": "lowest"}
+    name = f"lowest modes of {n} spheres"
+    over = [sweep.row(name, number, lowest | {"limits": [number]}) for number in MODES[quick]]
+    between = {"action": "modes", "which": "between", "limits": [low, high]}
+    found = sweep.row(f"all modes from {low:g} to {high:g} Hz", 0, between)
+    over.append(found | {"x": int(found["result"].split()[0]) if found["seconds"] else None})
     task = (
-        "Memory is what a task needs beyond the bare interpreter; of a product, the bytes that it "
-        "has to move. `seconds_limit` is those bytes over the bandwidth of this run, "
+        "Processor time of one thread. Memory is what a task needs beyond the bare interpreter; of "
+        "a product, the bytes that it has to move. `seconds_limit` is those bytes over the "
+        "bandwidth of this run, "
         + ", ".join(f"{name} {rate / 1e9:.1f} GB/s" for name, rate in rates.items())
-        + " on one core. Exponents are fitted to the larger half of the points. x: spheres."
+        + " on one core. x: spheres; modes in the second table. From the whole sample on it is "
+        "repeated sideways: its length stays, its cross-section grows. Exponents are fitted to the "
+        "larger half of the points."
     )
-    return Finding(TITLE, task, rows, notes(rows), {"scaling": draw(rows)})
+    tables = {"scaling": rows, "modes_scaling": over}
+    figures = {"scaling": draw(rows, "number of spheres"), "modes_scaling": draw(over, "modes")}
+    return Page(TITLE, task, tables, notes(rows, "n") + notes(over, "k"), figures)
 
 
-def draw(rows: list[dict[str, Any]]) -> Figure:
-    """Seconds, with the limits of the products, and megabytes."""
+def draw(rows: Rows, x_label: str) -> Figure:
+    """Seconds, with the limits of the products, and megabytes; exponents in the legend."""
     figure, axes = diagram.panels(1, 2, width=4.6, height=3.9)
-    curves = list(dict.fromkeys(row["curve"] for row in rows))
+    names = list(dict.fromkeys(row["curve"] for row in rows))
     for ax, quantity, label in (
         (axes[0, 0], "seconds", "processor time (s)"),
         (axes[0, 1], "mb", "memory (MB)"),
     ):
-        for k, curve in enumerate(curves):
+        for k, curve in enumerate(names):
             own = [row for row in rows if row["curve"] == curve]
             slopes = (exponent(own, "seconds"), exponent(own, "mb"))
             name = f"{curve}: " + ", ".join("-" if s is None else f"{s:.2f}" for s in slopes)
             diagram.curve(ax, own, "x", quantity, label=name, **diagram.look(k))
-            if quantity == "seconds":
-                limit(ax, own, diagram.look(k))
-        ax.set(xlabel="number of spheres", ylabel=label)
+            if quantity == "seconds" and any(row.get("seconds_limit") for row in own):
+                style = diagram.look(k) | {"marker": None, "lw": 0.7}
+                label_of_limit = f"memory limit of {curve}"
+                diagram.curve(ax, own, "x", "seconds_limit", label=label_of_limit, **style)
+        ax.set(xlabel=x_label, ylabel=label)
         diagram.decades(ax)
-    diagram.legend_below(figure, axes[0, 0], len(curves) + 2, "exponents of seconds, memory")
+    diagram.legend_below(figure, axes[0, 0], len(names) + 2, "exponents of seconds, memory")
     return figure
 
 
-def limit(ax: Axes, rows: list[dict[str, Any]], look: dict[str, Any]) -> None:
-    """The least time of a product at the bandwidth of the memory."""
-    known = [row for row in rows if row.get("seconds_limit")]
-    if known:
-        label = f"memory limit of {known[0]['curve']}"
-        style = look | {"marker": None, "lw": 0.7}
-        diagram.curve(ax, known, "x", "seconds_limit", label=label, **style)
-
-
-def notes(rows: list[dict[str, Any]]) -> list[str]:
-    """Exponents, and how near to the bus the products are."""
+def notes(rows: Rows, letter: str) -> list[str]:
+    """Exponents, the largest point of each curve, and how near to the bus the products are."""
     said = []
     for curve in dict.fromkeys(row["curve"] for row in rows):
-        own = [row for row in rows if row["curve"] == curve]
-        seconds, memory = exponent(own, "seconds"), exponent(own, "mb")
-        last = own[-1]
-        if seconds is None or last["seconds"] is None:
+        own = [row for row in rows if row["curve"] == curve and row["seconds"]]
+        if not own:
             continue
-        text = (
-            f"{curve}: seconds grow as n^{seconds:.2f}"
-            + (f", bytes as n^{memory:.2f}" if memory is not None else "")
-            + f"; {last['seconds']:.3g} s and {last['mb']:.3g} MB at {last['x']} spheres"
-        )
+        seconds, memory, last = exponent(own, "seconds"), exponent(own, "mb"), own[-1]
+        grow = "" if seconds is None else f"seconds grow as {letter}^{seconds:.2f}"
+        grow += "" if memory is None else f", bytes as {letter}^{memory:.2f}; "
+        text = f"{curve}: {grow}{last['seconds']:.3g} s and {last['mb']:.3g} MB at "
+        text += f"{letter} = {last['x']:.0f}"
         if last.get("seconds_limit"):
             text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit"
         said.append(text + ".")

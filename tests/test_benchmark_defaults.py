@@ -1,63 +1,180 @@
-"""The defaults of the programs are the knees of the committed benchmarks."""
+"""The rules that find a default in a benchmark's rows, and the defaults in the committed rows."""
 
 from __future__ import annotations
 
-import csv
-import inspect
-import re
 from pathlib import Path
 
-from benchmarks import density, fcc_time_step, preparation, random_time_step, wave
-from modal.density import density_of_states
-from modal.preparation.protocol import SETTLED
-from modal.wave import propagate
+import numpy as np
+import pytest
+
+from benchmarks import (
+    defaults,
+    density,
+    modes,
+    preparation,
+    scaling,
+    time_step,
+    wave,
+)
+from benchmarks.harness import diagram
+from benchmarks.harness.report import read_csv
 
 ROOT = Path(__file__).resolve().parents[1]
+COMMITTED = ROOT / "results" / "benchmarks"
 
 
-def committed(name: str) -> list[dict]:
-    """Rows of a benchmark, numbers as numbers."""
-    with open(ROOT / "results" / "benchmarks" / f"{name}.csv") as file:
-        return [{k: number(v) for k, v in row.items()} for row in csv.DictReader(file)]
+@pytest.mark.parametrize("name", defaults.SOURCES)
+def test_defaults_are_what_the_rules_find_in_the_committed_rows(name):
+    for default in defaults.SOURCES[name](read_csv(COMMITTED / f"{name}.csv")):
+        assert default.agrees, f"{default.what}: {default.value}; {default}"
 
 
-def number(text: str):
-    try:
-        return float(text)
-    except ValueError:
-        return text or None
+def test_another_default_would_be_noticed(monkeypatch):
+    monkeypatch.setattr(defaults, "assigned", lambda script, pattern: (0.4,))
+    rows = read_csv(COMMITTED / "fcc_time_step.csv")
+    step, interval, _ = defaults.crystal(rows)
+    assert not step.agrees and not interval.agrees
+    assert str(step).startswith("NOT what the rule finds")
 
 
-def assigned(script: str, pattern: str) -> tuple[float, ...]:
-    """Numbers that a script of YADE sets, which only YADE could import."""
-    text = (ROOT / "yade_scripts" / script).read_text()
-    return tuple(float(value) for value in re.search(pattern, text, re.MULTILINE).groups())
+def test_readme_has_the_table_of_defaults():
+    readme = (ROOT / "README.md").read_text()
+    for line in defaults.table(COMMITTED).splitlines():
+        assert line in readme, "python -m benchmarks defaults -o results/benchmarks"
 
 
-def test_time_step_of_the_crystal():
-    rows = [row for row in committed("fcc_time_step") if row["method"] == "time step, 2A = 5 nm"]
-    knee = fcc_time_step.default_step(rows)["time_step_over_limit"]
-    assert assigned("wave.py", r"^    fraction=([\d.]+),") == (knee,)
+NOTES = {
+    "wave": wave.notes,
+    "eigensolvers": modes.notes,
+    "density": density.notes,
+    "fcc_time_step": time_step.notes,
+    "random_time_step": time_step.packing_notes,
+    "preparation": preparation.notes,
+    "protocol": preparation.protocol_notes,
+    "scaling": lambda rows: scaling.notes(rows, "n"),
+}
 
 
-def test_time_step_of_random_packings():
-    knee = random_time_step.largest_step(committed("random_time_step"), "error")
-    lines = (ROOT / "cases" / "random.table").read_text().splitlines()
-    names, *cases = [line.split() for line in lines if not line.startswith("#")]
-    used = {float(case[names.index("fraction")]) for case in cases}
-    assert used == {knee["time_step_over_limit"]}
+@pytest.mark.parametrize("name", NOTES)
+def test_no_note_is_fixed_prose(name):
+    """Every note changes with what was measured; a method's own error message is measured too."""
+    random, rows = np.random.default_rng(1), read_csv(COMMITTED / f"{name}.csv")
+    given = {"x", "stop_unbalanced", "start", "products", "time_step_over_limit"}
+    others = [
+        {
+            key: value * random.uniform(2, 3)
+            if isinstance(value, float) and key not in given
+            else value and f"{value} again"
+            if key == "failure"
+            else value
+            for key, value in row.items()
+        }
+        for row in rows
+    ]
+    assert not set(NOTES[name](rows)) & set(NOTES[name](others))
 
 
-def test_density_of_states():
-    default = inspect.signature(density_of_states).parameters
-    moments = [row for row in committed("density") if str(row["method"]).endswith("more moments")]
-    knee = density.default_resolution(moments)
-    assert default["resolution"].default == knee["resolution_hz"]
-    assert default["tolerance"].default == density.TOLERANCE[False]
+def step_rows(floor: float, shares: dict[float, float]) -> list[dict]:
+    """Rows of the crystal: V_P is off by `floor`, the time step adds its share."""
+    return [
+        {
+            "method": "time step, 2A = 5 nm",
+            "time_step_over_limit": step,
+            "dispersion_linear": share,
+            "error_velocity": floor,
+        }
+        for step, share in shares.items()
+    ]
 
 
-def test_wave_and_settled_state_are_measured_at_their_defaults():
-    assert inspect.signature(propagate).parameters["tolerance"].default == wave.DEFAULT
-    stress, residual = SETTLED
-    assert residual == preparation.DEFAULT
-    assert stress == 3 * preparation.DEFAULT
+def test_step_of_the_crystal_is_the_largest_below_what_no_step_mends():
+    shares = {step: 0.04 * step**2 for step in (0.8, 0.4, 0.2, 0.1, 0.05)}
+    # 0.04 * 0.2^2 = 1.6e-3 is the largest share below 2e-3.
+    found = time_step.crystal_knee(step_rows(2e-3, shares))
+    assert found["time_step_over_limit"] == 0.2
+    assert time_step.crystal_knee(step_rows(5e-5, shares)) is None
+
+
+def test_step_of_the_packing_is_the_largest_below_the_non_linearity():
+    rows = [{"time_step_over_limit": step, "error": 0.4 * step**2} for step in (0.5, 0.2, 0.1)]
+    # 0.4 * 0.2^2 = 0.016 < 0.02 < 0.4 * 0.5^2 = 0.1.
+    assert time_step.packing_knee(rows)["time_step_over_limit"] == 0.2
+    assert time_step.packing_knee(rows[:1]) is None
+
+
+def test_recording_interval_ends_where_the_error_first_changes():
+    """An error that happens to come back at a longer interval does not count."""
+    rows = [
+        {"method": "recording interval", "interval_us": interval, "error_dispersion": error}
+        for interval, error in ((0.1, 1.0e-4), (1.0, 1.01e-4), (2.0, 1.2e-4), (3.0, 1.0e-4))
+    ]
+    assert time_step.interval_knee(rows)["interval_us"] == 1.0
+
+
+def test_tolerance_of_the_wave_is_the_tightest_that_is_nearly_free():
+    rows = [
+        {"method": "linear, Chebyshev", "products": products, "error": error}
+        for products, error in ((200, 1e-2), (210, 1e-5), (219, 1e-9), (240, 1e-13))
+    ]
+    rows.append({"method": "linear, leapfrog", "products": 100, "error": 0.0})
+    assert wave.knee(rows)["error"] == 1e-9
+
+
+def test_resolution_is_the_coarsest_whose_kernel_is_below_the_vectors():
+    rows = [
+        {
+            "method": "random vectors, more moments",
+            "resolution_hz": width,
+            "error_of_kernel": 1e-7 * width,
+            "error_of_vectors": 1e-3,
+        }
+        for width in (4e4, 8e3, 2e3)
+    ]
+    assert density.knee(rows)["resolution_hz"] == 8e3
+    assert density.knee(rows[:1])["resolution_hz"] == 4e4  # none does: the finest there is
+
+
+def test_stop_criterion_is_where_tightening_buys_nothing():
+    """The largest error of all runs counts, and only criteria that all of them have met."""
+    errors = {1e-2: (1e-3, 9e-4), 3e-3: (1e-4, 2e-4), 1e-3: (1.9e-4, 1e-5), 3e-4: (1e-9,)}
+    rows = [
+        {"stop_unbalanced": criterion, "error_e": error}
+        for criterion, of_runs in errors.items()
+        for error in of_runs
+    ]
+    rows.append({"stop_unbalanced": preparation.END, "error_e": None})
+    assert preparation.knee(rows) == 3e-3
+    assert preparation.knee(rows[:2]) == 1e-2
+
+
+def test_differences_carry_the_error_of_two_means():
+    """Starts 1, 2, 3 scatter by 1: of means of 3 and of 1 the difference has sqrt(4 / 3)."""
+    rows = [{"sample": preparation.OWN, "e": e, "Z": 4.0, "V_P_m_s": None} for e in (1.0, 2.0, 3.0)]
+    rows.append({"sample": "other", "e": 2.5, "Z": 4.0, "V_P_m_s": None})
+    assert preparation.differences(rows, "other") == "e by +0.5000 ± 1.1547, Z by +0.000 ± 0.000"
+    assert preparation.differences(rows[2:], "other") == ""  # one start has no scatter
+
+
+def test_trend_is_the_slope_with_its_error():
+    random = np.random.default_rng(1)
+    for slope in (0.0, 0.5):
+        rows = [
+            {
+                "setting": f"tol = {tol:g}",
+                "error": 1e-9 * tol**slope * np.exp(random.normal(0, 0.1)),
+            }
+            for tol in 10.0 ** -np.arange(1, 9)
+        ]
+        rows.append({"setting": "tol = 0", "error": 1e-9})
+        found, error = modes.trend(rows)
+        # Scatter 0.1 over logarithms that scatter by 5.3: 0.1 / (5.3 sqrt(8)) = 0.007.
+        assert 0.002 < error < 0.02
+        assert abs(found - slope) < 4 * error
+    assert modes.trend(rows[:3]) is None
+
+
+def test_exponents_are_those_of_power_laws():
+    rows = [{"x": x, "seconds": 1e-6 * x**1.5, "mb": None} for x in (10, 100, 1000)]
+    assert diagram.exponent(rows, "seconds") == pytest.approx(1.5)
+    assert diagram.exponent(rows, "mb") is None
+    assert diagram.exponent(rows[:1], "seconds") is None

@@ -10,22 +10,23 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+Rows = list[dict[str, Any]]
 DOTS_PER_INCH = 110
 """Keeps a figure of six panels below 150 kB."""
 
 
 @dataclass
-class Finding:
-    """Title, what was done, rows of the table, conclusions one by one, and figures by name."""
+class Page:
+    """Title, what was done, tables by name, conclusions one by one, and figures by name."""
 
     title: str
     task: str
-    rows: list[dict[str, Any]]
+    tables: dict[str, Rows]
     notes: list[str] = field(default_factory=list)
     figures: dict[str, Figure] = field(default_factory=dict)
 
 
-def columns(rows: Sequence[dict[str, Any]]) -> list[str]:
+def columns(rows: Rows) -> list[str]:
     """Keys of all rows in the order in which they come first."""
     return list(dict.fromkeys(name for row in rows for name in row))
 
@@ -37,15 +38,14 @@ def shown(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
+def markdown_table(names: Sequence[str], rows: Rows) -> str:
     """Rows as a Markdown table."""
-    names = columns(rows)
     lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     lines += ["| " + " | ".join(shown(row.get(name)) for name in names) + " |" for row in rows]
     return "\n".join(lines)
 
 
-def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def write_csv(rows: Rows, path: Path) -> None:
     """Rows as CSV, numbers with eight digits."""
     with open(path, "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -55,21 +55,36 @@ def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:
             writer.writerow(f"{c:.8g}" if isinstance(c, float) else c for c in cells)
 
 
-def markdown(finding: Finding, name: str) -> str:
-    """A section of the report; figures are beside it."""
-    parts = [f"## {finding.title}", finding.task]
-    parts += [f"![{finding.title}]({stem}.png)" for stem in finding.figures]
-    parts.append("\n".join(f"- {note}" for note in finding.notes))
-    parts += [table(finding.rows), f"Numbers: `{name}.csv`."]
+def read_csv(path: Path) -> Rows:
+    """Rows as they were written: numbers as float, empty cells as None."""
+
+    def value(text: str) -> float | str | None:
+        try:
+            return float(text)
+        except ValueError:
+            return text or None
+
+    with open(path, newline="") as file:
+        return [{name: value(text) for name, text in row.items()} for row in csv.DictReader(file)]
+
+
+def markdown(page: Page) -> str:
+    """The page; figures and numbers are files beside it."""
+    parts = [f"## {page.title}", page.task]
+    parts += [f"![{page.title}]({name}.png)" for name in page.figures]
+    parts.append("\n".join(f"- {note}" for note in page.notes))
+    for name, rows in page.tables.items():
+        parts += [f"`{name}.csv`:", markdown_table(columns(rows), rows)]
     return "\n\n".join(part for part in parts if part)
 
 
-def write(finding: Finding, name: str, folder: Path) -> str:
-    """Write NAME.csv, NAME.md and the figures; returns the section."""
+def write(page: Page, name: str, folder: Path) -> str:
+    """Write NAME.md, the tables and the figures; returns the page's text."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_csv(finding.rows, folder / f"{name}.csv")
-    for stem, figure in finding.figures.items():
+    for table, rows in page.tables.items():
+        write_csv(rows, folder / f"{table}.csv")
+    for stem, figure in page.figures.items():
         figure.savefig(folder / f"{stem}.png", dpi=DOTS_PER_INCH)
-    text = markdown(finding, name)
+    text = markdown(page)
     (folder / f"{name}.md").write_text(text + "\n")
     return text

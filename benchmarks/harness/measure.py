@@ -1,6 +1,6 @@
 """Time and peak memory of one task in a process of its own.
 
-    python -m benchmarks.measure MODULE:FUNCTION JSON
+    python -m benchmarks.harness.measure MODULE:FUNCTION JSON
 
 The function prepares the task from the JSON's arguments and returns an action without arguments;
 only the action is measured. Seconds are processor time of the one thread that the task may use: on
@@ -24,14 +24,12 @@ from typing import Any
 
 from modal.storage import InputError
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 LONGEST = 900
 """Seconds after which a task is given up."""
-
-LONG_RUN = 10.0
-"""Seconds from which a command is not repeated."""
-
+LONG_RUN = 5.0
+"""Seconds from which a run is not repeated: it averages over the machine's whims by itself."""
 LAUNCHER = """
 import os, subprocess, sys
 with open(sys.argv[1], "w") as log:
@@ -56,6 +54,11 @@ class Measured:
     peak_mb: float | None = None
     failure: str = ""
 
+    @property
+    def cost(self) -> dict[str, float | None]:
+        """Columns of a table."""
+        return {"seconds": self.seconds, "peak_mb": self.peak_mb}
+
 
 def measured(task: str, *, times: int = 1, **arguments: Any) -> Measured:
     """Median of `times` runs of MODULE:FUNCTION; InputError with its last line if one fails."""
@@ -67,29 +70,28 @@ def measured(task: str, *, times: int = 1, **arguments: Any) -> Measured:
 
 def attempted(task: str, *, times: int = 1, **arguments: Any) -> Measured:
     """The same for a task whose failure is a result; arguments and value must be JSON."""
-    runs = [_run(task, arguments) for _ in range(times)]
-    failed = next((run for run in runs if run.failure), None)
-    if failed:
-        return failed
+    return median_of(times, lambda: _run(task, arguments))
+
+
+def median_of(times: int, run: Callable[[], Measured]) -> Measured:
+    """Medians of the seconds and megabytes of `times` runs; one alone if it is long or fails."""
+    found = [run()]
+    while len(found) < times and not found[-1].failure and found[0].seconds < LONG_RUN:
+        found.append(run())
+    if found[-1].failure:
+        return found[-1]
     return Measured(
-        runs[0].value,
-        statistics.median(run.seconds for run in runs),
-        statistics.median(run.peak_mb for run in runs),
+        found[-1].value,
+        statistics.median(run.seconds for run in found),
+        statistics.median(run.peak_mb for run in found),
     )
 
 
 def _run(task: str, arguments: dict[str, Any]) -> Measured:
-    command = [sys.executable, "-m", "benchmarks.measure", task, json.dumps(arguments)]
+    command = [sys.executable, "-m", "benchmarks.harness.measure", task, json.dumps(arguments)]
+    how: dict[str, Any] = {"cwd": ROOT, "env": os.environ | ONE_THREAD, "timeout": LONGEST}
     try:
-        done = subprocess.run(
-            command,
-            cwd=ROOT,
-            env=os.environ | ONE_THREAD,
-            capture_output=True,
-            text=True,
-            timeout=LONGEST,
-            check=False,
-        )
+        done = subprocess.run(command, capture_output=True, text=True, check=False, **how)
     except subprocess.TimeoutExpired:
         return Measured(failure=f"given up after {LONGEST} s")
     if done.returncode != 0:
@@ -100,51 +102,29 @@ def _run(task: str, arguments: dict[str, Any]) -> Measured:
 
 def run_command(
     command: list[str], folder: Path, log: Path, environment: Mapping[str, str] | None = None
-) -> tuple[float, float]:
-    """Processor time (s) and peak memory (MB) of a command; its output goes to `log`.
+) -> Measured:
+    """Processor time and peak memory of a command; its output goes to `log`.
 
     InputError with the command's own last error if it fails.
     """
     # A program inherits the peak of the process that starts it: here that of a bare interpreter.
     launcher = [sys.executable, "-S", "-c", LAUNCHER, str(log), *command]
+    settings = os.environ | ONE_THREAD | dict(environment or {})
     done = subprocess.run(
-        launcher,
-        cwd=folder,
-        env=os.environ | ONE_THREAD | dict(environment or {}),
-        capture_output=True,
-        text=True,
-        check=True,
+        launcher, cwd=folder, env=settings, stdout=subprocess.PIPE, text=True, check=True
     )
     status, seconds, maxrss = done.stdout.split()
     if int(status) != 0:
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
         raise InputError(f"{command[0]} failed: {lines[-1] if lines else status}")
-    return float(seconds), _megabytes(int(maxrss))
-
-
-def median_of(times: int, run: Callable[[], tuple[float, float]]) -> tuple[float, float]:
-    """Medians of the seconds and megabytes of `times` runs; of one alone if it is long.
-
-    A long run averages over the machine's whims by itself.
-    """
-    found = [run()]
-    while len(found) < times and found[0][0] < LONG_RUN:
-        found.append(run())
-    seconds, megabytes = zip(*found, strict=True)
-    return statistics.median(seconds), statistics.median(megabytes)
+    return Measured(None, float(seconds), _megabytes(int(maxrss)))
 
 
 def _megabytes(maxrss: int) -> float:
     return maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 
-def _forget_peak() -> None:
-    """Let the peak count from now on, where the system can (Linux)."""
-    with contextlib.suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
-
-
-def _peak() -> float:
+def peak_memory() -> float:
     """Peak resident memory of this process, MB.
 
     Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
@@ -164,11 +144,12 @@ def main(argv: list[str]) -> int:
     module, name = argv[0].split(":")
     prepare: Callable[..., Callable[[], Any]] = getattr(importlib.import_module(module), name)
     action = prepare(**json.loads(argv[1]))
-    _forget_peak()
+    with contextlib.suppress(OSError):  # let the peak count from now on, where Linux can
+        Path("/proc/self/clear_refs").write_text("5")
     start = time.process_time()
     value = action()
     seconds = time.process_time() - start
-    print(json.dumps({"value": value, "seconds": seconds, "peak_mb": _peak()}))
+    print(json.dumps({"value": value, "seconds": seconds, "peak_mb": peak_memory()}))
     return 0
 
 

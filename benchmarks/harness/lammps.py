@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measure import ROOT, median_of, run_command
+from benchmarks.harness.measure import Measured, median_of, run_command
 from modal.chain import wall_to_wall_chain
 from modal.hertz_mindlin import GLASS
 from modal.network import Network
 from modal.source import INPUT_FREQUENCY
 
-SCRIPT = ROOT / "benchmarks" / "lammps" / "fcc_wave.in"
+SCRIPT = Path(__file__).resolve().parent / "inside_lammps.in"
 
 
 def available() -> bool:
@@ -29,10 +29,9 @@ def wave(
     time_step: float,
     duration: float,
     every: int,
-    times: int = 1,
-) -> tuple[np.ndarray, float, float]:
-    """Chain displacements (nt, nc), m; processor time (s) and peak memory (MB) of a run, start
-    included: medians of `times` runs, of one if that is long.
+    times: int,
+) -> tuple[np.ndarray, Measured]:
+    """Chain displacements (nt, nc), m, and what a run has cost: the median of `times` runs.
 
     The time step, s, must divide the period of the pulse: the wall's motion changes between two.
     """
@@ -66,10 +65,10 @@ def wave(
     command = ["lmp", "-in", str(SCRIPT), "-log", "none"]
     for name, value in variables.items():
         command += ["-var", name, value if isinstance(value, str) else repr(value)]
-    seconds, peak = median_of(times, lambda: run_command(command, folder, folder / "scene.log"))
+    spent = median_of(times, lambda: run_command(command, folder, folder / "scene.log"))
     z = []
     for block in (folder / "scene.dump").read_text().split("ITEM: TIMESTEP\n")[1:]:
         rows = np.array([line.split() for line in block.splitlines()[8:]], float)
         z.append(rows[:, 1])
     order = np.argsort(np.argsort(chain))  # dumped in the order of the ids
-    return (np.array(z) - z[0])[:, order], seconds, peak
+    return (np.array(z) - z[0])[:, order], spent

@@ -1,18 +1,23 @@
-"""A random packing whose whole spectrum is known: what the modes' programs are compared with."""
+"""Packings that benchmarks share: one whose whole spectrum is known, and samples of any size."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.linalg import eigh
 
+from benchmarks.harness.measure import ROOT
+from modal import gallery
 from modal.contact import contact_kinematics, contact_springs
 from modal.eigenproblem import Eigenproblem, frequency_of
-from modal.network import write_network
+from modal.network import Network, write_network
 from modal.random_packing import random_network
+from modal.sample import read_packing
 
+SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
+"""35,201 spheres without friction at 100 kPa."""
 STRESS = 1e5
 ASPECT = 5.0
 """Length over width, long enough for waves, short enough for dense matrices of a wide packing."""
@@ -67,3 +72,28 @@ def by_energy(problem: Eigenproblem, first: int, count: int) -> np.ndarray:
 def spectrum(problem: Eigenproblem) -> np.ndarray:
     """All frequencies, Hz, ascending, from the dense mass-scaled matrix."""
     return frequency_of(eigh(problem.scaled.toarray(), eigvals_only=True))
+
+
+def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Network:
+    """The committed sample; with `quick` a packing of `spheres` made on the spot."""
+    return random_network(spheres, STRESS, seed=1, aspect=aspect) if quick else read_packing(SAMPLE)
+
+
+def resized(sample: Network, spheres: int) -> Network:
+    """The first spheres of a sample, which are its lower part, or copies of it side by side.
+
+    The lower part's upper end is free: what it touches above the cut is gone.
+    """
+    if spheres > 1.5 * sample.n_particles:
+        times = round(spheres / sample.n_particles)
+        across = max(d for d in range(1, int(np.sqrt(times)) + 1) if times % d == 0)
+        return gallery.repeat(sample, times // across, across)
+    if spheres >= sample.n_particles:
+        return sample
+    inside = (sample.particle_i < spheres) & (sample.particle_j < spheres)
+    top = float((sample.position[:, 2] + sample.radius)[:spheres].max())
+    return replace(
+        sample.with_contacts(inside),
+        **{k: getattr(sample, k)[:spheres] for k in ("position", "radius", "mass", "inertia")},
+        wall_position=np.array([sample.wall_position[0], top]),
+    )

@@ -9,29 +9,14 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from analysis.render import STYLE
 
 Row = Mapping[str, Any]
 COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)"}
-# Told apart by marker, line and shade, so that they can be told apart in grey.
-LOOKS = [
-    {"color": color, "marker": marker, "ls": line}
-    for color, marker, line in (
-        ("#000000", "o", "-"),
-        ("#0060a8", "s", "--"),
-        ("#c05000", "^", "-."),
-        ("#737373", "D", ":"),
-        ("#000000", "x", "--"),
-        ("#0060a8", "v", "-"),
-        ("#c05000", "+", ":"),
-        ("#737373", "P", "-"),
-        ("#000000", "*", ":"),
-        ("#0060a8", "1", "-."),
-        ("#c05000", "<", "-"),
-        ("#737373", ">", "--"),
-    )
-]
+COLORS = ("#000000", "#0060a8", "#c05000", "#737373")
+MARKERS, LINES = "os^Dxv+P*1<>", ("-", "--", "-.", ":", "--", "-", ":", "-", ":", "-.", "-", "--")
 
 
 def panels(rows: int, columns: int, *, width: float = 3.3, height: float = 2.5) -> tuple:
@@ -46,8 +31,10 @@ def panels(rows: int, columns: int, *, width: float = 3.3, height: float = 2.5) 
 
 
 def look(k: int) -> dict[str, Any]:
-    """Marker, line and colour of curve k."""
-    return {**LOOKS[k % len(LOOKS)], "ms": 5, "lw": 1.1, "mfc": "none"}
+    """Marker, line and colour of curve k, told apart in grey by the first two."""
+    n = k % len(MARKERS)
+    style = {"color": COLORS[n % len(COLORS)], "marker": MARKERS[n], "ls": LINES[n]}
+    return {**style, "ms": 5, "lw": 1.1, "mfc": "none"}
 
 
 def curve(ax: Axes, rows: Sequence[Row], x: str, y: str, **style: Any) -> None:
@@ -65,22 +52,18 @@ def curve(ax: Axes, rows: Sequence[Row], x: str, y: str, **style: Any) -> None:
 
 
 def work_precision(
-    rows: Sequence[Row],
-    errors: Mapping[str, str],
-    *,
-    by: str = "method",
-    costs: Mapping[str, str] = COSTS,
+    rows: Sequence[Row], errors: Mapping[str, str], costs: Sequence[str] = tuple(COSTS)
 ) -> Figure:
     """Grid of panels: a row for each cost, a column for each error (column name -> axis label)."""
     figure, axes = panels(len(costs), len(errors), width=max(3.0, 6.4 / len(errors)))
-    methods = list(dict.fromkeys(row[by] for row in rows))
+    methods = list(dict.fromkeys(row["method"] for row in rows))
     for across, (error, error_label) in enumerate(errors.items()):
-        for down, (cost, cost_label) in enumerate(costs.items()):
+        for down, cost in enumerate(costs):
             ax = axes[down, across]
             for k, method in enumerate(methods):
-                own = [row for row in rows if row[by] == method]
+                own = [row for row in rows if row["method"] == method]
                 curve(ax, own, error, cost, label=method, **look(k))
-            ax.set(xlabel=error_label, ylabel=cost_label)
+            ax.set(xlabel=error_label, ylabel=COSTS[cost])
             decades(ax)
     legend_below(figure, axes[0, 0], len(methods))
     return figure
@@ -89,6 +72,8 @@ def work_precision(
 def decades(ax: Axes) -> None:
     """Logarithmic axes that begin and end at powers of ten, where the ticks have labels."""
     ax.set(xscale="log", yscale="log")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_minor_formatter(NullFormatter())
     lowest, highest = ax.dataLim.get_points()
     for low, high, put in zip(lowest, highest, (ax.set_xlim, ax.set_ylim), strict=True):
         if 0 < low <= high < np.inf:
@@ -113,8 +98,11 @@ def legend_below(figure: Figure, ax: Axes, entries: int, title: str | None = Non
     )
 
 
-def knee(rows: Sequence[Row], error: str, cost: str = "seconds", within: float = 2.0) -> Row:
-    """The cheapest row whose error is within a factor of the smallest: more work buys little."""
-    known = [row for row in rows if row.get(error) is not None and row.get(cost) is not None]
-    floor = min(row[error] for row in known)
-    return min((row for row in known if row[error] <= within * floor), key=lambda row: row[cost])
+def exponent(rows: Sequence[Row], quantity: str) -> float | None:
+    """Slope of log quantity over log x through the larger half of the points, None if too few."""
+    points = [(row["x"], row[quantity]) for row in rows if row.get(quantity)]
+    points = points[-max(2, (len(points) + 1) // 2) :]
+    if len(points) < 2:
+        return None
+    x, y = np.log(np.array(points, float)).T
+    return float(np.polyfit(x, y, 1)[0])

@@ -1,6 +1,6 @@
 """Compress a sample file to one stress and write down how its state changes: result.json.
 
-    yade -n -x -j1 benchmarks/yade/compress.py result.json '{"sample": ..., "stress": 1e5, ...}'
+    yade -n -x -j1 benchmarks/harness/inside_yade/compress.py result.json '{"sample": ..., ...}'
 
 The servo of the study drives the spheres, which do not touch at first, to the stress; they are
 hardly damped until they are jammed and damped from there on: `yade_scripts/chain.py` for a single
@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 # Inside YADE __file__ is YADE itself; the script is its first argument.
-sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[2]))
+sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[3]))
 
 from yade import O
 from yade.utils import PyRunner
@@ -28,8 +28,6 @@ from yade_scripts.state import build_scene, read_scene
 CHECK = 50
 LONGEST = 100_000
 """Steps after which a packing that does not jam is given up."""
-AGITATED_DAMPING, DAMPING = 0.02, 0.2
-"""Local damping before and after, as in `yade_scripts/chain.py`."""
 JAMMED, JAM_ERROR = 3.7, 0.1
 """Coordination number and relative stress error from which the packing counts as jammed."""
 JAM_PATIENCE = 3000
@@ -48,7 +46,7 @@ def main():
     result, given = Path(sys.argv[1]), json.loads(sys.argv[2])
     sample, stress = read_sample(given["sample"]), given["stress"]
     n = len(sample.position)
-    build_scene(sample, margin=0.1, damping=AGITATED_DAMPING)
+    build_scene(sample, margin=0.1, damping=protocol.AGITATED_DAMPING)
     trace = {name: [] for name in ("step", "seconds", "e", "Z", "stress_error", "unbalanced")}
     started, steps = time.process_time(), 0
 
@@ -82,7 +80,7 @@ def main():
         settled = control.error() < JAM_ERROR and coordination_number(n) > JAMMED
         if not jammed and met and (settled or steps - met >= JAM_PATIENCE):
             jammed = steps
-            O.engines[-1].damping = DAMPING
+            O.engines[-1].damping = protocol.DAMPING
         look()
     seconds = time.process_time() - started
     write_sample(given["output"], read_scene(n, sample.friction, moving=False))

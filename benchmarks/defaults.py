@@ -1,0 +1,194 @@
+"""The programs' defaults: what the code says, and what a rule finds in the rows of a benchmark.
+
+    python -m benchmarks defaults -o results/benchmarks
+
+prints the table of README.md from the committed rows; nothing is measured.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks import density, modes, preparation, time_step, wave
+from benchmarks.harness.measure import ROOT
+from benchmarks.harness.report import Rows, markdown_table, read_csv
+from modal.density import density_of_states
+from modal.preparation.protocol import SETTLED, STABILITY
+from modal.wave import propagate
+
+
+@dataclass(frozen=True)
+class Default:
+    """A default, its value, what the rows say of it, and whether the rule finds that value."""
+
+    what: str
+    value: str
+    reason: str
+    agrees: bool = True
+
+    def __str__(self) -> str:
+        return self.reason if self.agrees else f"NOT what the rule finds: {self.reason}"
+
+
+def assigned(script: str, pattern: str) -> tuple[float, ...]:
+    """Numbers that a script sets which only YADE could import."""
+    text = (ROOT / "yade_scripts" / script).read_text()
+    found = re.search(pattern, text, re.MULTILINE)
+    if found is None:
+        raise ValueError(f"{script}: nothing like {pattern}")
+    return tuple(float(value) for value in found.groups())
+
+
+def steps_of_random_cases() -> set[float]:
+    """Column `fraction` of cases/random.table."""
+    lines = (ROOT / "cases" / "random.table").read_text().splitlines()
+    names, *cases = [line.split() for line in lines if not line.startswith("#")]
+    return {float(case[names.index("fraction")]) for case in cases}
+
+
+def crystal(rows: Rows) -> Iterator[Default]:
+    """Time step, recording interval and amplitude of YADE's wave in a crystal."""
+    (step,) = assigned("wave.py", r"^    fraction=([\d.]+),")
+    best, last = time_step.crystal_knee(rows), time_step.steps_of(rows)[-1]
+    floor = f"the {last['error_velocity']:.1e} of V_P that no step mends"
+    yield Default(
+        "time step of YADE, crystal",
+        f"{step:g} of the limit",
+        f"the largest whose share of the dispersion's error, {best['dispersion_linear']:.1e}, is "
+        f"below {floor}; {last['time_step_over_limit']:g} takes "
+        f"{last['seconds'] / best['seconds']:.2g} times as long"
+        if best
+        else f"no step tried has a share of the dispersion's error below {floor}",
+        best is not None and step == best["time_step_over_limit"],
+    )
+    (interval,) = assigned("wave.py", r"^RECORDING_INTERVAL = ([\d.e-]+)")
+    longest = time_step.interval_knee(rows)["interval_us"]
+    yield Default(
+        "recording interval",
+        f"{1e6 * interval:g} us",
+        f"the dispersion's error stays within {time_step.SAME - 1:.0%} up to {longest:.2g} us",
+        1e6 * interval <= longest,
+    )
+    yield Default(
+        "amplitude",
+        f"2A = {last['two_A_nm']:g} nm",
+        f"the paper's; V_P is then off by {last['error_velocity']:.1e}, the signals are off the "
+        f"linear wave by {last['apart_from_tangent']:.1e}",
+    )
+
+
+def packing(rows: Rows) -> Iterator[Default]:
+    """Time step of YADE's wave in a random packing."""
+    best, steps = time_step.packing_knee(rows), steps_of_random_cases()
+    limit = f"{time_step.NON_LINEAR:g}, about the non-linearity at 5 nm"
+    yield Default(
+        "time step of YADE, random",
+        f"{', '.join(f'{step:g}' for step in steps)} of the limit",
+        f"the largest whose error of single spheres, {best['error']:.1e}, is below {limit}"
+        if best
+        else f"no step tried has an error below {limit}",
+        best is not None and steps == {best["time_step_over_limit"]},
+    )
+
+
+def linear_wave(rows: Rows) -> Iterator[Default]:
+    """Tolerance of the wave of the springs."""
+    tolerance = inspect.signature(propagate).parameters["tolerance"].default
+    best = wave.knee(rows)
+    yield Default(
+        "wave of the springs",
+        f"Chebyshev, {tolerance:g}",
+        f"the tightest within {wave.LITTLE_MORE - 1:.0%} of the least work: an error of "
+        f"{best['error']:.0e} in {best['seconds']:.2g} s",
+        best["setting"] == f"tolerance {tolerance:g}",
+    )
+
+
+def lowest_modes(rows: Rows) -> Iterator[Default]:
+    """Back end of the lowest modes."""
+    slower, best = modes.choice(rows)
+    peers = [row for row in rows if not row["method"].startswith(modes.OWN) and row["error"]]
+    fast = min(peers, key=lambda row: row["seconds"])
+    yield Default(
+        "lowest modes",
+        "block Lanczos with exact counts",
+        f"right to {rows[0]['error']:.0e} in {slower:.2f} times the time of its fastest back end "
+        f"({best}); the fastest peer ({fast['method']}) takes "
+        f"{fast['seconds'] / rows[0]['seconds']:.2g} times as long for {fast['error']:.0e}",
+        slower <= modes.FAST_ENOUGH,
+    )
+
+
+def states(rows: Rows) -> Iterator[Default]:
+    """Resolution and standard error of the density of states."""
+    given = inspect.signature(density_of_states).parameters
+    resolution, tolerance = (given[name].default for name in ("resolution", "tolerance"))
+    best = density.knee(rows)
+    yield Default(
+        "density of states",
+        f"{resolution / 1e3:g} kHz, standard error {tolerance:g}",
+        f"the coarsest whose kernel, {best['error_of_kernel']:.1e}, errs less than the "
+        f"{best['vectors']:.0f} vectors that this standard error takes, "
+        f"{best['error_of_vectors']:.1e}",
+        # The largest of many errors is within three times the one that was asked for.
+        resolution == best["resolution_hz"] and best["error_of_vectors"] < 3 * tolerance,
+    )
+
+
+def settled(rows: Rows) -> Iterator[Default]:
+    """When a state of the chain is reached."""
+    stress, residual = SETTLED
+    best = preparation.knee(rows)
+    moved = max(row["error_e"] for row in preparation.stops(rows)[best])
+    yield Default(
+        "settled state",
+        f"residual {residual:g}, stress {stress:g}",
+        f"e then moves by {moved:.1e} at most; three times tighter lowers that by less than "
+        f"{preparation.BUYS:g} times, or not all runs meet it",
+        (stress, residual) == (preparation.STRESS_ERROR * best, best),
+    )
+
+
+def preparation_step(rows: Rows) -> Iterator[Default]:
+    """Time step of the chain."""
+    text = preparation.differences(rows, "half the time step")
+    reason = f"stable; half of it changes {text}"
+    if text:
+        yield Default("time step of the preparation", f"{STABILITY:g} of the limit", reason)
+
+
+SOURCES: dict[str, Callable[[Rows], Iterator[Default]]] = {
+    "fcc_time_step": crystal,
+    "random_time_step": packing,
+    "wave": linear_wave,
+    "eigensolvers": lowest_modes,
+    "density": states,
+    "preparation": settled,
+    "protocol": preparation_step,
+}
+"""Table of rows -> defaults that follow from it."""
+
+
+def notes(tables: dict[str, Rows]) -> list[str]:
+    """What the tables of a page say of the defaults."""
+    return [
+        f"Default, {default.what}: {default.value}; {default}."
+        for name, rows in tables.items()
+        if name in SOURCES
+        for default in SOURCES[name](rows)
+    ]
+
+
+def table(folder: Path) -> str:
+    """The defaults whose rows are in a folder, as Markdown."""
+    rows = [
+        {"default": found.what, "value": found.value, "reason": str(found), "rows": f"`{name}.csv`"}
+        for name, source in SOURCES.items()
+        if (folder / f"{name}.csv").exists()
+        for found in source(read_csv(folder / f"{name}.csv"))
+    ]
+    return markdown_table(("default", "value", "reason", "rows"), rows)

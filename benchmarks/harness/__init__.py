@@ -1,0 +1,1 @@
+"""What every benchmark stands on: measured tasks, tables, diagrams, and the programs compared."""

@@ -1,0 +1,109 @@
+"""Run a script inside YADE and measure it: time, memory, and what it wrote."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
+from modal.eigenproblem import Eigenproblem
+from modal.mode_set import write_modes
+from modal.modes import highest_modes
+from modal.network import Network, write_network
+from modal.sample import Sample
+from modal.signals import Signals, read_signals
+from modal.source import INPUT_FREQUENCY
+from modal.storage import InputError
+
+YADE = ["yade", "-n", "-x", "-j1"]
+SCRIPTS = Path(__file__).resolve().parent / "inside_yade"
+
+
+def available() -> bool:
+    """Whether YADE is installed."""
+    return shutil.which("yade") is not None
+
+
+def need(name: str) -> None:
+    """InputError where the benchmark of this name cannot run without YADE."""
+    if not available():
+        raise InputError(f"{name}: YADE is not installed; apt-get install yade")
+
+
+def run_script(script: str, table: str, folder: Path, **environment: str) -> Measured:
+    """What a script of the study costs, run as yade-batch would for a table of one line.
+
+    yade-batch itself looks only every second whether a job has ended.
+    """
+    path, log = folder / f"{script}.table", folder / f"{script}.log"
+    path.write_text(table)
+    command = [*YADE, str(ROOT / "yade_scripts" / f"{script}.py")]
+    settings = {"WAVE_PRODUCTS": str(folder), "YADE_BATCH": f"{path}:2"}
+    return run_command(command, folder, log, settings | environment)
+
+
+def measured(script: str, folder: Path, **arguments: Any) -> Measured:
+    """A script of `inside_yade`, which times its own steps and writes JSON.
+
+    InputError if it fails.
+    """
+    result = folder / f"{script}.json"
+    result.unlink(missing_ok=True)
+    command = [*YADE, str(SCRIPTS / f"{script}.py"), str(result), json.dumps(arguments)]
+    whole = run_command(command, folder, folder / f"{script}.log")
+    return Measured(**json.loads(result.read_text()), peak_mb=whole.peak_mb)
+
+
+def in_yades_order(network: Network, friction: float = 0.1) -> Network:
+    """The network of equal spheres with its contacts in the order that the scripts expect."""
+    sample = Sample(
+        network.position, network.cell_size[:2], network.wall_position, friction=friction
+    )
+    return sample.network()
+
+
+def prepare_wave(network: Network, folder: Path) -> None:
+    """The two files that the wave script needs, as case 2."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_network(folder / "case02.network.h5", network)
+    highest = highest_modes(Eigenproblem.of(network), 1, certify=False)
+    write_modes(folder / "case02.highest.modes.h5", highest)
+
+
+def wave(
+    folder: Path,
+    *,
+    fraction: float,
+    amplitude: float,
+    times: int,
+    **optional: float,
+) -> tuple[Signals, Measured]:
+    """Signals of a wave run in a prepared folder, and what it has cost: the median of `times` runs.
+
+    fraction of the time-step limit; amplitude A, m; optional duration and recording interval, s.
+    The cost includes YADE's start and the building of the scene.
+    """
+    table = f"case mu_wave input_frequency\n2 0.1 {INPUT_FREQUENCY:g}\n"
+    settings = {"fraction": fraction, "amplitude": amplitude, **optional}
+    environment = {f"WAVE_{name.upper()}": repr(float(v)) for name, v in settings.items()}
+    written = folder / "case02.signals.h5"
+
+    def once() -> Measured:
+        written.unlink(missing_ok=True)
+        return run_script("wave", table, folder, **environment)
+
+    spent = median_of(times, once)
+    return read_signals(written), spent
+
+
+def steps_alone(spent: Measured, start: Measured) -> Measured:
+    """The cost of a wave without that of a start."""
+    return replace(spent, seconds=max(spent.seconds - start.seconds, 1e-2))
+
+
+def wave_start(folder: Path, times: int) -> Measured:
+    """What a wave run of a single interval costs: a start."""
+    return wave(folder, fraction=0.5, amplitude=2.5e-9, duration=1.1e-5, times=times)[1]
