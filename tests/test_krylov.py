@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from modal import krylov
-from modal.krylov import BLOCK, TOLERANCE, Held, modes_nearest
+from modal.krylov import BLOCK, TOLERANCE, Held, modes_from_top, modes_nearest
 
 EPS = np.finfo(float).eps
 
@@ -107,3 +107,49 @@ def test_a_block_is_split_into_what_the_basis_has_and_what_is_new():
         assert basis @ within + Q @ R == pytest.approx(outside, abs=1e-13)
         both = np.hstack([vector[:, :60], Q])
         assert abs(both.T @ both - np.eye(68)).max() < 1e-13
+
+
+@pytest.mark.parametrize("count", [1, 6, 25])
+@pytest.mark.parametrize("spectrum", ["even", "negative", "edge"])
+def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
+    """The largest but the held ones, as true eigenpairs, with many restarts of a small basis."""
+    monkeypatch.setattr(krylov, "ROWS", 64)
+    square = {
+        "even": np.linspace(0, 100, 300),
+        "negative": np.linspace(-300, -1, 300),
+        "edge": 1 - np.linspace(0, 1, 300)[::-1] ** 2,
+    }[spectrum]
+    vector = rotation(300, 7)
+    held = held_out(vector[:, :5], vector[:, -4:-2])
+    applied = []
+
+    def apply(block):
+        applied.append(block.shape[1])
+        return vector @ (square[:, None] * (vector.T @ block))
+
+    near = modes_from_top(apply, 300, count, held, 20_000)
+    wanted = np.r_[5:296, 298:300][-count:]
+    assert near.converged.all() and len(near.converged) == count
+    assert near.products == sum(applied)
+    assert near.square == pytest.approx(square[wanted], rel=1e-12)
+    # Each of up to some twenty restarts rounds once more.
+    round_off = 20 * 300 * EPS
+    assert near.vector.T @ near.vector == pytest.approx(np.eye(count), abs=round_off)
+    assert abs(held.found.T @ near.vector).max() < round_off
+    assert abs(held.null.T @ near.vector).max() < round_off
+    # The residual, relative to the eigenvalue, once more from the vectors themselves.
+    moved = vector @ (square[:, None] * (vector.T @ near.vector)) - near.vector * near.square
+    limit = TOLERANCE * abs(near.square) + round_off * abs(square).max()
+    assert (np.linalg.norm(moved, axis=0) <= 1.01 * limit).all()
+
+
+def test_products_from_the_top_end_where_they_shall():
+    """Too few products: some of the modes, marked; the count of products kept within a block."""
+    theta = np.concatenate([np.linspace(1, 2, 1485), np.linspace(3, 9, 15)])
+    nothing = held_out(np.empty((1500, 0)), np.empty((1500, 0)))
+    near = modes_from_top(lambda block: theta[:, None] * block, 1500, 30, nothing, 400)
+    assert 400 <= near.products < 400 + krylov.WIDTH_ABOVE
+    residual = np.linalg.norm((theta[:, None] - near.square) * near.vector, axis=0)
+    assert ((residual < TOLERANCE * near.square) == near.converged).all()
+    assert 10 <= near.converged.sum() < 30
+    assert near.square[near.converged] == pytest.approx(theta[-30:][near.converged], rel=1e-12)

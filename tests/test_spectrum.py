@@ -151,6 +151,8 @@ def test_a_record_of_its_end_alone_is_as_exact():
     # The tolerance times some hundred coefficients.
     found = short.signals.chain_displacement[-1]
     assert abs(found - end).max() < 1e-7 * abs(end).max()
+    # Every particle's motion is large: it is recorded where it is asked for alone.
+    assert long.signals.particle_displacement is None
 
 
 def test_expansion_of_a_line_has_two_coefficients():

@@ -40,7 +40,7 @@ TESTS = {
     "operator": "operator linear_wave",
     "inertia": "floppy_and_counts edges lattice_and_modes",
     "floppy": "floppy_and_counts edges files_and_commands",
-    "krylov": "krylov floppy_and_counts mode_lists edges lattice_and_modes",
+    "krylov": "krylov highest_modes floppy_and_counts mode_lists edges lattice_and_modes",
     "spectrum": "spectrum linear_wave density response mode_lists edges",
     "wave": "spectrum linear_wave response edges",
     "density": "density spectrum edges files_and_commands",
