@@ -73,6 +73,13 @@ def _parser() -> argparse.ArgumentParser:
     modes.add_argument(
         "--uncertified", action="store_true", help="--highest without its exact count: faster"
     )
+    modes.add_argument(
+        "--hours",
+        type=float,
+        default=1.0,
+        metavar="H",
+        help="refuse what would take longer, as estimated; default 1",
+    )
     modes.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
     modes.add_argument("--solver", choices=SOLVERS, help="factorisation; default: the fastest")
     modes.add_argument("--sliding", choices=("elastic", "slip"), default="elastic")
@@ -153,6 +160,7 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
         translations_only=options.translations_only,
         solver=options.solver,
         shapes=bool(options.output),
+        hours=options.hours,
     )
     if options.all and problem.size > SMALL:
         print(f"all {problem.size} modes: {memory_of_all(problem)}", file=sys.stderr)

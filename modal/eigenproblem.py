@@ -17,6 +17,7 @@ from modal.network import Network
 from modal.operator import ContactOperator
 from modal.resonance import PLANAR, chi_z, particle_motion, planar_resonances, rotation_share
 from modal.storage import InputError
+from modal.workload import LONGEST
 
 SMALL = 600
 """Degrees of freedom up to which the dense spectrum costs less than anything else."""
@@ -36,13 +37,15 @@ _OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 class Eigenproblem:
     """A network and its matrices, each made when it is first asked for.
 
-    dof: 6 or 3 a particle; solver: as in `of`; shapes: whether modes keep their shapes.
+    dof: 6 or 3 a particle; solver: as in `of`; shapes: whether modes keep their shapes; hours:
+    longest search that is begun, as estimated.
     """
 
     network: Network
     dof: int
     solver: str | None = None
     shapes: bool = True
+    hours: float = LONGEST / 3600
 
     @classmethod
     def of(
@@ -52,12 +55,13 @@ class Eigenproblem:
         translations_only: bool = False,
         solver: str | None = None,
         shapes: bool = True,
+        hours: float = LONGEST / 3600,
     ) -> Eigenproblem:
         """The problem of a network; with `translations_only` rotations are held at zero.
 
         `solver` names the factorisation (`modal.factor.SOLVERS`); None lets memory decide.
         """
-        return cls(network, 3 if translations_only else 6, solver, shapes)
+        return cls(network, 3 if translations_only else 6, solver, shapes, hours)
 
     @property
     def size(self) -> int:

@@ -30,6 +30,10 @@ By default every solution is refined twice, which takes three times as long: fro
 4e-12, which Lanczos does not notice, to 1e-13."""
 
 
+PARDISO_WITHOUT_MEMORY = -2
+"""Its error code."""
+
+
 class SingularError(InputError):
     """A matrix that is singular, or that is not definite as was promised."""
 
@@ -113,6 +117,8 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     try:
         solver.factorize(upper)
     except PyPardisoError as error:
+        if error.value == PARDISO_WITHOUT_MEMORY:
+            raise InputError("PARDISO found too little memory; take a smaller packing") from error
         raise SingularError(_singular(definite)) from error
 
     def solve(rhs: np.ndarray) -> np.ndarray:

@@ -13,11 +13,14 @@ from scipy.linalg import eigh
 from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from modal.effort import factorisation, refuse_endless_search
 from modal.eigenproblem import SMALL, Eigenproblem
 from modal.factor import SingularError, available, factorise
 from modal.progress import progress
 from modal.storage import InputError
 
+BEYOND = 4.0
+"""Times A's largest diagonal entry, above which one looks whether there can be modes at all."""
 GROWTH = 1e7
 """Growth of a layer's entries up to which its signs count: round-off has then moved the eigenvalues
 by 2e-9 of the largest one."""
@@ -98,9 +101,13 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
     square = (2 * np.pi * frequency) ** 2
     if frequency <= 0:
         return 0
+    if square > BEYOND * problem.diagonal.max() and square > problem.bound:
+        return problem.size
     if problem.size <= SMALL:
         values = eigh(problem.scaled.toarray(), eigvals_only=True)
         return int((values < square).sum())
+    effort, _ = factorisation(problem, counting=True)
+    refuse_endless_search(problem, effort, "an exact count takes", "take the density of states")
     solver = problem.solver or ("pardiso" if available("pardiso") else "layers")
     methods = [solver, "layers"] if solver in ("pardiso", "superlu") else ["layers"]
     for method in methods:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.effort import near_a_shift, refuse_endless_search
 from modal.eigenproblem import (
     SMALL,
     Eigenproblem,
@@ -27,6 +28,8 @@ SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
 SLICE = 300
 """Modes that one factorisation is asked for; wider intervals are cut by exact counts."""
+FEWER = "ask for fewer, or for the density or a count"
+"""What to do instead of finding each of very many modes."""
 NARROW = 1e-6
 """Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
 
@@ -41,6 +44,8 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     check_count(problem, count, problem.size - floppy)
     if problem.size <= SMALL or count > problem.size // 4:
         return dense_modes(problem, lambda f: slice(floppy, floppy + count), f"lowest {count}")
+    effort = near_a_shift(problem, count, SLICE)
+    refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
     if count > SLICE:
         return _lowest_by_slices(problem, count)
     sigma = -SHIFT * problem.diagonal.max()
@@ -75,8 +80,10 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
         return dense_modes(problem, inside, f"{low:g} {high:g}")
     below = {low: problem.floppy.total if low == 0 else count_below(problem, low)}
     below[high] = count_below(problem, high)
-    slices = _cut(problem, low, high, below)
     wanted = below[high] - below[low]
+    effort = near_a_shift(problem, wanted, SLICE)
+    refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
+    slices = _cut(problem, low, high, below)
     parts = [_slice(problem, a, b, below[b] - below[a], wanted) for a, b in slices]
     return _joined(parts, f"{low:g} {high:g}")
 

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
+from modal.effort import from_the_top, of_blocks, refuse_endless_search
 from modal.eigenproblem import (
     SMALL,
     Eigenproblem,
@@ -43,15 +44,9 @@ def dense_modes(
     problem: Eigenproblem, chosen: Callable[[np.ndarray], slice], interval: str
 ) -> ModeSet:
     """Those modes that are `chosen` from the ascending frequencies (size,) of all of them."""
-    group = lateral_translations(problem.network, problem.scaled, problem.dof)
+    group = _group_of(problem)
     if not group.trivial:
         return _dense_by_symmetry(problem, group, chosen, interval)
-    if problem.size > DENSE_LIMIT:
-        raise InputError(
-            f"all {problem.size} modes would need {3 * 8 * problem.size**2 / 1e9:.0f} GB dense "
-            f"(limit {DENSE_LIMIT} degrees of freedom) and the network has no lateral symmetry; "
-            "ask for --lowest, --highest or --between"
-        )
     square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
     part = chosen(frequency_of(square))
     modes = found_modes(problem, square[part], vector[:, part], interval, "dense")
@@ -59,12 +54,28 @@ def dense_modes(
     return modes
 
 
+def _group_of(problem: Eigenproblem) -> LateralTranslations:
+    """Its lateral translations; InputError where its whole spectrum is out of reach."""
+    group = lateral_translations(problem.network, problem.scaled, problem.dof)
+    if group.trivial and problem.size > DENSE_LIMIT:
+        raise InputError(
+            f"all {problem.size} modes would need {3 * 8 * problem.size**2 / 1e9:.0f} GB dense "
+            f"(limit {DENSE_LIMIT} degrees of freedom) and the network has no lateral symmetry; "
+            "ask for --lowest, --highest or --between"
+        )
+    cells = len(group.orbit)
+    rows = problem.size // cells
+    task = f"all {problem.size} modes in {cells} blocks of {rows} rows take"
+    refuse_endless_search(problem, of_blocks(rows, cells), task, "ask for a part of them")
+    return group
+
+
 def memory_of_all(problem: Eigenproblem) -> str:
     """How `all_modes` will solve the problem, and the memory that its largest matrices take."""
-    group = lateral_translations(problem.network, problem.scaled, problem.dof)
-    cells = 1 if group.trivial else len(group.orbit)
-    size = problem.size // cells
-    return f"{cells} dense blocks of {size} rows, {3 * 16 * size**2 / 1e9:.2g} GB at a time"
+    cells = len(_group_of(problem).orbit)
+    rows = problem.size // cells
+    gigabytes = of_blocks(rows, cells).bytes / 1e9
+    return f"{cells} dense blocks of {rows} rows, {gigabytes:.2g} GB at a time"
 
 
 def _dense_by_symmetry(
@@ -155,6 +166,8 @@ def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) ->
     if problem.size <= SMALL or count > problem.size // 4:
         top = slice(problem.size - count, problem.size)
         return dense_modes(problem, lambda frequency: top, f"highest {count}")
+    effort = from_the_top(problem, count)
+    refuse_endless_search(problem, effort, f"the highest {count} modes take", "ask for fewer")
     search = SearchFromTop(problem)
     because = "" if certify else "the exact count was left out (--uncertified)"
 

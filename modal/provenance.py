@@ -158,7 +158,17 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
 
 
 _ROLES = {"sample": STATE, "source": "motion"}
-_NOT_SETTINGS = {"command", "network", "sample", "source", "output", "json", "if_stale", "at"}
+_NOT_SETTINGS = {
+    "command",
+    "network",
+    "sample",
+    "source",
+    "output",
+    "json",
+    "if_stale",
+    "at",
+    "hours",
+}
 
 
 def packing_of(path: str | Path) -> tuple[Source, ...]:

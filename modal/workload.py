@@ -38,12 +38,24 @@ def refuse_endless(
     started = time.perf_counter()
     operator.apply(motion)
     seconds = products * (time.perf_counter() - started)
+    refuse_above(
+        seconds, bytes_needed, f"{task} takes about {products:.2g} products with K,", remedy
+    )
+
+
+def refuse_above(
+    seconds: float, bytes_needed: float, task: str, remedy: str, longest: float | None = None
+) -> None:
+    """InputError where an estimate is above the `longest` time (a day), or the free memory.
+
+    The message begins with the `task`, as in "a wave takes", and ends with the `remedy`.
+    """
     at_hand = memory_at_hand()
-    if seconds <= LONGEST and bytes_needed <= at_hand:
+    if seconds <= (LONGEST if longest is None else longest) and bytes_needed <= at_hand:
         return
     raise InputError(
-        f"{task} takes about {products:.2g} products with K, {_duration(seconds)} here, and "
-        f"{_size(bytes_needed)} of memory ({_size(at_hand)} are free); {remedy}"
+        f"{task} {_duration(seconds)} here, and {_size(bytes_needed)} of memory "
+        f"({_size(at_hand)} are free); {remedy}"
     )
 
 

@@ -52,7 +52,7 @@ def test_an_interval_without_modes_is_an_empty_certified_list(
 
 SHAPES = {
     "symmetry": (gallery.fcc(4, 4), ["--all"]),
-    "dense": (crystal_without_symmetry(27), ["--all"]),
+    "dense": (crystal_without_symmetry(14), ["--all"]),
     "small": (crystal_without_symmetry(5), ["--lowest", "4"]),
     "lowest": (crystal_without_symmetry(27), ["--lowest", "7"]),
     "many lowest": (crystal_without_symmetry(27), ["--lowest", "200"]),
