@@ -42,10 +42,10 @@ class FloppyModes:
     """
 
     basis: sp.csc_matrix
-    free_particles: int = 0
-    loose_clusters: int = 0
-    hinged: int = 0
-    spinning: int = 0
+    free_particles: int
+    loose_clusters: int
+    hinged: int
+    spinning: int
 
     @property
     def total(self) -> int:
