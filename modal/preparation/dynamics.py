@@ -19,8 +19,10 @@ from modal.preparation.history_forces import SLABS, numba, prange
 from modal.sample import Sample, void_ratio
 from modal.storage import InputError
 
-SKIN = 0.1
-"""Reach of the list of pairs beyond touch, diameters: a compromise of its length and its life."""
+SKIN, WIDEST = 0.03, 0.24
+"""First and largest reach of the list of pairs beyond touch, diameters. A list that has lasted
+fewer than `LIFE` steps is followed by one of twice the reach: long ones cost time in every step."""
+LIFE = 50
 
 
 def _advance_some(
@@ -143,12 +145,16 @@ class Dynamics:
         """Forces at the present places, where a step `dt` has led; 0 opens and closes only."""
         contacts = self.contacts
         if self._far:
+            if self._age < LIFE:
+                contacts.skin = max(contacts.skin, min(2 * contacts.skin, WIDEST))
             contacts.seek()
             self._note_sought()
+        self._age += 1
         gained = contacts.side * (1 - 1 / (1 + dt * self.rates[:2]))
         contacts.touch(self.velocity, dt, gained)
 
     def _note_sought(self) -> None:
+        self._age = 0
         self._sought_at, self._far = self.contacts.position.copy(), False
         self._stretch[:] = 1.0
 
