@@ -3,7 +3,7 @@
     python -m benchmarks [--quick] [NAME ...] [-o DIR]
 
 Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
-there lists them. Without names all jobs run: three minutes with --quick, 25 without. The name
+there lists them. Without names all jobs run: some three minutes with --quick, 25 without. The name
 `defaults` measures nothing: it prints what the rows in DIR say of the programs' defaults.
 """
 
