@@ -77,6 +77,19 @@ def test_floppy_modes_of_a_diluted_crystal(share, seed):
     assert sum(problem.floppy.by_kind().values()) == problem.floppy.total
 
 
+def test_parts_too_large_for_a_dense_null_space_count_as_held(monkeypatch):
+    """What is left is a part of the zero modes, still exact; the counts tell how many there are."""
+    network = diluted(0.5, 1)
+    everything = Eigenproblem.of(network).floppy
+    monkeypatch.setattr("modal.floppy.LARGEST_PART", 1)
+    problem = Eigenproblem.of(network)
+    assert 0 < problem.floppy.hinged < everything.hinged
+    assert problem.floppy.free_particles == everything.free_particles
+    basis, scale = problem.floppy.basis, problem.scaled.diagonal().max()
+    assert abs((problem.scaled @ basis).toarray()).max() < 1e-11 * scale
+    assert count_below(problem, 1.0) == everything.total
+
+
 def test_each_kind_is_named():
     """A free sphere has six zero modes, one on one contact three, one on two contacts one."""
     network = gallery.column(4)

@@ -16,6 +16,7 @@ from modal.spectrum import (
     top_of_spectrum,
     wider_top,
 )
+from modal.storage import InputError
 from modal.wave import chebyshev_moments, expansion, propagate
 
 
@@ -127,6 +128,10 @@ def test_a_negative_direction_is_no_reason_to_widen():
         with pytest.raises(GrowthError) as caught:
             wider_top(operator, error, top)
         assert caught.value is error
+    # A single negative direction, and a few orders, after which all others are still there.
+    operator, error, top = grown(np.append(-2.0, np.linspace(0, 1, 49)), 0.9, 8)
+    with pytest.raises(GrowthError):
+        wider_top(operator, error, top)
     operator, error, top = grown(np.linspace(0, 3, 50), 0.5, 100)
     error.vector[7] = np.nan
     with pytest.raises(GrowthError):
@@ -182,19 +187,34 @@ TASKS = {
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_memory_is_as_large_as_said(task, monkeypatch):
-    """Within a factor of two of the largest sum of all arrays."""
+def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
+    """Within a factor of two of the products made and of the largest sum of all arrays."""
     module, compute = TASKS[task]
-    said = []
-    monkeypatch.setattr(
-        module, "refuse_endless", lambda *_, bytes_needed, **__: said.append(bytes_needed)
-    )
+    said = {}
+    monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: said.update(what))
     ContactOperator(CRYSTAL, mass_scaled=True).apply(np.zeros(6 * CRYSTAL.n_particles))
     tracemalloc.start()
-    compute()
+    made = compute().products
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert 0.5 < peak / said[0] < 2
+    assert 0.5 < peak / said["bytes_needed"] < 2
+    assert 0.5 < made / said["products"] < 2
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"duration": 0.0},
+        {"duration": np.inf},
+        {"interval": 0.0},
+        {"interval": 2e-4},
+        {"tolerance": 0.0},
+        {"tolerance": 1.0},
+    ],
+)
+def test_waves_that_are_none_are_refused(wrong):
+    with pytest.raises(InputError, match="must be positive"):
+        propagate(CRYSTAL, **({"duration": 1e-4} | wrong))
 
 
 def test_moments_are_those_of_chebyshevs_polynomials():
