@@ -30,8 +30,9 @@ ORTHOGONAL = 2e-10
 """Seconds for each multiplication and addition of a dense product."""
 PRODUCT = 2e-8
 """Seconds of A v for each degree of freedom."""
-DENSE = 6e-9
-"""Seconds of a complex dense spectrum for each cubed row."""
+DENSE = 5e-10
+"""Seconds of a block's dense spectrum for each cubed row; two complex blocks of opposite
+wavevectors share one."""
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,8 @@ def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
 def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
     """Against the spectrum of one column, scaled. Frequencies are half as wrong as omega^2, which
     is known to round-off of the matrix and to the square of a residual of 1e-10 over the gap."""
+    if copies == 1000 and not available("pardiso"):
+        pytest.skip("pypardiso is not installed")  # the count by layers takes minutes for them
     network, exact = columns(copies, step)
     problem = Eigenproblem.of(network)
     assert problem.size > SMALL and count <= problem.size // 4
@@ -126,7 +128,7 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     assert found["frequency_hz"] == pytest.approx(exact[-1:], rel=1e-9)
     assert found["certified"] is False and found["missing"] == 0
     assert "--uncertified" in read_modes(out).attributes["uncertified_because"]
-    assert printed.err.count("\n") == 1 and "not certified" in printed.err
+    assert printed.err.count("not certified") == 1
     assert main(["modes", str(source), "--lowest", "1", "--uncertified"]) == 2
     assert "--highest" in capsys.readouterr().err
 
