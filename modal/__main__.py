@@ -178,6 +178,7 @@ def _modes(options: argparse.Namespace) -> dict[str, Any]:
         "degrees_of_freedom": problem.size,
         "certified": bool(modes.attributes["certified"]),
         "missing": int(modes.attributes["missing"]),
+        "uncertified_because": modes.attributes.get("uncertified_because", ""),
         "solver": modes.attributes["solver"],
         "p_wave_resonances": 0
         if modes.resonance_frequency is None

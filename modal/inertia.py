@@ -113,8 +113,9 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
     for method in methods:
         for places in ([square], [square * (1 - BESIDE), square * (1 + BESIDE)]):
             counts = {_negative(problem, place, method) for place in places}
-            if len(counts) == 1 and None not in counts:
-                return counts.pop()
+            count = counts.pop()
+            if not counts and count is not None:
+                return count
     raise InputError(
         f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
         "different frequency"
