@@ -259,7 +259,9 @@ THREADS = """
 import sys
 import numba
 sys.path.insert(0, "tests")
+from modal.preparation import history_forces
 from test_dynamics import agitated, run
+history_forces.ENOUGH = 1
 sample = agitated()
 for threads in (1, 2):
     numba.set_num_threads(threads)
@@ -270,6 +272,7 @@ for threads in (1, 2):
 def test_threads_change_no_bit():
     pytest.importorskip("numba")
     environment = os.environ | {"NUMBA_NUM_THREADS": "2", "PYTHONPATH": str(ROOT)}
+    environment["OMP_NUM_THREADS"] = "2"
     command = [sys.executable, "-c", THREADS]
     done = subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True

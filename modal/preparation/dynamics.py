@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.moving_contacts import MovingContacts
-from modal.preparation.history_forces import SLABS, numba, prange
+from modal.preparation.history_forces import SLABS, compiled, numba, prange
 from modal.sample import Sample, void_ratio
 from modal.storage import InputError
 
@@ -85,7 +85,7 @@ if numba is None:
     advance_by_loop = advance_by_arrays
 else:
     _advance_some = numba.njit(cache=True)(_advance_some)
-    advance_by_loop = numba.njit(cache=True, parallel=True)(_advance)
+    advance_by_loop = compiled(_advance, 0)
 
 
 class Dynamics:

@@ -14,6 +14,10 @@ then the odd ones: no two threads add to one sphere, and sums are the same for a
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from types import FunctionType
+
 import numpy as np
 
 from modal.network import SOURCE_WALL
@@ -24,6 +28,8 @@ except ImportError:
     numba = None
 prange = numba.prange if numba else range
 
+ENOUGH = 5000
+"""Spheres from which on threads are used."""
 SLABS = 16
 """At most so many: more share the work more evenly, fewer leave more to do at once."""
 TOTALS = "normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"
@@ -222,8 +228,32 @@ def forces_by_arrays(
     return np.array([pressed.sum(), contact, len(near), sliding.sum(), *virial])
 
 
+def by_threads(spheres: int) -> bool:
+    """Whether threads are worth their start, and allowed; results are the same to the bit.
+
+    On cores that other programs use a thread waits for its turn in every step, so that
+    OMP_NUM_THREADS=1, which the README asks for there, holds here as well.
+    """
+    many = spheres >= ENOUGH and os.environ.get("OMP_NUM_THREADS") != "1"
+    return many and numba.get_num_threads() > 1
+
+
+def compiled(function: Callable, place: int) -> Callable:
+    """A loop over slabs, compiled for one thread and for more; argument `place` has the spheres."""
+    one = numba.njit(cache=True)(function)
+    # Under a name of its own: the cache of compiled functions tells them apart by nothing else.
+    threaded = FunctionType(function.__code__, function.__globals__)
+    threaded.__name__ = threaded.__qualname__ = f"{function.__name__}_by_threads"
+    more = numba.njit(cache=True, parallel=True)(threaded)
+
+    def loop(*given):
+        return (more if by_threads(len(given[place])) else one)(*given)
+
+    return loop
+
+
 if numba is None:
     forces_by_loop = forces_by_arrays
 else:
     _forces_of_slab = numba.njit(cache=True)(_forces_of_slab)
-    forces_by_loop = numba.njit(cache=True, parallel=True)(_forces_by_slabs)
+    forces_by_loop = compiled(_forces_by_slabs, 1)
