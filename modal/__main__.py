@@ -152,7 +152,7 @@ def _info(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _modes(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_remarked(options.network, _say)
+    network = read_remarked(options.network, options.remarks.append)
     if options.sliding == "slip":
         network = slipping(network)
     problem = Eigenproblem.of(
@@ -197,7 +197,9 @@ def _say_what_is_not(modes: ModeSet, output: str | None) -> None:
 
 
 def _count(options: argparse.Namespace) -> dict[str, Any]:
-    problem = Eigenproblem.of(read_remarked(options.network, _say), solver=options.solver)
+    problem = Eigenproblem.of(
+        read_remarked(options.network, options.remarks.append), solver=options.solver
+    )
     counts = {}
     for typed in options.at:
         try:
@@ -213,7 +215,7 @@ def _count(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _wave(options: argparse.Namespace) -> dict[str, Any]:
-    network = read_remarked(options.network, _say)
+    network = read_remarked(options.network, options.remarks.append)
     motion = Pulse(options.amplitude, options.input_frequency)
     if options.source:
         motion = read_motion(options.source)
@@ -252,7 +254,7 @@ def _wave(options: argparse.Namespace) -> dict[str, Any]:
 
 def _response(options: argparse.Namespace) -> dict[str, Any]:
     found = frequency_response(
-        read_remarked(options.network, _say),
+        read_remarked(options.network, options.remarks.append),
         highest=options.highest,
         resolution=options.resolution,
         pre_stress=options.pre_stress,
@@ -332,7 +334,7 @@ def main(argv: list[str] | None = None) -> int:
     start = time.perf_counter()
     try:
         options = _parser().parse_args(argv)
-        options.made = None
+        options.made, options.remarks = None, []
         if options.command in PRODUCERS and options.output:
             arguments = sys.argv[1:] if argv is None else argv
             options.made = made_by(options.command, vars(options), arguments)
@@ -353,6 +355,9 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print("interrupted; files are whole or absent", file=sys.stderr)
         return 130
+    # With an error its one line is enough.
+    for remark in options.remarks:
+        _say(remark)
     result["seconds"] = time.perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     result["peak_memory_bytes"] = peak * (1 if sys.platform == "darwin" else 1024)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ def density(options: argparse.Namespace) -> dict[str, Any]:
         at = np.array([float(typed) for typed in options.at])
     except ValueError:
         raise InputError(f"--at {' '.join(options.at)}: give frequencies in Hz") from None
-    network = read_remarked(options.network, lambda text: print(text, file=sys.stderr))
+    network = read_remarked(options.network, options.remarks.append)
     floppy = Eigenproblem.of(network).floppy
     states = density_of_states(
         network,
