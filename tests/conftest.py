@@ -1,15 +1,17 @@
 """Shared by the tests: which optional packages they see, unasked skips, and a slow oracle.
 
-GRANULAR_WITHOUT=numba,pypardiso hides these packages from every import of the run, so that code
-with a second way takes it. With CI=true a test that was skipped without being asked to has failed.
+GRANULAR_WITHOUT=numba,pypardiso hides these packages from every import of the run and of the
+programs that it starts, so that code with a second way takes it. With CI=true a test that was
+skipped without being asked to has failed.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import os
+import runpy
 import shutil
-import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,14 +23,16 @@ if TYPE_CHECKING:
 FAST = ("numba", "pypardiso")
 """Optional packages of the recommended path."""
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
-MAY_BE_ABSENT = ["LAMMPS is not installed"]
-"""Reasons for which a test may be skipped where the tests must be complete."""
+MAY_BE_ABSENT = ["LAMMPS", *HIDDEN]
+"""What a test that is skipped where the tests must be complete may name as its reason."""
 COMPLETE = os.environ.get("CI") == "true"
 
-# No test module has imported modal yet.
-for name in HIDDEN:
-    sys.modules[name] = None
-    MAY_BE_ABSENT.append(f"{name} is not installed")
+if HIDDEN:
+    # No test module has imported modal yet; programs that the tests start do the same themselves.
+    folder = Path(__file__).with_name("hidden")
+    runpy.run_path(str(folder / "sitecustomize.py"))
+    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    os.environ["PYTHONPATH"] = os.pathsep.join(paths)
 
 
 def pytest_configure(config):
@@ -55,7 +59,7 @@ def refuse_unasked_skip(report):
     """Turn a skip for a reason that nobody has allowed into a failure."""
     if COMPLETE and report.skipped and not hasattr(report, "wasxfail"):
         path, line, reason = report.longrepr
-        if not any(allowed in reason for allowed in MAY_BE_ABSENT):
+        if not any(name in reason for name in MAY_BE_ABSENT):
             report.outcome = "failed"
             report.longrepr = f"{path}:{line}: {reason}; with CI=true nothing is skipped unasked"
     return report

@@ -82,11 +82,14 @@ def test_higher_stress_is_added_to_a_finished_walk(walked, tmp_path):
 def test_killed_walk_goes_on_and_ends_the_same(walked, tmp_path):
     """kill -9 in the middle of legs, at whatever step; the same bits in the end."""
     command = [sys.executable, "-m", "modal", *SMALL, "--stress", "1e4", "1e5"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"}
+    environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
     checkpoint = tmp_path / "checkpoint.sample.h5"
     for kill in range(2):
         job = subprocess.Popen(
-            [*command, "-o", str(tmp_path)], env=environment, stderr=subprocess.DEVNULL
+            [*command, "-o", str(tmp_path)],
+            cwd=ROOT,
+            env=environment,
+            stderr=subprocess.DEVNULL,
         )
         before = checkpoint.stat().st_mtime_ns if checkpoint.exists() else 0
         deadline = time.monotonic() + 100

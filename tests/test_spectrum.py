@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from modal import density, gallery, wave
+from modal import density, gallery, operator, wave
 from modal.density import density_of_states
 from modal.operator import ContactOperator
 from modal.spectrum import (
@@ -189,6 +189,8 @@ TASKS = {
 @pytest.mark.parametrize("task", TASKS)
 def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     """Within a factor of two of the products made and of the largest sum of all arrays."""
+    if operator.numba is None:
+        pytest.skip("numba is not installed: the matrix in its place is more than all arrays")
     module, compute = TASKS[task]
     said = {}
     monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: said.update(what))

@@ -15,7 +15,7 @@ from modal.lattice import FccCrystal
 from modal.layers import Layers
 from modal.random_packing import random_network
 from modal.receivers import wall_pattern
-from modal.statics import spring_motion, static_velocity
+from modal.statics import STRAIN_TOLERANCE, spring_motion, static_velocity
 from modal.statistics import WALL_ZONE
 from modal.storage import InputError
 
@@ -88,7 +88,9 @@ def test_light_loose_spheres_of_the_bulk_leave_its_velocity():
         name: np.concatenate([getattr(network, name), getattr(network, name)[loose]])
         for name in names
     }
-    assert static_velocity(replace(network, **more))[0] == pytest.approx(before, rel=1e-9)
+    # Both solutions stop at a residual of this size, each at its own.
+    after = static_velocity(replace(network, **more))[0]
+    assert after == pytest.approx(before, rel=STRAIN_TOLERANCE)
 
 
 def test_velocity_of_spheres_of_several_masses():

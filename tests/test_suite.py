@@ -32,6 +32,7 @@ def test_known():
 def test_skips_and_hidden_packages(tmp_path):
     """In a run of its own where the tests must be complete."""
     shutil.copy(CONFTEST, tmp_path)
+    shutil.copytree(CONFTEST.parent / "hidden", tmp_path / "hidden")
     (tmp_path / "test_inner.py").write_text(TESTS)
     (tmp_path / "test_whole.py").write_text("import pytest\npytest.importorskip('no_such_package')")
     options = ["-q", "-p", "no:cacheprovider", "--continue-on-collection-errors"]
