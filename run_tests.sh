@@ -11,7 +11,7 @@ export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
 [ $# -eq 0 ] || exec "${pytest[@]}" "$@"
 "${pytest[@]}"
-# What runs YADE, or only reads and draws, has no second way.
+# What runs YADE, reads and draws, or prepares at length has no second way of its own.
 export GRANULAR_WITHOUT=numba,pypardiso
-other=("*/test_"{"*yade",faults,analysis,benchmark,"*damaged"}"*.py")
+other=("*/test_"{"*yade",faults,analysis,benchmark,compress,"*damaged"}"*.py")
 exec "${pytest[@]}" "${other[@]/#/--ignore-glob=}" tests

@@ -108,15 +108,15 @@ def branches(network: Network) -> np.ndarray:
 
     Where `cell_shift` is absent, through as many periods as bring it nearest to the levers.
     """
-    i, j, wall = network.particle_i, network.particle_j, network.with_wall
-    branch = network.position[j] - network.position[i]
+    i, wall = network.particle_i, network.with_wall
+    branch = network.position[network.partner] - network.position[i]
     period = np.where(network.cell_periodic, network.cell_size, 0.0)
     if network.cell_shift is not None:
         branch += network.cell_shift * period
     elif network.cell_periodic.any():
         missing = network.lever_i - network.lever_j - branch
         branch += np.round(missing / np.where(period > 0, period, np.inf)) * period
-    plane = network.wall_position[np.where(j == SOURCE_WALL, 0, 1)]
+    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
     branch[wall] = 0
     branch[wall, 2] = (plane - network.position[i, 2])[wall]
     return branch
@@ -124,7 +124,7 @@ def branches(network: Network) -> np.ndarray:
 
 def _check_geometry(network: Network, name: str) -> None:
     """Normals, levers and overlaps against positions and radii."""
-    i, j, wall = network.particle_i, network.particle_j, network.with_wall
+    i, j, wall = network.particle_i, network.partner, network.with_wall
     branch, normal = branches(network), network.normal
     distance = np.linalg.norm(branch, axis=1)
     radius_i = network.radius[i]

@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from modal.assembly import stiffness_matrix
 from modal.network import Network
 from modal.operator import ContactOperator
+from modal.peeling import keeping_contacts
 
 NULL = 1e-10
 """An eigenvalue is zero below this share of its part's largest one: far above round-off, and
@@ -58,19 +59,6 @@ class FloppyModes:
         return {kind: getattr(self, kind) for kind in kinds}
 
 
-def loosely_held(network: Network) -> np.ndarray:
-    """Shape (n,) bool: spheres that have fewer than three contacts once others are peeled off."""
-    i, j = network.particle_i, network.particle_j
-    held = np.ones(network.n_particles, bool)
-    while True:
-        alive = held[i] & ((j < 0) | held[j])
-        ends = np.concatenate([i[alive], j[alive & (j >= 0)]])
-        remaining = held & (np.bincount(ends, minlength=len(held)) >= HELD_BY)
-        if np.array_equal(remaining, held):
-            return ~held
-        held = remaining
-
-
 def clusters(network: Network) -> tuple[np.ndarray, np.ndarray]:
     """Connected cluster of each sphere (n,), and whether each cluster touches a wall (c,)."""
     i, j = network.particle_i, network.particle_j
@@ -91,7 +79,7 @@ def floppy_modes(
     """
     size = len(mass)
     dof = size // network.n_particles
-    loose = loosely_held(network)
+    loose = ~keeping_contacts(network, HELD_BY)
     cluster, anchored = clusters(network)
     touched = np.zeros(network.n_particles, bool)
     for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
@@ -147,10 +135,9 @@ def _stiffness_among(
     """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
-    i, j = network.particle_i, network.particle_j
-    nearby = network.with_contacts(chosen[i] | ((j >= 0) & chosen[j]))
+    near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _degrees_of_freedom(spheres, dof)
-    K = stiffness_matrix(nearby, translations_only=dof == 3)[rows][:, rows]
+    K = stiffness_matrix(network.with_contacts(near), translations_only=dof == 3)[rows][:, rows]
     scale = sp.diags(1 / np.sqrt(mass[rows]))
     return (scale @ K @ scale).tocsr()
 
@@ -160,8 +147,9 @@ def _loose_parts(network: Network, loose: np.ndarray) -> list[np.ndarray]:
     spheres = np.flatnonzero(loose)
     place = np.full(network.n_particles, -1)
     place[spheres] = np.arange(len(spheres))
-    i, j = network.particle_i, network.particle_j
-    both = (j >= 0) & loose[i] & loose[j]
+    pair = ~network.with_wall
+    i, j = network.particle_i[pair], network.particle_j[pair]
+    both = loose[i] & loose[j]
     ends = (place[i[both]], place[j[both]])
     graph = sp.coo_matrix((np.ones(both.sum()), ends), shape=(len(spheres),) * 2)
     if len(spheres) == 0:

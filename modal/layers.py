@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.network import Network
+from modal.peeling import keeping_contacts
 from modal.storage import InputError
 
 EDGE = 1e-9
@@ -19,15 +20,7 @@ def force_bearing(network: Network) -> np.ndarray:
 
     A particle with a single contact cannot be in balance under a force.
     """
-    i, j = network.particle_i, network.particle_j
-    bearing = np.ones(network.n_particles, bool)
-    while True:
-        alive = bearing[i] & ((j < 0) | bearing[j])
-        ends = np.concatenate([i[alive], j[alive & (j >= 0)]])
-        remaining = bearing & (np.bincount(ends, minlength=len(bearing)) >= 2)
-        if np.array_equal(remaining, bearing):
-            return bearing
-        bearing = remaining
+    return keeping_contacts(network, 2)
 
 
 HELD = 0.05

@@ -98,6 +98,11 @@ class Network:
         return self.particle_j < 0
 
     @property
+    def partner(self) -> np.ndarray:
+        """Shape (m,): index of the contact's second particle; 0, for none, at a wall."""
+        return np.where(self.with_wall, 0, self.particle_j)
+
+    @property
     def area(self) -> float:
         """Cross-section, m^2, to which stresses refer; InputError where the cell has none."""
         area = float(self.cell_size[0] * self.cell_size[1])

@@ -66,7 +66,7 @@ def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:
 
 def _touching(network: Network, remarks: list[str]) -> None:
     """Overlaps, levers and the list of contacts against positions and radii."""
-    i, j, pair = network.particle_i, network.particle_j, ~network.with_wall
+    i, j, pair = network.particle_i, network.partner, ~network.with_wall
     branch = branches(network)
     reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
     overlap = reach - _size(branch)

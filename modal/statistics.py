@@ -92,9 +92,10 @@ def fabric_tensor(network: Network) -> np.ndarray:
 def coordination_without_rattlers(network: Network) -> tuple[float, int]:
     """Contacts a particle among the force-bearing ones, and how many particles are rattlers."""
     bearing = force_bearing(network)
-    i, j = network.particle_i, network.particle_j
-    kept = bearing[i] & ((j < 0) | bearing[j])
-    ends = 2 * int((kept & (j >= 0)).sum()) + int((kept & (j < 0)).sum())
+    i, pair = network.particle_i, ~network.with_wall
+    at_wall = bearing[i[~pair]]
+    between = bearing[i[pair]] & bearing[network.particle_j[pair]]
+    ends = 2 * int(between.sum()) + int(at_wall.sum())
     return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
 
 

@@ -15,14 +15,15 @@ from scipy.linalg import qr
 
 from analysis.exact_chain import Chain
 from modal import gallery
+from modal.__main__ import main
 from modal.contact import contact_kinematics
-from modal.eigenproblem import Eigenproblem
+from modal.eigenproblem import Eigenproblem, slipping
 from modal.geometry import tangents
 from modal.inertia import count_below, count_negative
 from modal.intervals import lowest_modes
 from modal.lattice import FccCrystal
 from modal.modes import all_modes, highest_modes
-from modal.network import Network
+from modal.network import Network, write_network
 from modal.sample import Sample, read_sample
 from modal.storage import InputError
 from modal.wave import propagate
@@ -257,3 +258,38 @@ def test_hundred_thousand_layers():
     print(found.frequency, planar)
     # Walls as longer springs: exact up to (kappa l)^2, 1e-9.
     assert found.frequency[found.chi_z > 0.999] == pytest.approx(planar, rel=1e-6)
+
+
+@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(1, 1)])
+@pytest.mark.parametrize("slips", [False, True])
+def test_a_single_sphere(network, slips):
+    """Between walls, alone or touching its own images: a receiver wall's number, -2, is beyond
+    the only sphere when it is taken for one."""
+    assert network.n_particles == 1
+    if slips:
+        network = slipping(replace(network, sliding=np.ones(network.n_contacts, bool)))
+    exact = exact_frequencies(network)
+    zero = int((exact < 1e-6 * exact[-1]).sum())
+    problem = Eigenproblem.of(network)
+    assert problem.floppy.total == zero
+    assert all_modes(problem).frequency[zero:] == pytest.approx(exact[zero:], rel=1e-12)
+    assert count_below(problem, exact[-1] / 2) == int((exact < exact[-1] / 2).sum())
+    assert propagate(network, 1e-5).signals.chain_displacement[-1] > 0
+
+
+@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(1, 1)])
+def test_every_command_takes_a_single_sphere(network, tmp_path):
+    path, out = str(tmp_path / "one.network.h5"), str(tmp_path / "out.h5")
+    write_network(path, network)
+    for command in (
+        "info NETWORK",
+        "modes NETWORK --lowest 1",
+        "modes NETWORK --highest 1",
+        "modes NETWORK --all",
+        "count NETWORK --at 1e5",
+        "density NETWORK",
+        "wave NETWORK --duration 1e-5 -o OUT",
+        "response NETWORK",
+    ):
+        words = command.replace("NETWORK", path).replace("OUT", out).split()
+        assert main(words) == 0, command
