@@ -23,10 +23,10 @@ from analysis.status import status_table
 from analysis.stress import power_law, stress_rows
 from analysis.tables import tables
 from analysis.trial import trial
-from modal.network import read_network
-from modal.provenance import packing_of, require_same_packing
-from modal.signals import read_signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import packing_of, require_same_packing
+from modal.packing.network import read_network
+from modal.waves.signals import read_signals
 
 COMPARED = (
     "signals",

@@ -1,6 +1,6 @@
 """A YADE run against the linear wave of its own contact network, and where they part.
 
-The linear wave is computed with the DEM's own time step (`modal.leapfrog`) and with the exact
+The linear wave is computed with the DEM's own time step (`modal.waves.leapfrog`) and with the exact
 tangent, so what is left is the packing's non-linearity and the run's noise. Leaving out one thing
 at a time, or adding runs of other amplitude, sign or friction, splits the difference by cause. All
 displacements are divided by the amplitude of the source; differences are relative L2 norms.
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.layers import Layers, force_bearing
-from modal.leapfrog import leapfrog
-from modal.network import Network
-from modal.signals import Signals
-from modal.source import Pulse
-from modal.storage import InputError
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError
+from modal.packing.layers import Layers, force_bearing
+from modal.packing.network import Network
+from modal.waves.leapfrog import leapfrog
+from modal.waves.propagate import propagate
+from modal.waves.signals import Signals
+from modal.waves.source import Pulse
 
 OTHER_RUNS = {
     "reverse": "run with the wall's motion reversed",

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.velocity import first_peak_times
-from modal.signals import Signals
+from modal.waves.signals import Signals
 
 DECAY = 4.0
 """eta T: the cut at the record's end is damped to e^-4."""

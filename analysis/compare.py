@@ -28,7 +28,7 @@ from analysis.velocity import (
     travel_velocity,
     wall_velocity,
 )
-from modal.signals import Signals
+from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade", "paper")
 DEVIATIONS = ("modal/theory %", "linear/theory %", "yade/theory %", "to paper %")

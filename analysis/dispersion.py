@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.signals import Signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.waves.signals import Signals
 
 INSTRUMENT = 40
 """Layers away whose displacement predicts a layer's."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.hertz_mindlin import GLASS, Material, overlap_of_force, stiffness_normal
-from modal.hertz_mindlin import stiffness_tangential as tangential
-from modal.layers import force_bearing
-from modal.network import Network
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import GLASS, Material, overlap_of_force, stiffness_normal
+from modal.packing.contact_law import stiffness_tangential as tangential
+from modal.packing.layers import force_bearing
+from modal.packing.network import Network
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from modal.lattice import FccCrystal
-from modal.network import Network
-from modal.signals import Signals, source_pulse
+from modal.packing.network import Network
+from modal.theory.fcc import FccCrystal
+from modal.waves.signals import Signals, source_pulse
 
 FLAT = 1e-3
 """Of a radius: how far the centres of one layer of a crystal may be apart along z."""

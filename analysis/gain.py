@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.network import Network
-from modal.response import frequency_response
-from modal.signals import Signals
+from modal.packing.network import Network
+from modal.waves.response import frequency_response
+from modal.waves.signals import Signals
 
 DECAY = 7.0
 """gamma T: the cut leaves e^-7 = 1e-3 of the last reflection."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.signals import Signals
+from modal.waves.signals import Signals
 
 FADE = 0.2
 """Part of a record, at its end, that fades out."""

@@ -18,12 +18,12 @@ from analysis.products import Products
 from analysis.ridge import Ridge, ridge
 from analysis.standing import Standing, standing_modes
 from analysis.velocity import at_frequency, first_peak_times, wall_velocity
-from modal.layers import force_bearing
-from modal.operator import ContactOperator
-from modal.signals import Signals
-from modal.statics import static_velocity
-from modal.statistics import contacts_per_particle, coordination_without_rattlers
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing.layers import force_bearing
+from modal.packing.state import contacts_per_particle, coordination_without_rattlers
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.static_load import static_velocity
+from modal.waves.signals import Signals
 
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
 
 KINDS = ("line", "map", "spheres", "band", "vline", "hline")
 DIGITS, SHADES = 5, 3

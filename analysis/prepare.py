@@ -15,10 +15,10 @@ from analysis.gain import REACH
 from analysis.gain import RESOLUTION as GAIN_RESOLUTION
 from analysis.products import Products
 from analysis.structure_factor import structure_factor, write_structure
-from modal.density import density_of_states, write_density
-from modal.eigenproblem import Eigenproblem
-from modal.provenance import Provenance, is_current
-from modal.response import frequency_response, write_response
+from modal.formats.provenance import Provenance, is_current
+from modal.modes.density import density_of_states, write_density
+from modal.modes.problem import Eigenproblem
+from modal.waves.response import frequency_response, write_response
 
 RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
 """Hz, of the structure factor and of the density of states."""

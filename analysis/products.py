@@ -14,18 +14,18 @@ from analysis.exact_chain import Chain, is_fcc
 from analysis.paper import matching_case
 from analysis.settled import MARK, why_unsettled
 from analysis.structure_factor import StructureFactor, read_structure
-from modal.density import SCHEMA as DENSITY_SCHEMA
-from modal.density import VERSION as DENSITY_VERSION
-from modal.mode_set import ModeSet, read_modes
-from modal.network import Network
-from modal.plausibility import read_remarked
-from modal.provenance import Source, packing_of, require_same_packing
-from modal.response import SCHEMA as RESPONSE_SCHEMA
-from modal.response import VERSION as RESPONSE_VERSION
-from modal.signals import Signals, read_signals
-from modal.source import Pulse
-from modal.storage import InputError, get, open_h5
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError, get, open_h5
+from modal.formats.provenance import Source, packing_of, require_same_packing
+from modal.modes.density import SCHEMA as DENSITY_SCHEMA
+from modal.modes.density import VERSION as DENSITY_VERSION
+from modal.modes.mode_set import ModeSet, read_modes
+from modal.packing.network import Network
+from modal.packing.plausibility import read_remarked
+from modal.waves.propagate import propagate
+from modal.waves.response import SCHEMA as RESPONSE_SCHEMA
+from modal.waves.response import VERSION as RESPONSE_VERSION
+from modal.waves.signals import Signals, read_signals
+from modal.waves.source import Pulse
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
@@ -247,8 +247,8 @@ class Products:
         """The linear wave of the network at the times of the recorded wave.
 
         Where there is no record, ten times a period of the pulse for one passage. Like everything
-        called linear here it is that of the springs alone; `pre_stress` (`modal.tangent`) adds
-        what the contacts' forces do.
+        called linear here it is that of the springs alone; `pre_stress`
+        (`modal.stiffness.pre_stress`) adds what the contacts' forces do.
         """
         recorded, motion, interval = self.signals, self._motion, 0.1 / self._motion.frequency
         duration = self.network.length / self.chain.velocity

@@ -18,8 +18,8 @@ from analysis.picture import write_picture
 from analysis.products import EXTRA_KINDS, KINDS
 from analysis.render import save_png
 from analysis.tables import Table, tables
-from modal.provenance import read_provenance
-from modal.storage import InputError, sha256
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import read_provenance
 
 CSS = (
     "body{font:15px/1.45 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#111}"

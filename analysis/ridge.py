@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.dispersion import layer_distance
-from modal.signals import Signals
+from modal.waves.signals import Signals
 
 POINTS = 260
 """Wave numbers, to `REACH` times that of two particles a wavelength."""

@@ -13,13 +13,13 @@ import numpy as np
 from analysis.exact_chain import is_fcc
 from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
 from analysis.settled import MARK, why_unsettled
-from modal.equilibrium import balance_of
-from modal.network import Network, read_network
-from modal.provenance import read_provenance
-from modal.sample import read_sample
-from modal.statics import static_velocity
-from modal.statistics import summary
-from modal.storage import InputError, sha256
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import read_provenance
+from modal.packing.network import Network, read_network
+from modal.packing.sample import read_sample
+from modal.packing.state import summary
+from modal.preparation.relax import balance_of
+from modal.stiffness.static_load import static_velocity
 
 HEADER = (
     "sample",

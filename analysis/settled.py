@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.equilibrium import net_forces
-from modal.network import Network
+from modal.packing.network import Network
+from modal.packing.state import FORCES, net_forces, stress_tensor, wall_stress
 from modal.preparation.protocol import SETTLED
-from modal.statistics import FORCES, stress_tensor, wall_stress
 
 MARK = "not settled"
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.structure_factor import standing_waves
-from modal.assembly import mass_diagonal
-from modal.mode_set import ModeSet
-from modal.network import Network
+from modal.modes.mode_set import ModeSet
+from modal.packing.network import Network
+from modal.stiffness.matrices import mass_diagonal
 
 LEAST_SHARE = 0.25
 """Below it the standing wave belongs to no mode."""

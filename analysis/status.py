@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from analysis.products import EXTRA_KINDS, KINDS, Products
-from modal.provenance import (
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import (
     PACKING,
     Provenance,
     Source,
@@ -15,7 +16,6 @@ from modal.provenance import (
     packing_of,
     read_provenance,
 )
-from modal.storage import InputError
 
 TABLES = "fcc.table", "random.table"
 """Tables of the cases, a column a setting."""

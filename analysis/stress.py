@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis import dispersion as disp
 from analysis.products import Products
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
 
 Columns = dict[str, np.ndarray]
 

@@ -2,10 +2,11 @@
 
 S_r(f) = sum_i <e_r|i>^2 delta(f - f_i), over all modes i of the packing, where e_r is the pattern
 sin(pi r z / L) of every force-bearing sphere, normalised in the mass. Its ridge over kappa_r is the
-dispersion relation of a random packing far beyond the modes that can be told by eye, and its
-width is the rate at which disorder scatters the wave. No mode is computed: S_r is the expansion of
-the delta function in Chebyshev polynomials of the operator (kernel polynomials: Weisse et al., Rev.
-Mod. Phys. 78, 275, 2006), in omega as in `modal.density`. "granular-structure-factor", version 1.
+dispersion relation of a random packing far beyond the modes that can be told by eye, and its width
+is the rate at which disorder scatters the wave. No mode is computed: S_r is the expansion of the
+delta function in Chebyshev polynomials of the operator (kernel polynomials: Weisse et al., Rev.
+Mod. Phys. 78, 275, 2006), in omega as in `modal.modes.density`. "granular-structure-factor",
+version 1.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.assembly import mass_diagonal
-from modal.layers import force_bearing
-from modal.network import Network
-from modal.operator import ContactOperator
+from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
+from modal.formats.provenance import Provenance
+from modal.packing.layers import force_bearing
+from modal.packing.network import Network
 from modal.progress import progress
-from modal.provenance import Provenance
-from modal.spectrum import bound_of_spectrum
-from modal.storage import InputError, atomic_h5, get, open_h5, put
+from modal.solvers.spectrum import bound_of_spectrum
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1

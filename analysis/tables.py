@@ -13,7 +13,7 @@ from analysis.deviations import HEADER, deviations
 from analysis.lowpass import Plateau
 from analysis.measures import Estimate, Measures, groups
 from analysis.stress import power_law
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
 
 RESONANCES = 10
 """Rows of Table 2."""

@@ -25,8 +25,8 @@ from analysis.velocity import (
     travel_velocity,
     wall_velocity,
 )
-from modal.lattice import FccCrystal
-from modal.signals import Signals, source_pulse
+from modal.theory.fcc import FccCrystal
+from modal.waves.signals import Signals, source_pulse
 
 INTERVAL, NOISE, DRAWS, SEED = 4e-7, 0.05, 10, 20170729
 CHAIN = Chain.of_crystal(FccCrystal(1e5))

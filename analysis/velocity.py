@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.signals import Signals
+from modal.waves.signals import Signals
 
 FAINTEST = 2e-3
 """Least receiver stress over source stress of a received wave; a loose packing passes 0.7 %."""

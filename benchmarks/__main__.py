@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks import defaults
 from benchmarks.harness import machine, report
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
 
 JOBS = {
     "wave": ("wave",),

@@ -16,9 +16,9 @@ from pathlib import Path
 from benchmarks import density, modes, preparation, time_step, wave
 from benchmarks.harness.measure import ROOT
 from benchmarks.harness.report import Rows, markdown_table, read_csv
-from modal.density import density_of_states
+from modal.modes.density import density_of_states
 from modal.preparation.protocol import SETTLED, STABILITY
-from modal.wave import propagate
+from modal.waves.propagate import propagate
 
 
 @dataclass(frozen=True)

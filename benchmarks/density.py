@@ -18,10 +18,10 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import KnownPacking, spectrum
 from benchmarks.harness.report import Page, Rows
-from modal.density import DensityOfStates, density_of_states
-from modal.eigenproblem import Eigenproblem
-from modal.inertia import count_below
-from modal.network import read_network
+from modal.modes.counts import count_below
+from modal.modes.density import DensityOfStates, density_of_states
+from modal.modes.problem import Eigenproblem
+from modal.packing.network import read_network
 
 TITLE = "Density of states: moments and random vectors against exact counts"
 SPHERES = {True: 250, False: 700}

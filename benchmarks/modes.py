@@ -23,14 +23,14 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import attempted, measured
 from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
-from modal import gallery
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.eigenproblem import Eigenproblem, frequency_of
-from modal.factor import SOLVERS, available, factorise
-from modal.inertia import count_below
-from modal.intervals import lowest_modes
-from modal.modes import all_modes
-from modal.network import read_network, write_network
+from modal.modes.counts import count_below
+from modal.modes.highest import all_modes
+from modal.modes.lowest import lowest_modes
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network import read_network, write_network
+from modal.solvers.factor import SOLVERS, available, factorise
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 TITLE = "Modes: this program against scipy's own solvers"
 SPHERES = {True: 250, False: 700}

@@ -20,14 +20,14 @@ import numpy as np
 
 from benchmarks.harness import diagram, yade
 from benchmarks.harness.report import Page, Rows
-from modal.equilibrium import balance_of, relax
-from modal.minimiser import minimise
+from modal.formats.hdf5 import InputError
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.packing.state import summary
 from modal.preparation import protocol
-from modal.random_packing import cloud, random_sample
-from modal.sample import Sample, read_sample, write_sample
-from modal.statics import static_velocity
-from modal.statistics import summary
-from modal.storage import InputError
+from modal.preparation.frictionless import minimise
+from modal.preparation.random_packing import cloud, random_sample
+from modal.preparation.relax import balance_of, relax
+from modal.stiffness.static_load import static_velocity
 
 TITLE = "Sample preparation in YADE: error of the state against steps, and the way to it"
 SPHERES = {True: 120, False: 500}

@@ -22,18 +22,18 @@ from benchmarks.harness.diagram import exponent
 from benchmarks.harness.measure import attempted, measured
 from benchmarks.harness.packing import resized, sample_or_small
 from benchmarks.harness.report import Page, Rows
-from modal import gallery
-from modal.assembly import stiffness_matrix
-from modal.density import density_of_states
-from modal.eigenproblem import Eigenproblem
-from modal.inertia import count_below
-from modal.intervals import lowest_modes, modes_between
-from modal.modes import highest_modes
-from modal.network import Network, read_network, write_network
-from modal.operator import ContactOperator
-from modal.sample import Sample, write_sample
-from modal.storage import InputError
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError
+from modal.modes.counts import count_below
+from modal.modes.density import density_of_states
+from modal.modes.highest import highest_modes
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import Network, read_network, write_network
+from modal.packing.sample import Sample, write_sample
+from modal.stiffness.matrices import stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+from modal.waves.propagate import propagate
 
 TITLE = "Scaling: seconds and bytes against the number of spheres and of modes"
 SIZES = {True: (125, 250, 500), False: (1_000, 6_000, 35_201, 105_603, 985_628)}

@@ -22,14 +22,14 @@ from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import resized, sample_or_small
 from benchmarks.harness.report import Page, Rows
 from benchmarks.wave import relative, step_and_records
-from modal import gallery
-from modal.eigenproblem import Eigenproblem
-from modal.leapfrog import leapfrog
-from modal.modes import highest_modes
-from modal.network import Network, write_network
-from modal.signals import Signals
-from modal.source import AMPLITUDE, Pulse
-from modal.wave import propagate
+from modal.modes.highest import highest_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import Network, write_network
+from modal.waves.leapfrog import leapfrog
+from modal.waves.propagate import propagate
+from modal.waves.signals import Signals
+from modal.waves.source import AMPLITUDE, Pulse
 
 TITLE = "Time step, amplitude and recording of a wave"
 WIDTH = 3

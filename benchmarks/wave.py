@@ -17,13 +17,13 @@ import numpy as np
 from benchmarks.harness import diagram, lammps, yade
 from benchmarks.harness.measure import Measured, measured
 from benchmarks.harness.report import Page, Rows
-from modal import gallery
-from modal.eigenproblem import Eigenproblem
-from modal.leapfrog import leapfrog
-from modal.modes import highest_modes
-from modal.network import Network, read_network, write_network
-from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse
-from modal.wave import propagate
+from modal.modes.highest import highest_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import Network, read_network, write_network
+from modal.waves.leapfrog import leapfrog
+from modal.waves.propagate import propagate
+from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Pulse
 
 TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
 CRYSTAL = {True: (3, 40, 8e-5), False: (3, 200, 3.7e-4)}

@@ -9,26 +9,26 @@ import sys
 import time
 from typing import Any, NoReturn
 
-from modal.density_command import add_density_options, density
-from modal.eigenproblem import SMALL, Eigenproblem, slipping
-from modal.factor import SOLVERS
-from modal.inertia import count_below
-from modal.intervals import lowest_modes, modes_between
-from modal.lattice import FccCrystal
-from modal.leapfrog import leapfrog, steps_between_records
-from modal.mode_set import ModeSet, read_modes, write_modes
-from modal.modes import all_modes, highest_modes, memory_of_all
-from modal.packing_commands import add_pack, add_relax, pack, relax_sample
-from modal.plausibility import plausibility, read_remarked
-from modal.provenance import is_current, made_by
-from modal.response import frequency_response, write_response
-from modal.sample import read_packing, read_sample
-from modal.signals import read_signals, write_signals
-from modal.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
-from modal.statistics import contacts_per_particle, profile, summary, write_profile
-from modal.storage import InputError, sha256
-from modal.tangent import PRE_STRESS
-from modal.wave import propagate
+from modal.cli.density import add_density_options, density
+from modal.cli.packing import add_pack, add_relax, pack, relax_sample
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import is_current, made_by
+from modal.modes.counts import count_below
+from modal.modes.highest import all_modes, highest_modes, memory_of_all
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.mode_set import ModeSet, read_modes, write_modes
+from modal.modes.problem import SMALL, Eigenproblem, slipping
+from modal.packing.plausibility import plausibility, read_remarked
+from modal.packing.sample import read_packing, read_sample
+from modal.packing.state import contacts_per_particle, profile, summary, write_profile
+from modal.solvers.factor import SOLVERS
+from modal.stiffness.pre_stress import PRE_STRESS
+from modal.theory.fcc import FccCrystal
+from modal.waves.leapfrog import leapfrog, steps_between_records
+from modal.waves.propagate import propagate
+from modal.waves.response import frequency_response, write_response
+from modal.waves.signals import read_signals, write_signals
+from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
 
 PRODUCERS = {
     "modes": read_modes,

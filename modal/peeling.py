@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.network import Network
+from modal.packing.network import Network
 
 
 def keeping_contacts(network: Network, least: int) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 if TYPE_CHECKING:
-    from modal.network import Network
+    from modal.packing.network import Network
 
 FAST = ("numba", "pypardiso")
 """Optional packages of the recommended path."""

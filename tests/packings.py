@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from modal import gallery
-from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.sample import read_sample
+from modal.packing import examples as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.sample import read_sample
 
 YOUNG, POISSON = 60e9, 0.2
 

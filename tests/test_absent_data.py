@@ -9,18 +9,17 @@ import numpy as np
 import packings
 import pytest
 
-from modal import gallery
 from modal.__main__ import main
-from modal.equilibrium import net_forces
-from modal.layers import firmly_held
-from modal.network import Network, read_network, write_network
-from modal.operator import ContactOperator
-from modal.sample import Sample, sample_of_network
-from modal.statics import static_velocity
-from modal.statistics import friction_used, stress_tensor, wall_stress
-from modal.storage import InputError
-from modal.tangent import contact_tangent
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.layers import firmly_held
+from modal.packing.network import Network, read_network, write_network
+from modal.packing.sample import Sample, sample_of_network
+from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.pre_stress import contact_tangent
+from modal.stiffness.static_load import static_velocity
+from modal.waves.propagate import propagate
 
 
 def refused_constant(text: str) -> float:

@@ -7,12 +7,12 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.agreement import Agreement, frequency_wavenumber, over_time, split_by_cause
-from modal import gallery
-from modal.leapfrog import leapfrog
-from modal.network import write_network
-from modal.signals import Signals, write_signals
-from modal.source import Pulse
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import write_network
+from modal.waves.leapfrog import leapfrog
+from modal.waves.signals import Signals, write_signals
+from modal.waves.source import Pulse
 
 NETWORK = gallery.fcc(2, 20)
 QUADRATIC, DRIFT = 0.1, 1e-6

@@ -9,12 +9,12 @@ import pytest
 
 from analysis.agreement import Agreement, Difference, split_by_cause
 from benchmarks.harness import yade
-from modal.eigenproblem import Eigenproblem
-from modal.mode_set import write_modes
-from modal.modes import highest_modes
-from modal.network import write_network
-from modal.sample import read_sample
-from modal.signals import Signals, read_signals
+from modal.modes.highest import highest_modes
+from modal.modes.mode_set import write_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing.network import write_network
+from modal.packing.sample import read_sample
+from modal.waves.signals import Signals, read_signals
 
 SAMPLE = Path(__file__).resolve().parent / "data" / "friction150.sample.h5"
 NO_SLIP = 10.0

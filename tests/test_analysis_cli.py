@@ -7,10 +7,10 @@ import pytest
 
 from analysis.__main__ import COMPARED, main
 from analysis.exact_chain import Chain, chain_signals
-from modal.gallery import fcc
-from modal.mode_set import ModeSet, write_modes
-from modal.network import write_network
-from modal.signals import write_signals
+from modal.modes.mode_set import ModeSet, write_modes
+from modal.packing.examples import fcc
+from modal.packing.network import write_network
+from modal.waves.signals import write_signals
 
 
 @pytest.fixture(scope="module")

@@ -25,10 +25,10 @@ from analysis.velocity import (
     travel_velocity,
     wall_velocity,
 )
-from modal.gallery import fcc
-from modal.lattice import FccCrystal
-from modal.signals import source_pulse
-from modal.wave import propagate
+from modal.packing.examples import fcc
+from modal.theory.fcc import FccCrystal
+from modal.waves.propagate import propagate
+from modal.waves.signals import source_pulse
 
 CHAIN = Chain.of_crystal(FccCrystal(1e5))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity

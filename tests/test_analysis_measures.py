@@ -14,13 +14,13 @@ from analysis.products import Products
 from analysis.standing import standing_modes
 from analysis.stress import power_law
 from analysis.tables import number, table_1, table_of_fits
-from modal.eigenproblem import Eigenproblem
-from modal.gallery import column, fcc
-from modal.mode_set import ModeSet
-from modal.modes import all_modes
-from modal.network import write_network
-from modal.random_packing import random_network
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes.highest import all_modes
+from modal.modes.mode_set import ModeSet
+from modal.modes.problem import Eigenproblem
+from modal.packing.examples import column, fcc
+from modal.packing.network import write_network
+from modal.preparation.random_packing import random_network
 
 
 @pytest.fixture(scope="module")

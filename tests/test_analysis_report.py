@@ -19,14 +19,14 @@ from analysis.structure_factor import (
     structure_factor,
     write_structure,
 )
-from modal.assembly import mass_diagonal
-from modal.gallery import fcc
-from modal.lattice import FccCrystal
-from modal.network import write_network
-from modal.operator import ContactOperator
-from modal.random_packing import random_network
-from modal.signals import write_signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing.examples import fcc
+from modal.packing.network import write_network
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
+from modal.theory.fcc import FccCrystal
+from modal.waves.signals import write_signals
 
 CHAIN = Chain.of_crystal(FccCrystal(1e5))
 LENGTH = 200 * CHAIN.distance

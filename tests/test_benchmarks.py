@@ -17,15 +17,15 @@ from benchmarks.harness.diagram import work_precision
 from benchmarks.harness.measure import Measured, attempted, measured, median_of, run_command
 from benchmarks.harness.packing import by_energy, resized, spectrum
 from benchmarks.harness.report import Page, read_csv, write
-from modal import gallery
-from modal.assembly import stiffness_matrix
-from modal.density import density_of_states
-from modal.eigenproblem import Eigenproblem
-from modal.leapfrog import leapfrog
-from modal.network import validate, write_network
-from modal.random_packing import random_network
-from modal.source import Pulse
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes.density import density_of_states
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import validate, write_network
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import stiffness_matrix
+from modal.waves.leapfrog import leapfrog
+from modal.waves.source import Pulse
 
 COLUMNS = {
     "wave": {"wave": ("method", "error", "apart_from_tangent", "seconds", "peak_mb")},

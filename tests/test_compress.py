@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
+from modal.packing.sample import read_sample, write_sample
+from modal.packing.state import summary
 from modal.preparation import compress, protocol
 from modal.preparation.protocol import Study
-from modal.sample import read_sample, write_sample
-from modal.statistics import summary
 
 ROOT = Path(__file__).resolve().parents[1]
 SMALL = ["pack", "--friction", "0.4", "--spheres", "100", "--aspect", "1.3"]

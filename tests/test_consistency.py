@@ -8,11 +8,11 @@ import numpy as np
 import packings
 import pytest
 
-from modal import gallery
 from modal.__main__ import main
-from modal.network import Network, read_network, validate, write_network
-from modal.plausibility import plausibility
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network, read_network, validate, write_network
+from modal.packing.plausibility import plausibility
 
 CRYSTAL = gallery.fcc(2, 8)
 

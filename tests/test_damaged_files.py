@@ -19,16 +19,16 @@ import numpy as np
 import pytest
 
 from analysis.__main__ import main as analysis_main
-from modal import gallery
 from modal.__main__ import main as modal_main
-from modal.eigenproblem import Eigenproblem
-from modal.mode_set import read_modes, write_modes
-from modal.modes import all_modes
-from modal.network import read_network, write_network
-from modal.sample import read_sample, write_sample
-from modal.signals import read_signals, write_signals
-from modal.storage import InputError, sha256
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError, sha256
+from modal.modes.highest import all_modes
+from modal.modes.mode_set import read_modes, write_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import read_network, write_network
+from modal.packing.sample import read_sample, write_sample
+from modal.waves.propagate import propagate
+from modal.waves.signals import read_signals, write_signals
 
 READERS = {
     "network": read_network,

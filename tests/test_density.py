@@ -9,14 +9,14 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.special import ndtr
 
-from modal import gallery
 from modal.__main__ import main
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.density import DensityOfStates, density_of_states
-from modal.network import write_network
-from modal.operator import ContactOperator
-from modal.random_packing import random_network
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes.density import DensityOfStates, density_of_states
+from modal.packing import examples as gallery
+from modal.packing.network import write_network
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.operator import ContactOperator
 
 
 @pytest.fixture(scope="module")
@@ -216,7 +216,7 @@ def test_products_are_those_made(tolerance, monkeypatch):
             made.append(u.size // self.shape[0])
             return super().accumulate(u, out, factor)
 
-    monkeypatch.setattr("modal.density.ContactOperator", Counting)
+    monkeypatch.setattr("modal.modes.density.ContactOperator", Counting)
     states = density_of_states(gallery.fcc(3, 8), resolution=5e3, tolerance=tolerance)
     assert states.products + 1 == sum(made)
 

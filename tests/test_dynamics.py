@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import moving_contacts
-from modal.hertz_mindlin import GLASS, RADIUS
-from modal.moving_contacts import MovingContacts
-from modal.preparation import dynamics, history_forces, protocol
+from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.preparation import dynamics, history_forces, moving_contacts, protocol
 from modal.preparation.dynamics import Dynamics
-from modal.random_packing import random_sample
-from modal.sample import Sample, read_sample, write_sample
+from modal.preparation.moving_contacts import MovingContacts
+from modal.preparation.random_packing import random_sample
 
 ROOT = Path(__file__).resolve().parents[1]
 EPS = np.finfo(float).eps

@@ -14,19 +14,19 @@ import pytest
 from scipy.linalg import qr
 
 from analysis.exact_chain import Chain
-from modal import gallery
 from modal.__main__ import main
-from modal.contact import contact_kinematics
-from modal.eigenproblem import Eigenproblem, slipping
-from modal.geometry import tangents
-from modal.inertia import count_below, count_negative
-from modal.intervals import lowest_modes
-from modal.lattice import FccCrystal
-from modal.modes import all_modes, highest_modes
-from modal.network import Network, write_network
-from modal.sample import Sample, read_sample
-from modal.storage import InputError
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError
+from modal.modes.counts import count_below, count_negative
+from modal.modes.highest import all_modes, highest_modes
+from modal.modes.lowest import lowest_modes
+from modal.modes.problem import Eigenproblem, slipping
+from modal.packing import examples as gallery
+from modal.packing.neighbours import tangents
+from modal.packing.network import Network, write_network
+from modal.packing.sample import Sample, read_sample
+from modal.stiffness.springs import contact_kinematics
+from modal.theory.fcc import FccCrystal
+from modal.waves.propagate import propagate
 
 EPS = np.finfo(float).eps
 SAMPLE = Path(__file__).parent / "data/friction150.sample.h5"

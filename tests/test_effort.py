@@ -7,16 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import effort, gallery
 from modal.__main__ import main
-from modal.eigenproblem import Eigenproblem
-from modal.factor import available
-from modal.inertia import count_below
-from modal.intervals import SLICE, lowest_modes
-from modal.modes import highest_modes
-from modal.network import write_network
-from modal.sample import read_packing
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes import effort
+from modal.modes.counts import count_below
+from modal.modes.highest import highest_modes
+from modal.modes.lowest import SLICE, lowest_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import write_network
+from modal.packing.sample import read_packing
+from modal.solvers.factor import available
 
 ROOT = Path(__file__).parent.parent
 SAMPLE = ROOT / "results/samples/case06.sample.h5"
@@ -60,7 +61,7 @@ def test_entries_of_a_factor(width, layers):
         pytest.skip("pypardiso is not installed")
     from pypardiso import PyPardisoSolver
 
-    from modal.factor import PARDISO, _upper_triangle
+    from modal.solvers.factor import PARDISO, _upper_triangle
 
     problem = Eigenproblem.of(gallery.fcc(width, layers), solver="pardiso")
     matrix = problem.shifted(-1e-7 * problem.diagonal.max())
@@ -74,7 +75,8 @@ def test_entries_of_a_factor(width, layers):
     entries = int(solver.get_iparm(18))
     solver.free_memory(everything=True)
     estimate = effort.factorisation(problem)[1] / effort.COSTS["pardiso"][2]
-    assert 1 / 2 < estimate / entries < 2
+    # The order of elimination, and with it the fill, differs with the number of threads.
+    assert 1 / 2.5 < estimate / entries < 2.5
 
 
 @pytest.mark.parametrize("count", [10, 60, 120])
@@ -99,8 +101,8 @@ def test_vectors_of_a_search(count):
 )
 def test_what_would_not_end_is_refused_at_full_size(options, said, capsys, monkeypatch):
     """One line with the estimate, and nothing is factorised before it."""
-    for module in ("search", "inertia"):
-        monkeypatch.delattr(f"modal.{module}.factorise")
+    for module in ("search", "counts"):
+        monkeypatch.delattr(f"modal.modes.{module}.factorise")
     assert main(["modes", str(SAMPLE), *options]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and said in lines[0] and "GB" in lines[0]
@@ -124,7 +126,7 @@ def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     """A factor of 100 MB, 20 MB at hand: the mode is found, and why it is not certified is said."""
     problem = Eigenproblem.of(gallery.fcc(8, 20), shapes=False)
     monkeypatch.setattr("modal.workload.memory_at_hand", lambda: 2e7)
-    monkeypatch.delattr("modal.inertia.factorise")
+    monkeypatch.delattr("modal.modes.counts.factorise")
     found = highest_modes(problem, 1)
     assert len(found.frequency) == 1 and not found.attributes["certified"]
     assert "0.02 GB are free" in found.attributes["uncertified_because"]

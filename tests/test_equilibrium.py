@@ -7,15 +7,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from modal import moving_contacts, packing_commands
 from modal.__main__ import main
-from modal.assembly import stiffness_matrix
-from modal.equilibrium import NEAR, RESERVE, Balance, balance_of, net_forces, relax
-from modal.moving_contacts import MovingContacts
-from modal.preparation import history_forces
-from modal.random_packing import random_sample
-from modal.sample import Sample, read_sample, write_sample
-from modal.storage import InputError
+from modal.cli import packing as packing_commands
+from modal.formats.hdf5 import InputError
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.packing.state import net_forces
+from modal.preparation import history_forces, moving_contacts
+from modal.preparation.moving_contacts import MovingContacts
+from modal.preparation.random_packing import random_sample
+from modal.preparation.relax import NEAR, RESERVE, Balance, balance_of, relax
+from modal.stiffness.matrices import stiffness_matrix
 
 
 def moved(sample, motion):
@@ -141,7 +142,8 @@ def test_stress_from_contacts_equals_wall_force_per_area(sheared):
 
 
 def test_forces_change_by_the_full_tangent(sheared):
-    """Central differences of the finite law against the exact tangent of `modal.tangent`."""
+    """Central differences of the finite law against the exact tangent of
+    `modal.stiffness.pre_stress`."""
     network = sheared.network()
     K = stiffness_matrix(network, pre_stress="full")
     motion = np.random.default_rng(33).standard_normal((network.n_particles, 6))

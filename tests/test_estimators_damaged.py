@@ -15,9 +15,9 @@ import pytest
 from analysis.dispersion import chain_dispersion
 from analysis.exact_chain import Chain, chain_signals
 from analysis.velocity import arrival_times, first_peak_times, travel_velocity
-from modal.lattice import FccCrystal
-from modal.signals import Signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.theory.fcc import FccCrystal
+from modal.waves.signals import Signals
 
 CHAIN = Chain.of_crystal(FccCrystal(1e5))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity

@@ -20,11 +20,11 @@ import h5py
 import numpy as np
 import pytest
 
-from modal import gallery
 from modal.__main__ import main
-from modal.network import read_network, write_network
-from modal.sample import read_sample
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import read_network, write_network
+from modal.packing.sample import read_sample
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}

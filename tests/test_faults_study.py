@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from test_faults import equal, killed_again_and_again, study, undisturbed
 
-from modal.provenance import packing_of, read_provenance
+from modal.formats.provenance import packing_of, read_provenance
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = """case mu_comp mu_wave stress input_frequency width layers

@@ -6,13 +6,13 @@ import h5py
 import numpy as np
 import pytest
 
-from modal import gallery
 from modal.__main__ import main
-from modal.chain import wall_to_wall_chain
-from modal.mode_set import read_modes
-from modal.network import read_network, write_network
-from modal.signals import Signals, read_signals, source_pulse, write_signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes.mode_set import read_modes
+from modal.packing import examples as gallery
+from modal.packing.network import read_network, write_network
+from modal.waves.chain import wall_to_wall_chain
+from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 
 
 @pytest.fixture

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from modal import gallery
 from modal.__main__ import main
-from modal.assembly import stiffness_matrix
-from modal.eigenproblem import SMALL, Eigenproblem, frequency_of, slipping
-from modal.factor import SOLVERS, available, factorise
-from modal.inertia import count_below, count_negative, layers_of_contacts
-from modal.intervals import lowest_modes, modes_between
-from modal.krylov import TOLERANCE, modes_nearest
-from modal.mode_set import ModeSet
-from modal.modes import all_modes
-from modal.network import Network, write_network
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes.counts import count_below, count_negative, layers_of_contacts
+from modal.modes.highest import all_modes
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.mode_set import ModeSet
+from modal.modes.problem import SMALL, Eigenproblem, frequency_of, slipping
+from modal.packing import examples as gallery
+from modal.packing.network import Network, write_network
+from modal.solvers.factor import SOLVERS, available, factorise
+from modal.solvers.lanczos import TOLERANCE, modes_nearest
+from modal.stiffness.matrices import stiffness_matrix
 
 PER_CONTACT = [
     "particle_i",
@@ -81,7 +81,7 @@ def test_parts_too_large_for_a_dense_null_space_count_as_held(monkeypatch):
     """What is left is a part of the zero modes, still exact; the counts tell how many there are."""
     network = diluted(0.5, 1)
     everything = Eigenproblem.of(network).floppy
-    monkeypatch.setattr("modal.floppy.LARGEST_PART", 1)
+    monkeypatch.setattr("modal.modes.zero_modes.LARGEST_PART", 1)
     problem = Eigenproblem.of(network)
     assert 0 < problem.floppy.hinged < everything.hinged
     assert problem.floppy.free_particles == everything.free_particles
@@ -265,7 +265,7 @@ def test_a_count_gives_the_memory_of_its_factor_back(solver, monkeypatch):
 
         return replace(factor, release=release)
 
-    monkeypatch.setattr("modal.inertia.factorise", noted)
+    monkeypatch.setattr("modal.modes.counts.factorise", noted)
     problem = Eigenproblem.of(gallery.fcc(4, 8), solver=solver)
     assert problem.size > SMALL
     assert count_below(problem, 0.0) == count_below(problem, -5e4) == 0
@@ -303,8 +303,8 @@ def test_intervals_are_cut_and_complete(monkeypatch, solver):
 
     The lowest slice has its shift in its middle with PARDISO, just below zero with scipy alone.
     """
-    monkeypatch.setattr("modal.intervals.DENSE_LIMIT", 0)
-    monkeypatch.setattr("modal.intervals.SLICE", 40)
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
     problem = Eigenproblem.of(diluted(0.35, 5, layers=7), solver=solver)
     frequency = frequency_of(dense_squares(problem))
     elastic = frequency[problem.floppy.total :]
@@ -358,9 +358,9 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
         asked.append(count)
         return modes_nearest(solve, size, min(count, 30), sigma, held)
 
-    monkeypatch.setattr("modal.intervals.DENSE_LIMIT", 0)
-    monkeypatch.setattr("modal.search.factorise", noted)
-    monkeypatch.setattr("modal.search.modes_nearest", some_of)
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.modes.search.factorise", noted)
+    monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
     problem = Eigenproblem.of(columns_side_by_side(100))
     expected = frequency_of(dense_squares(problem))[problem.floppy.total :]
     low, high = 0.999 * expected[0], 1.001 * expected[0]
@@ -433,7 +433,7 @@ def test_bad_requests_get_one_line(tmp_path, capsys, arguments, message):
 
 
 def test_too_little_memory_is_refused(monkeypatch):
-    monkeypatch.setattr("modal.factor.memory_at_hand", lambda: 1e3)
+    monkeypatch.setattr("modal.solvers.factor.memory_at_hand", lambda: 1e3)
     problem = Eigenproblem.of(gallery.fcc(4, 10), solver="banded")
     with pytest.raises(InputError, match=r"needs about .* GB"):
         lowest_modes(problem, 5)

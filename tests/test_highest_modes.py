@@ -6,14 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal import gallery, inertia, search
 from modal.__main__ import main
-from modal.eigenproblem import SMALL, Eigenproblem, frequency_of
-from modal.factor import available
-from modal.mode_set import read_modes
-from modal.modes import highest_modes
-from modal.network import Network, write_network
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes import counts as inertia
+from modal.modes import search
+from modal.modes.highest import highest_modes
+from modal.modes.mode_set import read_modes
+from modal.modes.problem import SMALL, Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network import Network, write_network
+from modal.solvers.factor import available
 
 
 def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
@@ -94,7 +96,7 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
         counted.append(frequency)
         return inertia.count_below(problem, frequency)
 
-    monkeypatch.setattr("modal.modes.count_below", noted)
+    monkeypatch.setattr("modal.modes.highest.count_below", noted)
     found = highest_modes(problem, 5)
     assert found.frequency == pytest.approx(exact[-5:], rel=1e-9)
     assert found.attributes["certified"]
@@ -107,7 +109,7 @@ def test_what_cannot_be_counted_is_listed_without_certificate(monkeypatch):
     def no_memory(problem, frequency):
         raise InputError("the factor needs 9 TB")
 
-    monkeypatch.setattr("modal.modes.count_below", no_memory)
+    monkeypatch.setattr("modal.modes.highest.count_below", no_memory)
     found = highest_modes(Eigenproblem.of(network), 12)
     assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
     assert not found.attributes["certified"] and found.attributes["missing"] == 0
@@ -119,8 +121,8 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     network, exact = columns(100, 1e-2)
     write_network(source, network)
-    monkeypatch.delattr("modal.search.factorise")
-    monkeypatch.delattr("modal.modes.count_below")
+    monkeypatch.delattr("modal.modes.search.factorise")
+    monkeypatch.delattr("modal.modes.highest.count_below")
     command = ["modes", str(source), "--highest", "1", "--uncertified", "--json", "-o", str(out)]
     assert main(command) == 0
     printed = capsys.readouterr()
@@ -147,7 +149,7 @@ def test_a_long_column_goes_on_about_a_shift():
 
 def test_the_highest_short_of_their_count_are_said(tmp_path, capsys, monkeypatch):
     """Neither products nor solves converge for the last two of six; pairs are equal."""
-    from modal.krylov import modes_from_top, modes_nearest
+    from modal.solvers.lanczos import modes_from_top, modes_nearest
 
     network, exact = columns(300, 1e-3)
     square = (2 * np.pi * exact) ** 2

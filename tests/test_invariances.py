@@ -15,13 +15,13 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from modal import gallery
-from modal.eigenproblem import Eigenproblem
-from modal.inertia import count_below
-from modal.modes import all_modes
-from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.source import Pulse
-from modal.wave import propagate
+from modal.modes.counts import count_below
+from modal.modes.highest import all_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.waves.propagate import propagate
+from modal.waves.source import Pulse
 
 EPS = np.finfo(float).eps
 seeds = st.integers(0, 2**32 - 1)

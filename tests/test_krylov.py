@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from modal import krylov
-from modal.krylov import BLOCK, TOLERANCE, Held, modes_from_top, modes_nearest
+from modal.solvers import lanczos as krylov
+from modal.solvers.lanczos import BLOCK, TOLERANCE, Held, modes_from_top, modes_nearest
 
 EPS = np.finfo(float).eps
 

@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh_tridiagonal
 
-from modal import eigenproblem, gallery, modes
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.contact import contact_kinematics, contact_springs
-from modal.eigenproblem import Eigenproblem, frequency_of
-from modal.hertz_mindlin import stiffness_normal
-from modal.inertia import count_below
-from modal.intervals import lowest_modes, modes_between
-from modal.krylov import TOLERANCE
-from modal.lattice import FccCrystal, dispersion
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes import highest as modes
+from modal.modes import problem as eigenproblem
+from modal.modes.counts import count_below
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.contact_law import stiffness_normal
+from modal.solvers.lanczos import TOLERANCE
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.springs import contact_kinematics, contact_springs
+from modal.theory.fcc import FccCrystal, dispersion
 
 
 def slab_frequencies(crystal: FccCrystal, layers: int) -> np.ndarray:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal import gallery
-from modal.layers import Layers, firmly_held, force_bearing
-from modal.network import RECEIVER_WALL
-from modal.signals import Signals, read_signals, write_signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.layers import Layers, firmly_held, force_bearing
+from modal.packing.network import RECEIVER_WALL
+from modal.waves.signals import Signals, read_signals, write_signals
 
 
 def test_a_dangling_chain_bears_no_force():

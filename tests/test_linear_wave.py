@@ -6,22 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import gallery, workload
-from modal import wave as wave_module
+from modal import workload
 from modal.__main__ import main
-from modal.assembly import mass_diagonal
-from modal.eigenproblem import Eigenproblem
-from modal.leapfrog import leapfrog
-from modal.network import SOURCE_WALL, Network, write_network
-from modal.operator import ContactOperator
-from modal.receivers import wall_pattern
-from modal.response import frequency_response
-from modal.sample import read_sample
-from modal.signals import read_signals, source_pulse
-from modal.source import Pulse, SampledMotion, read_motion
-from modal.spectrum import bound_of_spectrum, top_of_spectrum
-from modal.storage import InputError
-from modal.wave import chebyshev_moments, expansion, propagate
+from modal.formats.hdf5 import InputError
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import SOURCE_WALL, Network, write_network
+from modal.packing.sample import read_sample
+from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.walls import wall_pattern
+from modal.waves import propagate as wave_module
+from modal.waves.leapfrog import leapfrog
+from modal.waves.propagate import chebyshev_moments, expansion, propagate
+from modal.waves.response import frequency_response
+from modal.waves.signals import read_signals, source_pulse
+from modal.waves.source import Pulse, SampledMotion, read_motion
 
 
 def test_pulse_response_solves_the_oscillator():

@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal import eigenproblem, gallery, intervals, modes
 from modal.__main__ import main
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.eigenproblem import Eigenproblem, frequency_of, subset
-from modal.mode_set import ModeSet, read_modes, write_modes
-from modal.network import Network, write_network
+from modal.modes import highest as modes
+from modal.modes import lowest as intervals
+from modal.modes import problem as eigenproblem
+from modal.modes.mode_set import ModeSet, read_modes, write_modes
+from modal.modes.problem import Eigenproblem, frequency_of, subset
+from modal.packing import examples as gallery
+from modal.packing.network import Network, write_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 EPS = np.finfo(float).eps
 
@@ -129,7 +132,7 @@ def test_a_subset_leaves_the_whole_as_it_was():
 
 def nothing_above(threshold: float):
     """A search whose modes above `threshold` (omega^2) never converge."""
-    from modal.krylov import modes_nearest
+    from modal.solvers.lanczos import modes_nearest
 
     def search(*arguments, **options):
         found = modes_nearest(*arguments, **options)
@@ -145,7 +148,9 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     network = crystal_without_symmetry(27)
     square = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())
     frequency = frequency_of(square)
-    monkeypatch.setattr("modal.search.modes_nearest", nothing_above((square[7] + square[8]) / 2))
+    monkeypatch.setattr(
+        "modal.modes.search.modes_nearest", nothing_above((square[7] + square[8]) / 2)
+    )
     monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
     middle = (frequency[11] + frequency[12]) / 2
     options = ["--lowest", "12"] if path == "lowest" else ["--below", repr(float(middle))]

@@ -6,12 +6,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import eigsh
 
-from modal import gallery, operator
-from modal.assembly import mass_diagonal, stiffness_diagonal, stiffness_matrix
-from modal.network import Network, validate
-from modal.operator import ContactOperator
-from modal.storage import InputError
-from modal.tangent import PRE_STRESS, contact_tangent
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network, validate
+from modal.stiffness import operator
+from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.pre_stress import PRE_STRESS, contact_tangent
 
 EPS = np.finfo(float).eps
 

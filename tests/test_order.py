@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from modal import gallery
-from modal.hertz_mindlin import RADIUS
-from modal.order import crystalline
-from modal.sample import Sample
+from modal.packing import examples as gallery
+from modal.packing.contact_law import RADIUS
+from modal.packing.order import crystalline
+from modal.packing.sample import Sample
 
 
 def test_every_sphere_of_the_crystal():

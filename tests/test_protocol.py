@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal.hertz_mindlin import GLASS, RADIUS, Material
-from modal.lattice import FccCrystal
+from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.cloud import random_places
 from modal.preparation.protocol import PREPARATION, Servo, Stage, Study, steps_of
-from modal.storage import InputError
+from modal.theory.fcc import FccCrystal
 
 STUDY = Study(spheres=400, width=4.2)
 

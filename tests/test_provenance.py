@@ -21,20 +21,20 @@ from analysis.products import find
 from analysis.report import provenance_table
 from analysis.samples import table
 from analysis.tables import table_1
-from modal import gallery
 from modal.__main__ import main
-from modal.energy_balance import EnergyBalance
-from modal.network import write_network
-from modal.provenance import (
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import (
     Provenance,
     changes,
     packing_of,
     read_provenance,
     require_same_packing,
 )
-from modal.sample import Sample, read_packing, sample_of_network, write_sample
-from modal.signals import read_signals, write_signals
-from modal.storage import InputError, sha256
+from modal.packing import examples as gallery
+from modal.packing.network import write_network
+from modal.packing.sample import Sample, read_packing, sample_of_network, write_sample
+from modal.waves.energy_balance import EnergyBalance
+from modal.waves.signals import read_signals, write_signals
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = {

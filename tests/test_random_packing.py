@@ -13,15 +13,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import central_forces, random_packing
 from modal.__main__ import main
-from modal.central_forces import CentralForces, NearPairs, forces_by_arrays, forces_by_loop
-from modal.geometry import periodic_pairs
-from modal.minimiser import minimise
-from modal.provenance import read_provenance
-from modal.random_packing import cloud, random_network, random_sample
-from modal.sample import read_sample, write_sample
-from modal.storage import InputError, sha256
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import read_provenance
+from modal.packing.neighbours import periodic_pairs
+from modal.packing.sample import read_sample, write_sample
+from modal.preparation import central_forces, random_packing
+from modal.preparation.central_forces import (
+    CentralForces,
+    NearPairs,
+    forces_by_arrays,
+    forces_by_loop,
+)
+from modal.preparation.frictionless import minimise
+from modal.preparation.random_packing import cloud, random_network, random_sample
 
 
 def _crowd(spheres=200, aspect=2.0):

@@ -8,16 +8,16 @@ from analysis.compare import compare
 from analysis.gain import TRAVELS, gain_factor
 from analysis.measures import Measures
 from analysis.products import find
-from modal import gallery
 from modal.__main__ import main
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.network import RECEIVER_WALL, SOURCE_WALL, write_network
-from modal.receivers import wall_pattern
-from modal.response import frequency_response
-from modal.signals import Signals
-from modal.source import Pulse
-from modal.storage import InputError
-from modal.wave import propagate
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, write_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.walls import wall_pattern
+from modal.waves.propagate import propagate
+from modal.waves.response import frequency_response
+from modal.waves.signals import Signals
+from modal.waves.source import Pulse
 
 
 @pytest.mark.parametrize("network", [gallery.column(5), gallery.fcc(2, 6)])

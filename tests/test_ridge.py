@@ -8,9 +8,9 @@ from analysis.exact_chain import Chain, chain_signals
 from analysis.measures import Measures
 from analysis.products import Products
 from analysis.ridge import ridge
-from modal.gallery import fcc
-from modal.lattice import FccCrystal
-from modal.signals import Signals
+from modal.packing.examples import fcc
+from modal.theory.fcc import FccCrystal
+from modal.waves.signals import Signals
 
 CHAIN = Chain.of_crystal(FccCrystal(1e5))
 DIAMETER = np.sqrt(2) * CHAIN.distance

@@ -6,8 +6,8 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.samples import HEADER, table
-from modal.random_packing import random_sample
-from modal.sample import write_sample
+from modal.packing.sample import write_sample
+from modal.preparation.random_packing import random_sample
 
 
 def test_table_measures_the_sample(tmp_path, capsys):

@@ -12,10 +12,10 @@ from analysis.products import Products
 from analysis.samples import HEADER, row
 from analysis.settled import why_unsettled
 from analysis.tables import table_1
-from modal.gallery import fcc
-from modal.hertz_mindlin import GLASS
-from modal.random_packing import random_sample
-from modal.sample import read_sample, write_sample
+from modal.packing.contact_law import GLASS
+from modal.packing.examples import fcc
+from modal.packing.sample import read_sample, write_sample
+from modal.preparation.random_packing import random_sample
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -6,18 +6,21 @@ from functools import partial
 import numpy as np
 import pytest
 
-from modal import density, gallery, operator, wave
-from modal.density import density_of_states
-from modal.operator import ContactOperator
-from modal.spectrum import (
+from modal.formats.hdf5 import InputError
+from modal.modes import density
+from modal.modes.density import density_of_states
+from modal.packing import examples as gallery
+from modal.solvers.spectrum import (
     LANCZOS_STEPS,
     GrowthError,
     bound_of_spectrum,
     top_of_spectrum,
     wider_top,
 )
-from modal.storage import InputError
-from modal.wave import chebyshev_moments, expansion, propagate
+from modal.stiffness import operator
+from modal.stiffness.operator import ContactOperator
+from modal.waves import propagate as wave
+from modal.waves.propagate import chebyshev_moments, expansion, propagate
 
 
 class Diagonal:

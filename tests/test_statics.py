@@ -8,16 +8,16 @@ import scipy.sparse as sp
 from scipy.linalg import eigh, eigvalsh_tridiagonal
 from scipy.sparse.linalg import spsolve
 
-from modal import gallery, statics
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.equilibrium import net_forces
-from modal.lattice import FccCrystal
-from modal.layers import Layers
-from modal.random_packing import random_network
-from modal.receivers import wall_pattern
-from modal.statics import STRAIN_TOLERANCE, spring_motion, static_velocity
-from modal.statistics import WALL_ZONE
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.layers import Layers
+from modal.packing.state import WALL_ZONE, net_forces
+from modal.preparation.random_packing import random_network
+from modal.stiffness import static_load as statics
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.static_load import STRAIN_TOLERANCE, spring_motion, static_velocity
+from modal.stiffness.walls import wall_pattern
+from modal.theory.fcc import FccCrystal
 
 
 def test_motion_solves_the_shifted_system():

@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import gallery
 from modal.__main__ import main
-from modal.hertz_mindlin import RADIUS
-from modal.lattice import FccCrystal
-from modal.network import Network, write_network
-from modal.random_packing import random_network
-from modal.sample import Sample, read_sample, write_sample
-from modal.statistics import (
+from modal.packing import examples as gallery
+from modal.packing.contact_law import RADIUS
+from modal.packing.network import Network, write_network
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.packing.state import (
     coordination_without_rattlers,
     fabric_tensor,
     friction_used,
@@ -23,6 +21,8 @@ from modal.statistics import (
     summary,
     wall_stress,
 )
+from modal.preparation.random_packing import random_network
+from modal.theory.fcc import FccCrystal
 
 SHEARED = Path(__file__).parent / "data/friction150.sample.h5"
 

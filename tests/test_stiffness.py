@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 
-from modal import gallery
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.contact import contact_stiffness
-from modal.hertz_mindlin import GLASS, RADIUS, normal_force, overlap_of_force, stiffness_normal
-from modal.lattice import FccCrystal
+from modal.packing import examples as gallery
+from modal.packing.contact_law import (
+    GLASS,
+    RADIUS,
+    normal_force,
+    overlap_of_force,
+    stiffness_normal,
+)
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.springs import contact_stiffness
+from modal.theory.fcc import FccCrystal
 
 
 def test_12x12_is_symmetric_and_positive():

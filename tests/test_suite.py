@@ -9,8 +9,9 @@ from pathlib import Path
 CONFTEST = Path(__file__).with_name("conftest.py")
 TESTS = """
 import pytest
-from modal import central_forces, operator
-from modal.factor import available
+from modal.preparation import central_forces
+from modal.stiffness import operator
+from modal.solvers.factor import available
 from modal.preparation import history_forces
 
 def test_what_is_hidden():

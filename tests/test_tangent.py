@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from modal import gallery
-from modal.assembly import stiffness_matrix
-from modal.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.operator import ContactOperator
-from modal.sample import read_sample
-from modal.storage import InputError
-from modal.tangent import PRE_STRESS, asymmetry, contact_tangent
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.sample import read_sample
+from modal.stiffness.matrices import stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.pre_stress import PRE_STRESS, asymmetry, contact_tangent
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"

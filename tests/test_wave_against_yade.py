@@ -9,9 +9,9 @@ from test_yade_fcc import batch
 
 from analysis.agreement import Agreement, compare
 from modal.__main__ import main
-from modal.network import read_network, write_network
-from modal.sample import read_sample
-from modal.signals import read_signals
+from modal.packing.network import read_network, write_network
+from modal.packing.sample import read_sample
+from modal.waves.signals import read_signals
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"

@@ -17,12 +17,12 @@ import numpy as np
 import packings
 import pytest
 
-from modal import gallery
-from modal.assembly import mass_diagonal, stiffness_matrix
-from modal.network import Network, read_network, write_network
-from modal.plausibility import plausibility
-from modal.statistics import stress_tensor, summary
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network, read_network, write_network
+from modal.packing.plausibility import plausibility
+from modal.packing.state import stress_tensor, summary
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 PARTICLES = ("position", "radius", "mass", "inertia")
 ENDS = ("particle_i", "particle_j")

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import gallery
 from modal.__main__ import main
-from modal.eigenproblem import Eigenproblem
-from modal.modes import all_modes
-from modal.network import read_network, write_network
-from modal.signals import read_signals, source_pulse
-from modal.source import Pulse
-from modal.wave import propagate
+from modal.modes.highest import all_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import read_network, write_network
+from modal.waves.propagate import propagate
+from modal.waves.signals import read_signals, source_pulse
+from modal.waves.source import Pulse
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH, LAYERS, STRESS = 3, 30, 1e5

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.network import read_network
+from modal.formats.hdf5 import sha256
+from modal.formats.provenance import packing_of, read_provenance
+from modal.packing.network import read_network
+from modal.packing.sample import read_sample, sample_of_network, write_sample
+from modal.packing.state import stress_tensor
 from modal.preparation.protocol import SETTLED
-from modal.provenance import packing_of, read_provenance
-from modal.sample import read_sample, sample_of_network, write_sample
-from modal.signals import read_signals
-from modal.source import Pulse
-from modal.statistics import stress_tensor
-from modal.storage import sha256
-from modal.wave import propagate
+from modal.waves.propagate import propagate
+from modal.waves.signals import read_signals
+from modal.waves.source import Pulse
 
 ROOT = Path(__file__).resolve().parents[1]
 CHAIN = "mu_comp spheres width seed highest\n0.4 400 4.2 1 1e5\n"

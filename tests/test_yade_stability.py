@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from test_yade_fcc import batch, products  # noqa: F401 - the fixture of the short column
 
-from modal.mode_set import read_modes, write_modes
-from modal.signals import Signals, read_signals
+from modal.modes.mode_set import read_modes, write_modes
+from modal.waves.signals import Signals, read_signals
 
 
 def wave(

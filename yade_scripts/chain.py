@@ -23,11 +23,11 @@ import numpy as np
 from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
+from modal.formats.hdf5 import InputError
+from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.protocol import END, Stage, Study, goes_on, stages, steps_of
-from modal.sample import read_sample, write_sample
-from modal.storage import InputError
 from yade_scripts import compression
 from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell

@@ -6,7 +6,7 @@ import numpy as np
 from yade import Matrix3, O
 from yade.utils import getStress, unbalancedForce
 
-from modal.hertz_mindlin import RADIUS
+from modal.packing.contact_law import RADIUS
 from yade_scripts.scene import cell_side, wall_faces
 
 

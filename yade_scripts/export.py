@@ -1,10 +1,10 @@
-"""YADE's own contacts as a contact network (format of modal/network.py)."""
+"""YADE's own contacts as a contact network (format of modal/packing/network.py)."""
 
 import numpy as np
 from yade import O
 
-from modal.network import Network
-from modal.sample import void_ratio
+from modal.packing.network import Network
+from modal.packing.sample import void_ratio
 from yade_scripts.scene import cell_side, wall_faces
 from yade_scripts.state import canonical_contacts, present_positions
 

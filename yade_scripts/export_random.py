@@ -17,12 +17,12 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.layers import Layers, firmly_held
-from modal.network import read_network, write_network
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import Provenance, is_current, packing_of, set_aside, versions
+from modal.packing.layers import Layers, firmly_held
+from modal.packing.network import read_network, write_network
+from modal.packing.sample import read_sample
 from modal.preparation.protocol import time_step
-from modal.provenance import Provenance, is_current, packing_of, set_aside, versions
-from modal.sample import read_sample
-from modal.storage import InputError
 from yade_scripts import compression
 from yade_scripts.export import contact_network
 from yade_scripts.scene import finish, products_folder

@@ -4,8 +4,9 @@
 
 Every particle is moved by +h and by -h along each axis and turned about it, all else at rest; the
 forces and torques on it and its neighbours are read. OUT holds the matrix K, minus the forces per
-motion, as row, column, value (N/m, N, N m), six rows a particle as in modal/assembly.py. Sliding is
-suppressed. A tool for the tests of modal/tangent.py, meant for some hundred particles.
+motion, as row, column, value (N/m, N, N m), six rows a particle as in modal/stiffness/matrices.py.
+Sliding is suppressed. A tool for the tests of modal/stiffness/pre_stress.py, meant for some hundred
+particles.
 """
 
 import sys
@@ -17,8 +18,8 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 import numpy as np
 from yade import O, Vector3
 
-from modal.sample import read_sample
-from modal.storage import InputError, atomic_h5, put
+from modal.formats.hdf5 import InputError, atomic_h5, put
+from modal.packing.sample import read_sample
 from yade_scripts.scene import finish
 from yade_scripts.state import build_scene
 

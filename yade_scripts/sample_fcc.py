@@ -16,11 +16,11 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.crystal import FccPacking
-from modal.hertz_mindlin import GLASS, RADIUS
-from modal.network import read_network, write_network
-from modal.provenance import Provenance, is_current, set_aside, versions
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import Provenance, is_current, set_aside, versions
+from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.crystal import FccPacking
+from modal.packing.network import read_network, write_network
 from yade_scripts.compression import wall_stresses
 from yade_scripts.export import contact_network
 from yade_scripts.scene import find_contacts, finish, place, products_folder, set_engines

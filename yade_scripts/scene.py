@@ -23,8 +23,8 @@ from yade.wrapper import (
     NewtonIntegrator,
 )
 
-from modal.hertz_mindlin import GLASS, RADIUS
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import GLASS, RADIUS
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS

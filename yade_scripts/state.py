@@ -3,10 +3,10 @@
 import numpy as np
 from yade import Matrix3, O, Vector3
 
-from modal.geometry import canonical_order, tangents
-from modal.network import RECEIVER_WALL, SOURCE_WALL
-from modal.sample import Sample
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.packing.neighbours import canonical_order, tangents
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.sample import Sample
 from yade_scripts.scene import NO_TIME, cell_side, find_contacts, place, set_engines, wall_faces
 
 

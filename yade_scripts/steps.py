@@ -19,9 +19,9 @@ import numpy as np
 from yade import O
 from yade.utils import PyRunner
 
+from modal.formats.hdf5 import InputError
+from modal.packing.sample import read_sample, write_sample
 from modal.preparation.protocol import INERTIAL_NUMBER, ConstantRate, Servo
-from modal.sample import read_sample, write_sample
-from modal.storage import InputError
 from yade_scripts.compression import Drive
 from yade_scripts.scene import finish
 from yade_scripts.state import build_scene, read_scene, resume_cell

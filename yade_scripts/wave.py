@@ -25,12 +25,8 @@ import numpy as np
 from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
-from modal.chain import wall_to_wall_chain
-from modal.energy_balance import EnergyBalance, drift_limit
-from modal.layers import Layers
-from modal.mode_set import read_modes
-from modal.network import read_network
-from modal.provenance import (
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import (
     Provenance,
     Source,
     is_current,
@@ -40,9 +36,13 @@ from modal.provenance import (
     set_aside,
     versions,
 )
-from modal.sample import sample_of_network
-from modal.signals import Signals, read_signals, source_pulse, write_signals
-from modal.storage import InputError
+from modal.modes.mode_set import read_modes
+from modal.packing.layers import Layers
+from modal.packing.network import read_network
+from modal.packing.sample import sample_of_network
+from modal.waves.chain import wall_to_wall_chain
+from modal.waves.energy_balance import EnergyBalance, drift_limit
+from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene

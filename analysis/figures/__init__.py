@@ -11,7 +11,7 @@ from analysis.figures import modes, packing, spectra, velocities, waves
 from analysis.measures import Measures
 from analysis.picture import Picture
 from analysis.render import save
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.measures import Measures
 from analysis.picture import Panel, Picture
 from analysis.stress import power_law
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
 
 BINS = 90
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.measures import Measures
 from analysis.picture import Panel, Picture
-from modal.statistics import contacts_per_particle
+from modal.packing.state import contacts_per_particle
 
 SHOWN = 0.5
 """Part of the sample's length that is drawn, so that spheres are large enough to be seen."""

@@ -8,9 +8,9 @@ from analysis import dispersion as disp
 from analysis.figures.waves import producer_name
 from analysis.measures import Measures
 from analysis.picture import Panel, Picture
-from modal.lattice import dispersion as eq_9
-from modal.signals import Signals
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.theory.fcc import dispersion as eq_9
+from modal.waves.signals import Signals
 
 
 def dispersion(cases: list[Measures]) -> Picture:

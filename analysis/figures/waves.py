@@ -8,7 +8,7 @@ from analysis.exact_chain import exact_twin
 from analysis.measures import Measures
 from analysis.picture import Panel, Picture
 from analysis.products import Products
-from modal.signals import Signals
+from modal.waves.signals import Signals
 
 POINTS = 130
 """About as many points on a side of a map, and twice as many of a curve."""

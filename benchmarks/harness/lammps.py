@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness.measure import Measured, median_of, run_command
-from modal.chain import wall_to_wall_chain
-from modal.hertz_mindlin import GLASS
-from modal.network import Network
-from modal.source import INPUT_FREQUENCY
+from modal.packing.contact_law import GLASS
+from modal.packing.network import Network
+from modal.waves.chain import wall_to_wall_chain
+from modal.waves.source import INPUT_FREQUENCY
 
 SCRIPT = Path(__file__).resolve().parent / "inside_lammps.in"
 

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT
-from modal import gallery
-from modal.contact import contact_kinematics, contact_springs
-from modal.eigenproblem import Eigenproblem, frequency_of
-from modal.network import Network, write_network
-from modal.random_packing import random_network
-from modal.sample import read_packing
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network import Network, write_network
+from modal.packing.sample import read_packing
+from modal.preparation.random_packing import random_network
+from modal.stiffness.springs import contact_kinematics, contact_springs
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
 """35,201 spheres without friction at 100 kPa."""

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
-from modal.eigenproblem import Eigenproblem
-from modal.mode_set import write_modes
-from modal.modes import highest_modes
-from modal.network import Network, write_network
-from modal.sample import Sample
-from modal.signals import Signals, read_signals
-from modal.source import INPUT_FREQUENCY
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.modes.highest import highest_modes
+from modal.modes.mode_set import write_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing.network import Network, write_network
+from modal.packing.sample import Sample
+from modal.waves.signals import Signals, read_signals
+from modal.waves.source import INPUT_FREQUENCY
 
 YADE = ["yade", "-n", "-x", "-j1"]
 SCRIPTS = Path(__file__).resolve().parent / "inside_yade"

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from modal.hertz_mindlin import RADIUS
+from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import RADIUS
+from modal.packing.sample import Sample
 from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
-from modal.sample import Sample
-from modal.storage import InputError
 
 ROUNDS = 1000
 """Random points tried, in units of the number of spheres."""

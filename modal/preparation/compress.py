@@ -14,6 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from modal.formats.hdf5 import InputError
+from modal.packing.sample import Sample, read_sample, validate, write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.dynamics import Dynamics
@@ -27,8 +29,6 @@ from modal.preparation.protocol import (
     stages,
     steps_of,
 )
-from modal.sample import Sample, read_sample, validate, write_sample
-from modal.storage import InputError
 
 
 class Pace:

@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.moving_contacts import MovingContacts
+from modal.formats.hdf5 import InputError
+from modal.packing.sample import Sample, void_ratio
 from modal.preparation.history_forces import SLABS, compiled, numba, prange
-from modal.sample import Sample, void_ratio
-from modal.storage import InputError
+from modal.preparation.moving_contacts import MovingContacts
 
 SKIN, WIDEST = 0.03, 0.24
 """First and largest reach of the list of pairs beyond touch, diameters. A list that has lasted

@@ -3,9 +3,9 @@
 A step turns the shear force with its contact and with the spin of its two spheres, lets it grow by
 ks times the shear displacement, a contact's first step included, and cuts it at the friction limit.
 It is the law of YADE's Mindlin contacts term by term (there `ScGeom` without its variant against
-ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of `modal.tangent` with finite
-increments. Compiled by numba where it is installed; without it numpy does the same, about ten
-times slower.
+ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of `modal.stiffness.pre_stress` with
+finite increments. Compiled by numba where it is installed; without it numpy does the same, about
+ten times slower.
 
 Contacts are sorted by their first sphere, and spheres are numbered along z: slabs of contacts, cut
 by `slabs_of`, reach their next neighbour at most. The even ones can therefore be worked on at once,
@@ -20,7 +20,7 @@ from types import FunctionType
 
 import numpy as np
 
-from modal.network import SOURCE_WALL
+from modal.packing.network import SOURCE_WALL
 
 try:
     import numba

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from modal.hertz_mindlin import GLASS, RADIUS, Material
-from modal.provenance import Provenance, versions
-from modal.storage import InputError
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import Provenance, versions
+from modal.packing.contact_law import GLASS, RADIUS, Material
 
 HIGHEST = 0.6037
 """Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz

@@ -1,6 +1,6 @@
 """Mutation testing of modal's mathematical core: are small wrong changes noticed by the tests?
 
-    python -m tests.mutation [--count 300] [--seed 1] [--modules operator wave] [-o FILE]
+    python -m tests.mutation [--count 300] [--seed 1] [--modules waves/propagate ...] [-o FILE]
 
 Draws mutants from the modules of `TESTS`, puts each into a copy of the project and runs the tests
 of its module there, two mutants at a time. Each result is a line of FILE (by default in a temporary
@@ -34,16 +34,16 @@ from tests.mutation.mutants import Mutant, drawn, mutants_of
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 TESTS = {
-    "contact": "stiffness operator tangent lattice_and_modes",
-    "tangent": "operator tangent linear_wave",
-    "assembly": "stiffness operator tangent floppy_and_counts",
-    "operator": "operator linear_wave",
-    "inertia": "floppy_and_counts edges lattice_and_modes",
-    "floppy": "floppy_and_counts edges files_and_commands",
-    "krylov": "krylov highest_modes floppy_and_counts mode_lists edges lattice_and_modes",
-    "spectrum": "spectrum linear_wave density response mode_lists edges",
-    "wave": "spectrum linear_wave response edges",
-    "density": "density spectrum edges files_and_commands",
+    "stiffness/springs": "stiffness operator tangent lattice_and_modes",
+    "stiffness/pre_stress": "operator tangent linear_wave",
+    "stiffness/matrices": "stiffness operator tangent floppy_and_counts",
+    "stiffness/operator": "operator linear_wave",
+    "modes/counts": "floppy_and_counts edges lattice_and_modes",
+    "modes/zero_modes": "floppy_and_counts edges files_and_commands",
+    "solvers/lanczos": "krylov highest_modes floppy_and_counts mode_lists edges lattice_and_modes",
+    "solvers/spectrum": "spectrum linear_wave density response mode_lists edges",
+    "waves/propagate": "spectrum linear_wave response edges",
+    "modes/density": "density spectrum edges files_and_commands",
 }
 """Test files of a module of modal, the quickest and most likely ones first."""
 MEMORY = 8 << 30

@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[3]))
 from yade import O
 from yade.utils import PyRunner
 
+from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
-from modal.sample import read_sample, write_sample
 from yade_scripts import compression
 from yade_scripts.scene import finish
 from yade_scripts.state import build_scene, read_scene

@@ -19,9 +19,9 @@ import numpy as np
 from yade import O
 from yade.utils import PyRunner
 
+from modal.packing.sample import read_sample
 from modal.preparation import protocol
-from modal.sample import read_sample
-from modal.signals import source_pulse
+from modal.waves.signals import source_pulse
 from yade_scripts import compression
 from yade_scripts.scene import finish
 from yade_scripts.state import build_scene

@@ -1,0 +1,61 @@
+"""The command `density`: how all modes of a packing are distributed."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError, sha256
+from modal.modes.density import density_of_states, write_density
+from modal.modes.problem import Eigenproblem
+from modal.packing.plausibility import read_remarked
+
+COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
+QUARTILES = (0.25, 0.5, 0.75)
+
+
+def add_density_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `density`, without network and --json."""
+    parser.add_argument("--resolution", type=float, default=2e3, metavar="HZ", help="2000")
+    parser.add_argument(
+        "--tolerance", type=float, default=1e-3, help="error of a count in parts of all; 1e-3"
+    )
+    parser.add_argument("--at", nargs="+", default=[], metavar="HZ", help="print counts below")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write *.density.h5")
+
+
+def density(options: argparse.Namespace) -> dict[str, Any]:
+    """Run the command; the result as it is printed."""
+    try:
+        at = np.array([float(typed) for typed in options.at])
+    except ValueError:
+        raise InputError(f"--at {' '.join(options.at)}: give frequencies in Hz") from None
+    network = read_remarked(options.network, options.remarks.append)
+    floppy = Eigenproblem.of(network).floppy
+    states = density_of_states(
+        network,
+        resolution=options.resolution,
+        tolerance=options.tolerance,
+        zero_modes=floppy.basis,
+    )
+    if options.output:
+        write_density(options.output, states, sha256(options.network), options.made)
+    frequency = states.grid()
+    below = states.count_below(frequency)[0]
+    size = 6 * network.n_particles
+    value, error = states.count_below(at)
+    return {
+        "resolution_hz": states.resolution,
+        "random_vectors": states.random_vectors,
+        "products_with_k": states.products,
+        "quartiles_hz": {
+            name: np.interp(QUARTILES, below[:, c] / below[-1, c], frequency).tolist()
+            for c, name in enumerate(COMPONENTS)
+        },
+        "estimated_count_below": dict(zip(options.at, value[:, -1].tolist(), strict=True)),
+        "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
+        "floppy_modes": floppy.total,
+        "degrees_of_freedom": size,
+    }

@@ -1,0 +1,283 @@
+"""What a file was made from: its command, its source files and the settings that shaped it.
+
+This module is the one definition of the group `provenance` that every product carries, of when two
+files belong together, and of when a product is stale. It imports neither scipy nor anything that
+computes, so that it also runs inside YADE's Python.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from modal.formats.hdf5 import InputError, open_h5, sha256
+
+GROUP = "provenance"
+PACKING = "packing"
+"""Role of the packing that a product is of: a network or sample, and what it was exported from."""
+STATE = "state"
+"""Role of the sample that another one was moved from."""
+NETWORK_SCHEMA = "granular-contact-network"
+DISTRIBUTIONS = ("granular-wave-modes", "numpy", "scipy", "h5py")
+"""Whose versions a product names, where they are installed."""
+SHOWN = 8
+"""Digits of a digest in messages."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file that a product was made from: its role, its name without folder, its digest."""
+
+    role: str
+    name: str
+    sha256: str
+
+    @staticmethod
+    def of(role: str, path: str | Path) -> Source:
+        """The file as it is now; InputError where there is none."""
+        if not Path(path).is_file():
+            raise InputError(f"{path}: no such file; check the name")
+        return Source(role, Path(path).name, sha256(path))
+
+    def __str__(self) -> str:
+        return f"{self.name or 'a file without name'} ({self.sha256[:SHOWN]})"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How a product came about.
+
+    `settings` are numbers, texts, booleans and lists of them by name, whatever changes the product;
+    None where a file does not tell (files of earlier versions and of other programs). Of several
+    sources in the role `PACKING` the first is the file that was read.
+    """
+
+    command: str = ""
+    settings: Mapping[str, Any] | None = None
+    sources: tuple[Source, ...] = ()
+    versions: str = field(default_factory=lambda: versions())
+
+    def __post_init__(self) -> None:
+        if self.settings is not None:
+            kept = {name: _plain(value) for name, value in self.settings.items()}
+            kept = {name: value for name, value in kept.items() if value is not None}
+            for name, value in kept.items():
+                if isinstance(value, float) and not math.isfinite(value):
+                    raise InputError(f"{name} is {value}; give a number")
+            object.__setattr__(self, "settings", kept)
+
+    @property
+    def packing(self) -> tuple[Source, ...]:
+        """The packing that the product is of; empty where the file does not tell."""
+        return tuple(source for source in self.sources if source.role == PACKING)
+
+    def attributes(self) -> dict[str, str]:
+        """Attributes of the group `provenance`; the settings are one canonical JSON text."""
+        sources = [vars(source) for source in self.sources]
+        return {
+            "command": self.command,
+            "versions": self.versions,
+            "settings": _json(self.settings or {}),
+            "sources": _json(sources),
+        }
+
+    def write(self, file: h5py.File) -> None:
+        """Write the group into a file that is open for writing."""
+        file.require_group(GROUP).attrs.update(self.attributes())
+
+
+def versions(**others: str) -> str:
+    """Versions of Python and of the packages that are installed; `others` such as yade="2023"."""
+    found = dict(others) | {"python": platform.python_version()}
+    for name in DISTRIBUTIONS:
+        # An installed scipy says nothing about a process that has not imported it, as inside YADE.
+        if name != "scipy" or "scipy" in sys.modules:
+            try:
+                found[name] = metadata.version(name)
+            except metadata.PackageNotFoundError:
+                continue
+    return ", ".join(f"{name} {version}" for name, version in found.items())
+
+
+def command_line(program: str, arguments: Sequence[str]) -> str:
+    """The command as it was typed, files without their folders."""
+    return " ".join([program, *(Path(a).name if os.sep in a else a for a in arguments)])
+
+
+def read_provenance(path: str | Path) -> Provenance:
+    """What a product says of itself; files of earlier versions at least name their packing."""
+    with open_h5(path) as file:
+        said = dict(file[GROUP].attrs) if GROUP in file else {}
+        made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
+        digest = str(file.attrs.get("network_sha256", ""))
+        if "settings" in said and "sources" in said:
+            sources = tuple(Source(**source) for source in json.loads(said["sources"]))
+            made = replace(made, settings=json.loads(said["settings"]), sources=sources)
+            if digest and digest != made.packing[0].sha256:
+                raise InputError(f"{path}: names two networks as its own; make it again")
+            return made
+        if digest:
+            return replace(made, sources=(Source(PACKING, "", digest),))
+        if "parent_sha256" in said:
+            # A network is its parent in another form; a sample has been moved from where it was.
+            role = PACKING if file.attrs.get("schema") == NETWORK_SCHEMA else STATE
+            name = str(said.get("parent", ""))
+            return replace(made, sources=(Source(role, name, str(said["parent_sha256"])),))
+        return made
+
+
+def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:
+    """The provenance of what a command of modal writes, from its parsed options.
+
+    Options that were not given are no settings, nor are names of files to write and what only
+    changes what is printed.
+    """
+    settings = {
+        name: value
+        for name, value in options.items()
+        if name not in _NOT_SETTINGS and value is not False
+    }
+    sources: tuple[Source, ...] = ()
+    if command != "relax":
+        sources = packing_of(options["network"])
+    for name, role in _ROLES.items():
+        if options.get(name):
+            sources = (*sources, Source.of(role, options[name]))
+    return Provenance(command_line("python -m modal", arguments), settings, sources)
+
+
+_ROLES = {"sample": STATE, "source": "motion"}
+_NOT_SETTINGS = {
+    "command",
+    "network",
+    "sample",
+    "source",
+    "output",
+    "json",
+    "if_stale",
+    "at",
+    "hours",
+}
+
+
+def packing_of(path: str | Path) -> tuple[Source, ...]:
+    """A packing's file as the source of a product, and the sample that it was exported from."""
+    return (Source.of(PACKING, path), *read_provenance(path).packing)
+
+
+def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> str:
+    """InputError, naming both files, where a product was made from another packing.
+
+    `packing` as `packing_of` gives it. A product of a sample belongs to the network that was
+    exported from it, and the other way round; two networks of one sample are strangers. Returns a
+    note where the product does not tell what it was made from, and otherwise nothing.
+    """
+    made = read_provenance(product).packing
+    if not made:
+        return (
+            f"{product}: of unknown origin, nothing says that it belongs to {packing[0]}; "
+            "make it again to be sure"
+        )
+    own = {source.sha256 for source in made}
+    if made[0].sha256 in {source.sha256 for source in packing} or packing[0].sha256 in own:
+        return ""
+    raise InputError(
+        f"{product}: made from {made[0]}, not from {packing[0]}; make it again, or give the "
+        "packing that it belongs to"
+    )
+
+
+def changes(path: str | Path, wanted: Provenance) -> list[str]:
+    """Why an existing product is stale: each setting and source that differs, old and new value.
+
+    Empty where it was made from these very sources with these settings.
+    """
+    made = read_provenance(path)
+    if made.settings is None:
+        return ["it does not say with which settings it was made"]
+    return differing_settings(made, wanted.settings or {}) + differing_sources(made, wanted)
+
+
+def differing_settings(made: Provenance, wanted: Mapping[str, Any]) -> list[str]:
+    """The settings that are not as wanted, each with its old and new value."""
+    old = made.settings or {}
+    new = {name: _plain(value) for name, value in wanted.items()}
+    return [
+        f"{name} was {_shown(old.get(name))}, is {_shown(new.get(name))}"
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name)
+    ]
+
+
+def differing_sources(made: Provenance, wanted: Provenance) -> list[str]:
+    """The sources that are other files than wanted; of a packing the file that was read counts."""
+
+    def first(sources: tuple[Source, ...]) -> dict[str, Source]:
+        return {source.role: source for source in reversed(sources)}
+
+    old, new = first(made.sources), first(wanted.sources)
+    return [
+        f"{role} was {old.get(role, 'none')}, is {new.get(role, 'none')}"
+        for role in sorted(old.keys() | new.keys())
+        if role not in old or role not in new or old[role].sha256 != new[role].sha256
+    ]
+
+
+def is_current(
+    path: str | Path,
+    wanted: Provenance,
+    say: Callable[[str], object] = print,
+    read: Callable[[Path], object] | None = None,
+) -> bool:
+    """Whether a product is there and need not be made again; `say` is told why, where it is not.
+
+    `read` is a reader that refuses a damaged file.
+    """
+    if not Path(path).exists():
+        return False
+    try:
+        if read:
+            read(Path(path))
+        why = changes(path, wanted)
+    except InputError as error:
+        say(f"{error}; making it again")
+        return False
+    if why:
+        say(f"{path}: stale, {'; '.join(why)}; making it again")
+    return not why
+
+
+def set_aside(path: str | Path) -> None:
+    """Rename a stale product, so that nobody takes it for the new one if that cannot be made."""
+    path = Path(path)
+    if path.exists():
+        os.replace(path, path.with_name(path.name + ".stale"))
+
+
+def _plain(value: Any) -> Any:
+    """Numbers, texts and lists as JSON gives them back; a path is its name without folder."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.name if isinstance(value, Path) else value
+
+
+def _json(value: Any) -> str:
+    """Canonical JSON: sorted names, no blanks, nothing that is not a number."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _shown(value: Any) -> str:
+    return "absent" if value is None else str(value)

@@ -1,0 +1,135 @@
+"""Exact number of modes below a frequency, by Sylvester's law, in little memory.
+
+Contacts join neighbours only: in layers of equal distance from one end, counted in contacts, the
+matrix is block-tridiagonal. The inertia of A - sigma is then the sum of those of the Schur
+complements S_1 = A_11, S_k = A_kk - A_k,k-1 S_k-1^-1 A_k-1,k, each factorised with pivots.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from modal.formats.hdf5 import InputError
+from modal.modes.effort import factorisation, refuse_endless_search
+from modal.modes.problem import SMALL, Eigenproblem
+from modal.progress import progress
+from modal.solvers.factor import SingularError, available, factorise
+
+BEYOND = 4.0
+"""Times A's largest diagonal entry, above which one looks whether there can be modes at all."""
+GROWTH = 1e7
+"""Growth of a layer's entries up to which its signs count: round-off has then moved the eigenvalues
+by 2e-9 of the largest one."""
+BESIDE = 1e-6
+"""How far beside a frequency, relative in omega^2, one counts that cannot count at it."""
+UNCERTAIN = "K - sigma M is singular, or a part of it, at this frequency; ask for a different one"
+
+
+def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> np.ndarray:
+    """Shape (n,): distance of each particle, in contacts, from the lowest one of its cluster.
+
+    `height` (n,) is the coordination along the long axis; `dof` rows a particle.
+    """
+    coo = matrix.tocoo()
+    n = len(height)
+    touching = sp.coo_matrix(
+        (np.ones(coo.nnz, np.int8), (coo.row // dof, coo.col // dof)), shape=(n, n)
+    ).tocsr()
+    _, cluster = connected_components(touching, directed=False)
+    # The layer at the bottom of each cluster is a slab, so that layers stay level.
+    low = np.full(cluster.max() + 1, np.inf)
+    np.minimum.at(low, cluster, height)
+    thickness = np.ptp(height) / max(1.0, (n ** (1 / 3)))
+    first = np.flatnonzero(height <= low[cluster] + thickness / 4)
+    distance = dijkstra(touching, directed=False, indices=first, unweighted=True, min_only=True)
+    return distance.astype(int)
+
+
+def count_negative(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> int:
+    """Number of negative eigenvalues of a symmetric matrix (dof n, dof n), with `dof` rows each
+    particle. SingularError where a layer on the way is singular, or so nearly that entries grow
+    more than `GROWTH`."""
+    layer = layers_of_contacts(matrix, dof, height)
+    order = np.argsort(layer, kind="stable")
+    rows = (order[:, None] * dof + np.arange(dof)).ravel()
+    inner = matrix[rows][:, rows].tocsr()
+    ends = np.concatenate([[0], np.cumsum(np.bincount(layer)) * dof])
+    negative, before, largest = 0, None, abs(inner.data).max(initial=0.0)
+    for k in progress(len(ends) - 1, "inertia"):
+        here = slice(ends[k], ends[k + 1])
+        schur = inner[here, here].toarray(order="F")
+        if before is not None:
+            factor, pivots, last = before
+            coupling = inner[last, here].toarray(order="F")
+            used = np.flatnonzero(coupling.any(axis=0))
+            solved, info = dsytrs(factor, pivots, coupling[:, used], lower=1)
+            schur[np.ix_(used, used)] -= inner[here, last][used] @ solved
+            if not abs(schur).max() <= GROWTH * largest:
+                raise SingularError(UNCERTAIN)
+        lwork = int(dsytrf_lwork(len(schur), lower=1)[0])
+        factor, pivots, info = dsytrf(schur, lower=1, lwork=lwork, overwrite_a=True)
+        if info > 0:
+            raise SingularError(UNCERTAIN)
+        negative += _negative_of_pivots(factor, pivots)
+        before = factor, pivots, here
+    return negative
+
+
+def _negative_of_pivots(factor: np.ndarray, pivots: np.ndarray) -> int:
+    """Negative eigenvalues of the block-diagonal D of LAPACK's lower L D L^T.
+
+    A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.
+    """
+    double = pivots < 0
+    return int((factor.diagonal()[~double] < 0).sum() + double.sum() // 2)
+
+
+def count_below(problem: Eigenproblem, frequency: float) -> int:
+    """Exact number of modes below `frequency` (Hz), zero-energy modes included.
+
+    The inertia of K - omega^2 M (Sylvester's law): from PARDISO's pivots where it is installed,
+    else layer by layer in little memory; or the dense spectrum of a small network. Where a
+    factorisation cannot tell, as pivots vanish although no mode is near, the counts a little below
+    and above must agree, or the layers are asked. InputError where nothing can tell.
+    """
+    if not np.isfinite(frequency):
+        raise InputError(f"{frequency} is not a frequency; give a number of Hz")
+    square = (2 * np.pi * frequency) ** 2
+    if frequency <= 0:
+        return 0
+    if square > BEYOND * problem.diagonal.max() and square > problem.bound:
+        return problem.size
+    if problem.size <= SMALL:
+        values = eigh(problem.scaled.toarray(), eigvals_only=True)
+        return int((values < square).sum())
+    effort, _ = factorisation(problem, counting=True)
+    refuse_endless_search(problem, effort, "an exact count takes", "take the density of states")
+    solver = problem.solver or ("pardiso" if available("pardiso") else "layers")
+    methods = [solver, "layers"] if solver in ("pardiso", "superlu") else ["layers"]
+    for method in methods:
+        for places in ([square], [square * (1 - BESIDE), square * (1 + BESIDE)]):
+            counts = {_negative(problem, place, method) for place in places}
+            count = counts.pop()
+            if not counts and count is not None:
+                return count
+    raise InputError(
+        f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
+        "different frequency"
+    )
+
+
+def _negative(problem: Eigenproblem, square: float, method: str) -> int | None:
+    """Negative eigenvalues of A - square; None where this method cannot tell."""
+    shifted = problem.shifted(square)
+    try:
+        if method == "layers":
+            return count_negative(shifted, problem.dof, problem.network.position[:, 2])
+        factor = factorise(shifted, definite=False, solver=method)
+    except SingularError:
+        return None
+    factor.release()
+    return factor.negative

@@ -1,0 +1,256 @@
+"""Density of states of a whole packing, from products with K alone: kernel polynomials in omega.
+
+With omega = omega_max x every mode counts half at x and half at -x. The density is then even, only
+even Chebyshev polynomials take part, and T_2k(x) = T_k(2 omega^2 / omega_max^2 - 1) follows from
+products with A = M^-1/2 K M^-1/2. So the resolution is the same at low frequency, where an
+expansion in omega^2 loses it (Y. M. Beltukov, C. Fusco, D. A. Parshin, A. Tanguy, Phys. Rev. E 93,
+023006, 2016). The traces of T_2k are estimated with random vectors of signs; the Jackson kernel
+keeps the density positive (A. Weisse, G. Wellein, A. Alvermann, H. Fehske, Rev. Mod. Phys. 78, 275,
+2006, Eqs. 71 and 74). The format "granular-density-of-states", version 1, is defined here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh
+
+from modal.formats.hdf5 import InputError, atomic_h5, put
+from modal.formats.provenance import Provenance
+from modal.packing.network import Network
+from modal.progress import progress
+from modal.solvers.spectrum import bound_of_spectrum, largest_growth
+from modal.stiffness.operator import ContactOperator
+from modal.workload import refuse_endless
+
+SCHEMA = "granular-density-of-states"
+VERSION = 1
+FEWEST = 6
+"""Random vectors: enough to see their scatter."""
+BLOCK = 6
+"""Random vectors that share one pass over the contacts: bounds the memory."""
+FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
+"""Full width at half height of a Gaussian over its standard deviation."""
+CHUNK = 256
+"""Frequencies evaluated at a time, to bound the memory."""
+NEGATIVE = "K has a negative direction (negative stiffness); no density of states"
+DENSE_PAYS = 4
+"""Degrees of freedom to a random vector below which the whole spectrum costs less than they do."""
+LARGEST_DENSE = 3000
+"""Degrees of freedom up to which a spectrum is found in some seconds: its traces have no error."""
+
+
+@dataclass(frozen=True)
+class DensityOfStates:
+    """What the random vectors have found; evaluate with `density` and `count_below`.
+
+    moments (vectors, 6, N): estimated traces of P_c T_2k(omega / omega_max), k < N, where P_c
+    keeps one component, u_x, u_y, u_z, theta_x, theta_y, theta_z; a single row where the traces
+    are exact. highest: f of x = 1, Hz.
+    zero_modes (6,): what was split off exactly, at zero. resolution: Hz, the full width at half
+    height that a single mode has at low frequency; it falls as sqrt(1 - x^2) towards the top.
+    """
+
+    moments: np.ndarray
+    highest: float
+    zero_modes: np.ndarray
+    resolution: float
+    products: int
+
+    @property
+    def random_vectors(self) -> int:
+        """How many random vectors the estimates come from; none where the traces are exact."""
+        return 0 if len(self.moments) == 1 else len(self.moments)
+
+    def density(self, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.
+
+        Returns values and standard errors (nf, 7): the six components, then their sum.
+        """
+        weight = self._jackson()
+        weight[1:] *= 2
+
+        def terms(theta: np.ndarray) -> np.ndarray:
+            wave = np.cos(2 * theta[:, None] * np.arange(len(weight))) * weight
+            return wave * (2 / (np.pi * self.highest * np.sin(theta)))[:, None]
+
+        return self._mean_and_error(frequency, terms)
+
+    def count_below(self, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Number of modes below frequencies (nf,) in Hz, zero modes included: the integral.
+
+        Returns values and standard errors (nf, 7), as `density`.
+        """
+        order, weight = np.arange(self.moments.shape[2]), 2 / np.pi * self._jackson()
+
+        def terms(theta: np.ndarray) -> np.ndarray:
+            wave = np.empty((len(theta), len(order)))
+            wave[:, 0] = np.pi / 2 - theta
+            wave[:, 1:] = -np.sin(2 * theta[:, None] * order[1:]) / order[1:]
+            return weight * wave
+
+        value, error = self._mean_and_error(frequency, terms)
+        return value + np.append(self.zero_modes, self.zero_modes.sum()), error
+
+    def grid(self) -> np.ndarray:
+        """Frequencies, Hz, four to a resolution, from zero to just below `highest`."""
+        return np.arange(0, self.highest, self.resolution / 4)
+
+    def _jackson(self) -> np.ndarray:
+        """Shape (N,): damping of the even orders 0, 2, ..., 2N - 2."""
+        orders = 2 * self.moments.shape[2]
+        k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
+        turn = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
+        return turn / (orders + 1)
+
+    def _mean_and_error(
+        self, frequency: np.ndarray, terms: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values and errors (nf, 7) of the series with `terms` (nf, N) at angles theta (nf,)."""
+        theta = np.arccos(np.clip(np.asarray(frequency, float) / self.highest, 0, 1 - 1e-12))
+        with_sum = np.concatenate([self.moments, self.moments.sum(axis=1, keepdims=True)], axis=1)
+        value, error = np.zeros((2, len(theta), 7))
+        for first in range(0, len(theta), CHUNK):
+            part = slice(first, first + CHUNK)
+            each = np.einsum("fk,vck->vfc", terms(theta[part]), with_sum, optimize=True)
+            value[part] = each.mean(axis=0)
+            if self.random_vectors:
+                error[part] = each.std(axis=0, ddof=1) / np.sqrt(len(each))
+        return value, error
+
+
+def density_of_states(
+    network: Network,
+    *,
+    resolution: float = 2e3,
+    tolerance: float = 1e-3,
+    zero_modes: sp.csc_matrix | None = None,
+    seed: int = 1,
+) -> DensityOfStates:
+    """The distribution of all 6n modes with a full width of `resolution` Hz.
+
+    `tolerance` bounds the standard error of every count in parts of all modes: for vectors of
+    signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
+    so many of them that the whole spectrum costs less; then there is no error but the kernel's
+    width. `zero_modes` (6n, z), orthonormal in the mass-scaled degrees of freedom, are split off
+    exactly; without them zero modes appear within one resolution of zero.
+    """
+    if not 0 < resolution < np.inf:
+        raise InputError(f"resolution {resolution:g} Hz: give a positive number of Hz")
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
+    operator = ContactOperator(network, mass_scaled=True)
+    size = operator.shape[0]
+    top, products = bound_of_spectrum(operator)
+    if top <= 0:
+        raise InputError("the network has no stiffness; all its modes are at zero")
+    highest = np.sqrt(top) / (2 * np.pi)
+    # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
+    count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
+    vectors = max(FEWEST, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
+    zero = sp.csc_matrix((size, 0)) if zero_modes is None else zero_modes
+    at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
+    exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
+    numbers = size * (count + 4 * size) if exact else 6 * (vectors * count + 4 * size)
+    refuse_endless(
+        f"a density with resolution {resolution:g} Hz and tolerance {tolerance:g}",
+        operator,
+        products=size if exact else vectors * count / 2,
+        bytes_needed=8 * numbers,
+        remedy="take a coarser one",
+    )
+    if exact:
+        moments = _exact_moments(operator, at_zero, top, count)
+        return DensityOfStates(moments, highest, at_zero, resolution, products + size)
+    signs = np.random.default_rng(seed)
+    moments = np.empty((vectors, 6, count))
+    for first in range(0, vectors, BLOCK):
+        part = slice(first, min(first + BLOCK, vectors))
+        start = signs.integers(0, 2, (size, part.stop - first)) * 2.0 - 1.0
+        start -= zero @ (zero.T @ start)
+        label = f"density {first // BLOCK + 1}/{-(-vectors // BLOCK)}"
+        moments[part] = _moments(operator, start, top, count, label)
+    return DensityOfStates(
+        moments, highest, at_zero, resolution, products + vectors * (1 + count // 2)
+    )
+
+
+def _exact_moments(
+    operator: ContactOperator, at_zero: np.ndarray, top: float, count: int
+) -> np.ndarray:
+    """Shape (1, 6, count): the traces themselves, less those of the zero modes (6,)."""
+    square, vector = eigh(operator @ np.eye(operator.shape[0]))
+    if square[0] < -1e-9 * top:  # far beyond the round-off of a zero mode
+        raise InputError(NEGATIVE)
+    angle = np.arccos(np.clip(2 * square / top - 1, -1, 1))
+    share = np.einsum("ncv,ncv->cv", *2 * [vector.reshape(-1, 6, len(square))])
+    moments = share @ np.cos(angle[:, None] * np.arange(count))
+    return (moments - np.outer(at_zero, (-1.0) ** np.arange(count)))[None]
+
+
+def _moments(
+    operator: ContactOperator, start: np.ndarray, top: float, count: int, label: str
+) -> np.ndarray:
+    """Shape (vectors, 6, count): <r| P_c T_k(X) |r> for start vectors r (6n, vectors).
+
+    One product gives two moments: tr P_c T_j T_k = tr T_j P_c T_k, and
+    2 T_j T_k = T_(j+k) + T_|j-k|. InputError where the spectrum is not within 0 to `top`.
+    """
+    shape = (-1, 6, start.shape[1])
+
+    def by_component(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.einsum("ncv,ncv->vc", a.reshape(shape), b.reshape(shape))
+
+    moments = np.empty((start.shape[1], 6, count + 2))
+    before, now = start.copy(), -start
+    operator.accumulate(start, now, 2 / top)
+    moments[:, :, 0] = by_component(start, start)
+    moments[:, :, 1] = by_component(start, now)
+    spare = np.empty_like(start)
+    for k in progress(count // 2, label):
+        # Here now = T_(k+1) r and before = T_k r.
+        if k > 0:
+            moments[:, :, 2 * k] = 2 * by_component(before, before) - moments[:, :, 0]
+            moments[:, :, 2 * k + 1] = 2 * by_component(before, now) - moments[:, :, 1]
+        np.multiply(now, 2, out=spare)
+        before += spare
+        np.negative(before, out=before)
+        operator.accumulate(now, before, 4 / top)
+        before, now = now, before
+    last = 2 * (count // 2)
+    moments[:, :, last] = 2 * by_component(before, before) - moments[:, :, 0]
+    first, largest = (moments[:, :, k].sum(axis=1) for k in (0, last))
+    if not (abs(largest) <= largest_growth(operator, last) * first).all():
+        raise InputError(NEGATIVE)
+    return moments[:, :, :count]
+
+
+def write_density(
+    path: str | Path,
+    states: DensityOfStates,
+    network_sha256: str = "",
+    made: Provenance | None = None,
+) -> None:
+    """Write density and counts on `states.grid()` atomically."""
+    frequency = states.grid()
+    density, density_error = states.density(frequency)
+    below, below_error = states.count_below(frequency)
+    with atomic_h5(path) as file:
+        if made:
+            made.write(file)
+        file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
+        file.attrs.update(resolution=states.resolution, vectors=states.random_vectors)
+        put(file, "frequency", frequency, "Hz")
+        for name, columns in (
+            ("all", 6),
+            ("translation", slice(0, 3)),
+            ("rotation", slice(3, 6)),
+        ):
+            put(file, f"{name}/density", density[:, columns], "1/Hz")
+            put(file, f"{name}/density_error", density_error[:, columns], "1/Hz")
+            put(file, f"{name}/count_below", below[:, columns], "1")
+            put(file, f"{name}/count_below_error", below_error[:, columns], "1")

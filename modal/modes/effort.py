@@ -1,0 +1,103 @@
+"""What a search for modes will take, estimated before it starts.
+
+The constants were fitted on one core at 2.5 GHz to crystals of 4 x 4 x 200 and 10 x 10 x 30 and a
+random packing of 35,201 spheres; these came out within a factor of two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.modes.problem import Eigenproblem
+from modal.solvers.factor import available
+from modal.workload import refuse_above
+
+FILL = 1.2
+"""Entries of a nested-dissection factor for each nonzero of A and sphere across the packing."""
+COSTS = {
+    "pardiso": (10.0, 4e-9, 2.5e-10),
+    "banded": (25.0, 8e-8, 5e-9),
+    "superlu": (82.0, 1.4e-7, 6e-9),
+    "layers": (0.2, 1.4e-7, 0.0),
+}
+"""Of each solver, for each entry that nested dissection would leave: bytes; seconds of a
+factorisation, for each sphere across; seconds of a solve."""
+ASSEMBLY = 5e-7
+"""Seconds for each nonzero of A."""
+ORTHOGONAL = 2e-10
+"""Seconds for each multiplication and addition of a dense product."""
+PRODUCT = 2e-8
+"""Seconds of A v for each degree of freedom."""
+DENSE = 5e-10
+"""Seconds of a block's dense spectrum for each cubed row; two complex blocks of opposite
+wavevectors share one."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Seconds on one core, and bytes at the peak."""
+
+    seconds: float
+    bytes: float
+
+
+def nonzeros(problem: Eigenproblem) -> float:
+    """Nonzeros of A."""
+    pairs = int((problem.network.particle_j >= 0).sum())
+    return float(problem.dof**2 * (problem.network.n_particles + 2 * pairs))
+
+
+def factorisation(problem: Eigenproblem, *, counting: bool = False) -> tuple[Effort, float]:
+    """One factorisation with its assembly, and the seconds of a solve.
+
+    Nested dissection cuts across the packing: separators grow with its two shorter sides.
+    """
+    solver = problem.solver or ("pardiso" if available("pardiso") else "banded")
+    if solver == "banded" and counting:
+        solver = "layers"
+    diameter = 2 * problem.network.radius.mean()
+    sides = np.sort(np.ptp(problem.network.position, axis=0) / diameter + 1)
+    across = float(np.sqrt(sides[0] * sides[1]))
+    bytes_each, seconds_each, solve_each = COSTS[solver]
+    entries = FILL * nonzeros(problem) * across
+    seconds = ASSEMBLY * nonzeros(problem) + seconds_each * entries * across
+    return Effort(seconds, bytes_each * entries + 40 * nonzeros(problem)), solve_each * entries
+
+
+def basis_of(count: int) -> int:
+    """Vectors after which a search about a shift has found `count` modes, about."""
+    return 4 * count + 100
+
+
+def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
+    """`count` modes about shifts, in slices with a factor, a count and a basis each."""
+    slices = 1 if count <= slice_size else int(np.ceil(count / (0.7 * slice_size)))
+    basis = basis_of(-(-count // slices))
+    factor, solve = factorisation(problem)
+    counting, _ = factorisation(problem, counting=True)
+    orthogonal = 2 * ORTHOGONAL * problem.size * basis**2
+    seconds = factor.seconds + counting.seconds + basis * solve + orthogonal
+    vectors = 8.0 * problem.size * basis
+    return Effort(slices * seconds, max(factor.bytes + vectors, counting.bytes))
+
+
+def from_the_top(problem: Eigenproblem, count: int) -> Effort:
+    """The `count` highest modes by products with A, without the exact count."""
+    basis, products = 3 * count + 40, 300 + 15 * count
+    each = problem.size * (PRODUCT + 4 * ORTHOGONAL * 2 / 3 * basis)
+    return Effort(products * each, 8.0 * problem.size * (basis + 2 * count))
+
+
+def of_blocks(rows: int, blocks: int) -> Effort:
+    """The whole spectra of complex dense blocks, one after the other."""
+    return Effort(blocks * DENSE * rows**3, 48.0 * rows**2)
+
+
+def refuse_endless_search(problem: Eigenproblem, effort: Effort, task: str, remedy: str) -> None:
+    """InputError, with the estimate, where a search takes longer or more memory than it may."""
+    longest = 3600 * problem.hours
+    if effort.seconds > longest:
+        remedy += f", or give more --hours than {problem.hours:g}"
+    refuse_above(effort.seconds, effort.bytes, f"{task} about", remedy, longest)

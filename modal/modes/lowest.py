@@ -1,0 +1,161 @@
+"""The lowest modes, or those of an interval: block Lanczos on a factorised A - sigma, certified.
+
+Floppy modes are held out, so that the list is that of the elastic ones, and the exact counts of
+`modal.modes.counts` say whether it is complete.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.modes.counts import count_below
+from modal.modes.effort import near_a_shift, refuse_endless_search
+from modal.modes.highest import DENSE_LIMIT, dense_modes
+from modal.modes.mode_set import ModeSet
+from modal.modes.problem import (
+    SMALL,
+    Eigenproblem,
+    certificate,
+    check_count,
+    frequency_of,
+    subset,
+)
+from modal.modes.search import Search
+from modal.solvers.factor import available
+
+SHIFT = 1e-7
+"""Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
+SLICE = 300
+"""Modes that one factorisation is asked for; wider intervals are cut by exact counts."""
+FEWER = "ask for fewer, or for the density or a count"
+"""What to do instead of finding each of very many modes."""
+NARROW = 1e-6
+"""Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
+
+
+def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
+    """The `count` lowest elastic modes; floppy modes are counted, not listed.
+
+    Certified: the exact count below the highest of them is that of the modes found. Where modes
+    did not converge the list ends early, and `missing` says how many it lacks.
+    """
+    floppy = problem.floppy.total
+    check_count(problem, count, problem.size - floppy)
+    if problem.size <= SMALL or count > problem.size // 4:
+        return dense_modes(problem, lambda f: slice(floppy, floppy + count), f"lowest {count}")
+    effort = near_a_shift(problem, count, SLICE)
+    refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
+    if count > SLICE:
+        return _lowest_by_slices(problem, count)
+    sigma = -SHIFT * problem.diagonal.max()
+    search = Search(problem, sigma, definite=True)
+    missing = search.complete(count, 1, lambda edge: count_below(problem, edge) - floppy)
+    if len(search.square) == 0:
+        raise InputError(
+            "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
+            "below round-off; ask for --highest, or --between further up"
+        )
+    modes = search.modes(0.0, np.inf, f"lowest {count}")
+    modes = subset(modes, slice(0, count - max(missing, 0)), f"lowest {count}")
+    modes.attributes |= certificate(missing)
+    return modes
+
+
+def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
+    """Every elastic mode with low <= f < high, Hz, certified by the counts at both ends.
+
+    Intervals with more than `SLICE` modes are cut into slices, each with its own factorisation
+    and its own certificate.
+    """
+    if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
+        raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
+    low = max(low, 0.0)
+    if problem.size <= DENSE_LIMIT:
+
+        def inside(frequency: np.ndarray) -> slice:
+            first = max(int((frequency < low).sum()), problem.floppy.total)
+            return slice(first, max(first, int((frequency < high).sum())))
+
+        return dense_modes(problem, inside, f"{low:g} {high:g}")
+    below = {low: problem.floppy.total if low == 0 else count_below(problem, low)}
+    below[high] = count_below(problem, high)
+    wanted = below[high] - below[low]
+    effort = near_a_shift(problem, wanted, SLICE)
+    refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
+    slices = _cut(problem, low, high, below)
+    parts = [_slice(problem, a, b, below[b] - below[a], wanted) for a, b in slices]
+    return _joined(parts, f"{low:g} {high:g}")
+
+
+def _cut(
+    problem: Eigenproblem, low: float, high: float, below: dict[float, int]
+) -> list[tuple[float, float]]:
+    """Cut [low, high) where exact counts leave `SLICE` modes or fewer in each slice.
+
+    A cut in the middle of the volume f^3, as the number of waves grows; a cluster of equal
+    frequencies that cannot be cut stays whole.
+    """
+    wanted = below[high] - below[low]
+    if wanted <= SLICE or high - low < NARROW * high:
+        return [(low, high)] if wanted else []
+    middle = float(np.cbrt((low**3 + high**3) / 2))
+    below[middle] = count_below(problem, middle)
+    return [
+        *_cut(problem, low, middle, below),
+        *_cut(problem, middle, high, below),
+    ]
+
+
+def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int) -> ModeSet:
+    """The `wanted` modes of one slice, certified if exactly so many were found in it.
+
+    `of` is the number of modes in all slices.
+    """
+    # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
+    # lower end, where A - sigma is definite, needs twice as many solves.
+    fast = problem.solver in (None, "pardiso") and available("pardiso")
+    interior = low > 0 or fast
+    sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
+    if not interior:
+        sigma = -SHIFT * problem.diagonal.max()
+    search = Search(problem, sigma, definite=not interior)
+    missing = search.gather(
+        wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
+    )
+    modes = search.modes(low, high, f"{low:g} {high:g}", of)
+    modes.attributes |= certificate(missing)
+    return modes
+
+
+def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
+    """Many lowest modes: slices up to a frequency below which there are enough."""
+    top = frequency_of(np.array([problem.bound]))[0]
+    high, total = top / 64, problem.floppy.total
+    while high < top and count_below(problem, high) - total < count:
+        high *= 2 ** (1 / 3)
+    modes = modes_between(problem, 0.0, high)
+    return subset(modes, slice(0, count), f"lowest {count}")
+
+
+def _joined(parts: list[ModeSet], interval: str) -> ModeSet:
+    """Slices in ascending order as one set."""
+    if not parts:
+        empty = np.empty(0)
+        attributes = {"interval": interval, "solver": "count"} | certificate(0)
+        return ModeSet(empty, empty, empty, empty, empty, attributes=attributes)
+    whole = parts[0]
+    if len(parts) > 1:
+        arrays = {}
+        for name in vars(whole):
+            columns = [getattr(part, name) for part in parts]
+            if name != "attributes" and all(column is not None for column in columns):
+                arrays[name] = np.concatenate(columns)
+        whole = ModeSet(**arrays)
+    whole.attributes = {
+        **parts[0].attributes,
+        "interval": interval,
+        "solver": parts[0].attributes["solver"] + f"; {len(parts)} slices",
+        **certificate(sum(part.attributes["missing"] for part in parts)),
+    }
+    return whole

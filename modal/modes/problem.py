@@ -1,0 +1,268 @@
+"""The eigenproblem (K - omega^2 M) phi = 0 of a packing, and the observables of its modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.formats.hdf5 import InputError
+from modal.modes.mode_set import ModeSet
+from modal.modes.observables import (
+    PLANAR,
+    chi_z,
+    particle_motion,
+    planar_resonances,
+    rotation_share,
+)
+from modal.modes.zero_modes import FloppyModes, floppy_modes
+from modal.packing.network import Network
+from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+from modal.waves.chain import wall_to_wall_chain
+from modal.workload import LONGEST
+
+SMALL = 600
+"""Degrees of freedom up to which the dense spectrum costs less than anything else."""
+TOGETHER = 24
+"""Modes that are measured together: bounds the memory."""
+LARGEST_SHAPES = 2e9
+"""Bytes of mode shapes up to which they are kept: about 1,200 modes of 35,201 spheres."""
+COUNTED = 1e-11
+"""Error of the omega^2 that a count refers to, relative to A's largest diagonal entry; round-off of
+a factor is mostly a tenth of it."""
+BLUR = 1e-9, 1e-6
+"""Least and largest relative distance in frequency that is left for it."""
+_OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
+
+
+@dataclass
+class Eigenproblem:
+    """A network and its matrices, each made when it is first asked for.
+
+    dof: 6 or 3 a particle; solver: as in `of`; shapes: whether modes keep their shapes; hours:
+    longest search that is begun, as estimated.
+    """
+
+    network: Network
+    dof: int
+    solver: str | None = None
+    shapes: bool = True
+    hours: float = LONGEST / 3600
+
+    @classmethod
+    def of(
+        cls,
+        network: Network,
+        *,
+        translations_only: bool = False,
+        solver: str | None = None,
+        shapes: bool = True,
+        hours: float = LONGEST / 3600,
+    ) -> Eigenproblem:
+        """The problem of a network; with `translations_only` rotations are held at zero.
+
+        `solver` names the factorisation (`modal.solvers.factor.SOLVERS`); None lets memory decide.
+        """
+        return cls(network, 3 if translations_only else 6, solver, shapes, hours)
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom."""
+        return self.dof * self.network.n_particles
+
+    @cached_property
+    def mass(self) -> np.ndarray:
+        """Shape (size,): M's diagonal."""
+        return mass_diagonal(self.network, translations_only=self.dof == 3)
+
+    @cached_property
+    def diagonal(self) -> np.ndarray:
+        """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
+        return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
+
+    def assembled(self) -> sp.csr_matrix:
+        """A = M^-1/2 K M^-1/2 as a sparse matrix, made anew: next to a factor it need not stay."""
+        K = stiffness_matrix(self.network, translations_only=self.dof == 3)
+        scale = 1 / np.sqrt(self.mass)
+        K.data *= scale[K.indices]
+        K.data *= np.repeat(scale, np.diff(K.indptr))
+        return K
+
+    @cached_property
+    def scaled(self) -> sp.csr_matrix:
+        """`assembled`, for what comes back to it."""
+        return self.assembled()
+
+    @cached_property
+    def bound(self) -> float:
+        """Largest row sum of A: an upper bound of the largest omega^2."""
+        A = self.assembled()
+        sizes = sp.csr_matrix((abs(A.data), A.indices, A.indptr), A.shape)
+        return float((sizes @ np.ones(self.size)).max())
+
+    def blur(self, square: float) -> float:
+        """Relative distance within which a count cannot tell frequencies near omega^2 apart."""
+        share = COUNTED * self.diagonal.max() / abs(square) if square else np.inf
+        return float(np.clip(share, *BLUR))
+
+    @property
+    def resolution(self) -> float:
+        """What round-off leaves of an omega^2 of zero: eps times A's largest diagonal entry."""
+        return float(np.finfo(float).eps * self.diagonal.max(initial=0.0))
+
+    @cached_property
+    def operator(self) -> ContactOperator:
+        """A without a matrix, where that is compiled."""
+        return ContactOperator(self.network, translations_only=self.dof == 3, mass_scaled=True)
+
+    @cached_property
+    def floppy(self) -> FloppyModes:
+        """Zero modes of the parts that nothing holds."""
+        return floppy_modes(self.network, self.operator, self.mass, self.diagonal)
+
+    def shifted(self, square: float) -> sp.csr_matrix:
+        """A - square, with square an omega^2."""
+        return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
+
+    def chain(self) -> np.ndarray | None:
+        """The wall-to-wall chain, or None where the network has none."""
+        try:
+            return wall_to_wall_chain(self.network)
+        except InputError:
+            return None
+
+
+def slipping(network: Network) -> Network:
+    """The network with contacts at the friction limit held by their normal springs only."""
+    sliding = network.known("sliding", "knowing which contacts slip")
+    tangential = np.where(sliding, 0.0, network.stiffness_tangential)
+    return replace(network, stiffness_tangential=tangential)
+
+
+def frequency_of(square: np.ndarray) -> np.ndarray:
+    """f = omega / 2 pi in Hz; negative omega^2 (unstable or round-off) gives negative f."""
+    return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)
+
+
+def relative_residual(difference: np.ndarray, square: np.ndarray, resolution: float) -> np.ndarray:
+    """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (size, k) and omega^2 (k,).
+
+    Below `resolution`, where omega^2 is round-off, that takes its place: zero modes have a
+    residual of some units.
+    """
+    own = np.maximum(np.abs(square), max(resolution, np.finfo(float).tiny))
+    return np.linalg.norm(difference, axis=0) / own
+
+
+def measure(
+    problem: Eigenproblem,
+    square: np.ndarray,
+    vector: np.ndarray,
+    chain: np.ndarray | None,
+    *,
+    keep_shapes: bool = False,
+) -> ModeSet:
+    """Observables of modes given as unit vectors (size, k), a few modes at a time."""
+    count = len(square)
+    columns = {name: np.full(count, np.nan) for name in _OBSERVABLES}
+    kept = np.empty((count, problem.network.n_particles, 6)) if keep_shapes else None
+    pure = [np.empty((0, problem.network.n_particles, 6))]
+    for first in range(0, count, TOGETHER):
+        some = slice(first, min(first + TOGETHER, count))
+        unit = np.ascontiguousarray(vector[:, some])
+        shape = particle_motion(unit, problem.mass, problem.dof)
+        columns["chi_z"][some] = chi_z(shape)
+        columns["rotation_share"][some] = rotation_share(unit, problem.dof)
+        if chain is not None:
+            columns["chi_z_chain"][some] = chi_z(shape, chain)
+        if kept is not None:
+            kept[some] = shape
+        planar = columns["chi_z"][some] > PLANAR
+        pure.append(shape[planar])
+        difference = problem.operator.apply(unit)
+        unit *= square[some]
+        difference -= unit
+        columns["residual"][some] = relative_residual(difference, square[some], problem.resolution)
+    result = ModeSet(frequency=frequency_of(square), **columns, mode_shape=kept)
+    if chain is not None:
+        planar = columns["chi_z"] > PLANAR
+        resonances = planar_resonances(
+            result.frequency[planar],
+            np.concatenate(pure),
+            result.rotation_share[planar],
+            chain,
+            problem.network,
+        )
+        result.resonance_frequency, result.resonance_wavenumber = resonances[:2]
+        result.resonance_shape = resonances[2]
+    return result
+
+
+def shapes_left_out(problem: Eigenproblem, count: int) -> str:
+    """Why the shapes of `count` modes are not kept, or an empty text where they are."""
+    needed = 48.0 * count * problem.network.n_particles
+    if needed <= LARGEST_SHAPES:
+        return ""
+    return (
+        f"{count} mode shapes would take {needed / 1e9:.2g} GB (limit {LARGEST_SHAPES / 1e9:.2g} "
+        "GB); ask for fewer modes to have them"
+    )
+
+
+def found_modes(
+    problem: Eigenproblem,
+    square: np.ndarray,
+    vector: np.ndarray,
+    interval: str,
+    solver: str,
+    of: int = 0,
+) -> ModeSet:
+    """Observables of modes; with their shapes if asked for and not too large.
+
+    `of` is the number of modes of the whole list, where these are a part of it.
+    """
+    left_out = shapes_left_out(problem, max(of, len(square))) if problem.shapes else ""
+    keep = problem.shapes and not left_out
+    modes = measure(problem, square, vector, problem.chain(), keep_shapes=keep)
+    modes.attributes = {"interval": interval, "certified": False, "solver": solver}
+    if left_out:
+        modes.attributes["shapes_left_out"] = left_out
+    return modes
+
+
+def certificate(missing: int, because: str = "") -> dict[str, Any]:
+    """Attributes that say whether a list is complete, and how many modes it lacks.
+
+    `because` says why no count was made. A `missing` below zero is a count that contradicts.
+    """
+    if missing > 0:
+        because = f"{missing} modes are missing: they did not converge"
+    if missing < 0:
+        because = f"{-missing} more modes were found than the exact count allows"
+    attributes = {"certified": not because, "missing": max(missing, 0)}
+    return attributes | ({"uncertified_because": because} if because else {})
+
+
+def subset(modes: ModeSet, chosen: slice, interval: str) -> ModeSet:
+    """A new list: the `chosen` modes, and those P resonances that are among them."""
+    arrays = {name: getattr(modes, name) for name in ("frequency", *_OBSERVABLES, "mode_shape")}
+    arrays = {name: None if data is None else data[chosen] for name, data in arrays.items()}
+    resonance = modes.resonance_frequency
+    if resonance is not None:
+        inside = np.isin(resonance, arrays["frequency"])
+        for name in ("resonance_frequency", "resonance_wavenumber", "resonance_shape"):
+            arrays[name] = getattr(modes, name)[inside]
+    return replace(modes, **arrays, attributes={**modes.attributes, "interval": interval})
+
+
+def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None:
+    """InputError where a network has fewer modes to list than `count`."""
+    if not 1 <= count <= available_modes:
+        raise InputError(
+            f"{count} modes asked, the network has {problem.size} degrees of freedom and "
+            f"{available_modes} modes to list; ask for 1 to {available_modes}"
+        )

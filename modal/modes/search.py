@@ -1,0 +1,180 @@
+"""A search for modes near a shift, or from the top, in rounds until an exact count is satisfied."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.modes.mode_set import ModeSet
+from modal.modes.problem import Eigenproblem, found_modes, frequency_of
+from modal.solvers.factor import Factor, SingularError, factorise
+from modal.solvers.lanczos import ROOM, WIDTH_ABOVE, Held, Nearest, modes_from_top, modes_nearest
+
+ABOVE = 1e-7
+"""Distance of the shift from the highest mode, at least, relative to its omega^2."""
+PRODUCTS = 300
+"""Products with A after which the highest mode is looked for about a shift instead."""
+PRODUCTS_EACH = 30
+"""The same for each further mode. A factor costs about as much as a few hundred products."""
+
+
+class Search:
+    """Modes nearest a shift, found in rounds: each round holds out what the rounds before found.
+
+    A block of start vectors sees as many modes of one frequency as it is wide. Where an exact
+    count says that some are missing, another round finds them.
+    """
+
+    def __init__(self, problem: Eigenproblem, sigma: float, *, definite: bool) -> None:
+        self.problem, self.sigma, self.definite = problem, sigma, definite
+        self.factor: Factor | None = None
+        self.solver = ""
+        self.square = np.empty(0)
+        self.vector = np.empty((problem.size, 0))
+        self.solves = 0
+
+    def gather(self, wanted: int, inside: Callable[[np.ndarray], np.ndarray] = np.isfinite) -> int:
+        """Search until `wanted` modes are found, of those whose omega^2 are `inside`, as far as
+        more converge. Returns how many are missing: none at 0, too many below."""
+        going = True
+        while going:
+            missing = wanted - int(inside(self.square).sum())
+            ask = min(missing, self.held().free)
+            going = ask > 0 and self.ask(ask)
+        return missing
+
+    def complete(self, count: int, direction: int, counted: Callable[[float], int]) -> int:
+        """Search until an exact count says that the `count` lowest (`direction` 1) or highest (-1)
+        modes are found, as far as more converge. Returns how many are missing, as `gather`.
+
+        `counted` gives the number of modes beyond a frequency. The list is complete if nothing
+        beyond its last mode is missing, which itself may be one of several equal ones.
+        """
+        missing = self.gather(count)
+        while missing <= 0:
+            self.release()
+            last = direction * np.sort(direction * self.square)[count - 1]
+            edge = float(frequency_of(last)) * (1 - direction * self.problem.blur(last))
+
+            def beyond(square: np.ndarray, edge: float = edge) -> np.ndarray:
+                return direction * frequency_of(square) < direction * edge
+
+            wanted = counted(edge)
+            lacking = wanted - int(beyond(self.square).sum())
+            if lacking <= count:
+                return self.gather(wanted, beyond)
+            # Of a frequency so often degenerate a part is enough: the last mode will be another.
+            if not self.ask(count):
+                return count
+        return missing
+
+    def held(self) -> Held:
+        """Zero modes, and what was found."""
+        return Held(self.problem.floppy.basis, self.vector)
+
+    def ask(self, count: int) -> bool:
+        """Search `count` more; whether any converged. The factor is kept until `release`."""
+        if self.factor is None:
+            self.factor = self.factorised()
+            self.solver = self.factor.solver
+        near = modes_nearest(self.factor.solve, self.problem.size, count, self.sigma, self.held())
+        self.solves += near.products
+        return self.keep(near)
+
+    def factorised(self) -> Factor:
+        """A - sigma, factorised."""
+        shifted = self.problem.shifted(self.sigma)
+        return factorise(shifted, definite=self.definite, solver=self.problem.solver)
+
+    def keep(self, near: Nearest) -> bool:
+        """Add what has converged; whether anything has."""
+        self.square = np.concatenate([self.square, near.square[near.converged]])
+        self.vector = np.concatenate([self.vector, near.vector[:, near.converged]], axis=1)
+        return bool(near.converged.any())
+
+    def release(self) -> None:
+        """Give back the factor's memory, which a count needs."""
+        if self.factor is not None:
+            self.factor.release()
+            self.factor = None
+
+    def description(self) -> str:
+        """The solver and what it has spent."""
+        return f"lanczos {self.solver}, {self.solves} solves"
+
+    def modes(self, low: float, high: float, interval: str, of: int = 0) -> ModeSet:
+        """What was found with low <= f < high, Hz, ascending; `of` as in `found_modes`."""
+        self.release()
+        order = np.argsort(self.square)
+        frequency = frequency_of(self.square[order])
+        order = order[(frequency >= low) & (frequency < high)]
+        square, vector = self.square[order], self.vector[:, order]
+        return found_modes(self.problem, square, vector, interval, self.description(), of)
+
+
+class SearchFromTop(Search):
+    """The highest modes: by products with A, as long as these converge; then about a shift.
+
+    Products alone find modes that stand apart; dense bunches at the top (long crystals, equal
+    columns that hardly differ) need the shift, just above the highest of them, where A - sigma is
+    negative definite.
+    """
+
+    def __init__(self, problem: Eigenproblem) -> None:
+        super().__init__(problem, np.inf, definite=True)
+        self.products = 0
+        self.reach = 0.0
+
+    def held(self) -> Held:
+        """What was found: zero modes are far away."""
+        return Held(sp.csc_matrix((self.problem.size, 0)), self.vector)
+
+    def ask(self, count: int) -> bool:
+        """Search `count` more below what was found; whether any converged."""
+        if np.isinf(self.sigma) and self.held().free <= ROOM * count:
+            highest = self.square.max(initial=self.problem.bound)
+            self.reach = ABOVE * highest
+            self.sigma = highest + self.reach
+        if np.isfinite(self.sigma):
+            return super().ask(count)
+        most = PRODUCTS + PRODUCTS_EACH * count
+        top = modes_from_top(
+            self.problem.operator.apply, self.problem.size, count, self.held(), most
+        )
+        self.products += top.products
+        if not top.converged.all():
+            highest = max(top.square.max(), self.square.max(initial=0.0))
+            self.reach = max(highest - top.square.min(), ABOVE * highest)
+            self.sigma = highest + self.reach
+        return self.keep(top) or np.isfinite(self.sigma)
+
+    def look_again(self, count: int) -> int:
+        """Where nothing is counted: search `count`, and more from other starts until nothing above
+        the lowest of them turns up. Returns how many are missing."""
+        missing = self.gather(count)
+        while missing <= 0 and count > 1:
+            known, lowest = len(self.square), np.sort(self.square)[-count]
+            if not self.ask(WIDTH_ABOVE) or self.square[known:].max(initial=0.0) <= lowest:
+                break
+        return max(missing, 0)
+
+    def factorised(self) -> Factor:
+        """A - sigma by way of its negative; sigma is raised where a mode lies above it."""
+        while True:
+            try:
+                factor = factorise(
+                    -self.problem.shifted(self.sigma), definite=True, solver=self.problem.solver
+                )
+            except SingularError:
+                self.reach *= 4
+                self.sigma += self.reach
+                continue
+            return replace(factor, solve=lambda rhs, solve=factor.solve: -solve(rhs))
+
+    def description(self) -> str:
+        """The solver and what it has spent."""
+        spent = f"lanczos, {self.products} products"
+        return f"{spent}, {self.solver}, {self.solves} solves" if self.solver else spent

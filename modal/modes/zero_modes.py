@@ -1,0 +1,216 @@
+"""Zero-energy motions of parts that nothing holds: found by structure, proved by small null spaces.
+
+A sphere with fewer than three contacts can turn or swing freely: six motions without a contact,
+three about a single contact point, one about the line through two. Taking such spheres away with
+their contacts leaves others with fewer than three, so the loose parts are peeled off, one layer
+after the other. Held by the rest, which is taken as fixed, each connected loose part is a small
+matrix; its null space, padded with zeros, is a null space of K, since K has no negative direction
+and no energy means no stretched contact. A cluster that no wall holds also moves as a whole.
+Whether the rest really is rigid is for the exact count of `modal.modes.counts` to say.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from modal.packing.network import Network
+from modal.peeling import keeping_contacts
+from modal.stiffness.matrices import stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+
+NULL = 1e-10
+"""An eigenvalue is zero below this share of its part's largest one: far above round-off, and
+below it only parts whose stiffnesses differ by 1e10."""
+EMPTY = 1e-15
+"""A diagonal entry below this share of the largest one is what round-off leaves of zero."""
+HELD_BY = 3
+"""Contacts that hold a sphere in all six directions."""
+LARGEST_PART = 1500
+"""Spheres of a part whose null space is still computed dense; larger ones count as held."""
+
+
+@dataclass
+class FloppyModes:
+    """Zero modes: `basis` (size, z) orthonormal in the mass-scaled degrees of freedom, sparse.
+
+    How many each kind gives: free_particles, loose_clusters (no wall, or one without friction,
+    holds them), hinged (loose parts that touch the rest), spinning (without tangential springs).
+    """
+
+    basis: sp.csc_matrix
+    free_particles: int
+    loose_clusters: int
+    hinged: int
+    spinning: int
+
+    @property
+    def total(self) -> int:
+        """Number of zero modes found."""
+        return self.basis.shape[1]
+
+    def by_kind(self) -> dict[str, int]:
+        """Number of zero modes of each kind."""
+        kinds = ("free_particles", "loose_clusters", "hinged", "spinning")
+        return {kind: getattr(self, kind) for kind in kinds}
+
+
+def clusters(network: Network) -> tuple[np.ndarray, np.ndarray]:
+    """Connected cluster of each sphere (n,), and whether each cluster touches a wall (c,)."""
+    i, j = network.particle_i, network.particle_j
+    n, pair = network.n_particles, network.particle_j >= 0
+    touching = sp.coo_matrix((np.ones(pair.sum()), (i[pair], j[pair])), shape=(n, n))
+    count, cluster = connected_components(touching, directed=False)
+    anchored = np.zeros(count, bool)
+    anchored[cluster[i[~pair]]] = True
+    return cluster, anchored
+
+
+def floppy_modes(
+    network: Network, operator: ContactOperator, mass: np.ndarray, diagonal: np.ndarray
+) -> FloppyModes:
+    """Zero modes of A = M^-1/2 K M^-1/2, (size, size): `operator`, its `diagonal` and M's `mass`.
+
+    Only the loose parts' own contacts are assembled.
+    """
+    size = len(mass)
+    dof = size // network.n_particles
+    loose = ~keeping_contacts(network, HELD_BY)
+    cluster, anchored = clusters(network)
+    touched = np.zeros(network.n_particles, bool)
+    for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
+        touched[ends] = True
+    free = _degrees_of_freedom(np.flatnonzero(~touched), dof)
+    parts = [_unit_columns(free, size)]
+    in_part = np.zeros(size, bool)
+    in_part[free] = True
+    kinds = {"free_particles": len(free), "loose_clusters": 0, "hinged": 0}
+    members = np.flatnonzero(loose & touched)
+    place = np.full(network.n_particles, -1)
+    place[members] = np.arange(len(members))
+    local = _stiffness_among(network, members, mass, dof)
+    for part in _loose_parts(network, loose & touched):
+        if len(part) > LARGEST_PART:
+            continue
+        inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
+        in_part[index] = True
+        null = _null_space(local[inside][:, inside].toarray())
+        kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
+        rows, columns = np.meshgrid(index, np.arange(null.shape[1]), indexing="ij")
+        shape = (size, null.shape[1])
+        parts.append(sp.coo_matrix((null.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+    # An empty row elsewhere: a sphere without tangential springs turns freely.
+    spins = np.flatnonzero((diagonal <= EMPTY * diagonal.max(initial=0.0)) & ~in_part)
+    parts.append(_unit_columns(spins, size))
+    basis = sp.hstack(parts, format="csc")
+    # Clusters at a wall are tried too: without tangential springs they slide along it.
+    for which in np.unique(cluster[~loose]):
+        rigid = _rigid_motions(network, operator, mass, diagonal.max(), cluster == which)
+        rigid = rigid - basis @ (basis.T @ rigid)
+        square, vector = eigh(rigid.T @ rigid)
+        new = rigid @ vector[:, square > 1e-8] / np.sqrt(square[square > 1e-8])
+        kinds["loose_clusters"] += new.shape[1]
+        basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
+    return FloppyModes(basis, **kinds, spinning=len(spins))
+
+
+def _degrees_of_freedom(spheres: np.ndarray, dof: int) -> np.ndarray:
+    """Shape (dof k,): the rows of k spheres."""
+    return (spheres[:, None] * dof + np.arange(dof)).ravel()
+
+
+def _unit_columns(rows: np.ndarray, size: int) -> sp.coo_matrix:
+    """Shape (size, k): one column for each of k rows, with a one in it."""
+    ones = np.ones(len(rows))
+    return sp.coo_matrix((ones, (rows, np.arange(len(rows)))), shape=(size, len(rows)))
+
+
+def _stiffness_among(
+    network: Network, spheres: np.ndarray, mass: np.ndarray, dof: int
+) -> sp.csr_matrix:
+    """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
+    chosen = np.zeros(network.n_particles, bool)
+    chosen[spheres] = True
+    near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
+    rows = _degrees_of_freedom(spheres, dof)
+    K = stiffness_matrix(network.with_contacts(near), translations_only=dof == 3)[rows][:, rows]
+    scale = sp.diags(1 / np.sqrt(mass[rows]))
+    return (scale @ K @ scale).tocsr()
+
+
+def _loose_parts(network: Network, loose: np.ndarray) -> list[np.ndarray]:
+    """Connected parts of the loose spheres, as arrays of particle indices."""
+    spheres = np.flatnonzero(loose)
+    place = np.full(network.n_particles, -1)
+    place[spheres] = np.arange(len(spheres))
+    pair = ~network.with_wall
+    i, j = network.particle_i[pair], network.particle_j[pair]
+    both = loose[i] & loose[j]
+    ends = (place[i[both]], place[j[both]])
+    graph = sp.coo_matrix((np.ones(both.sum()), ends), shape=(len(spheres),) * 2)
+    if len(spheres) == 0:
+        return []
+    part = connected_components(graph, directed=False)[1]
+    order = np.argsort(part, kind="stable")
+    return np.split(spheres[order], np.cumsum(np.bincount(part))[:-1])
+
+
+def _rigid_motions(
+    network: Network,
+    operator: ContactOperator,
+    mass: np.ndarray,
+    scale: float,
+    members: np.ndarray,
+) -> np.ndarray:
+    """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
+
+    Rotations are about the cluster as its contacts join it, across periods; those that a cluster
+    connected to its own image does not allow are found by their energy and left out. `scale` is
+    the largest diagonal entry of `operator`.
+    """
+    size = len(mass)
+    dof = size // network.n_particles
+    position = _unwrapped(network, members)
+    position[members] -= position[members].mean(axis=0)
+    motion = np.zeros((network.n_particles, dof, dof))
+    for axis in range(3):
+        motion[members, axis, axis] = 1
+        if dof == 6:
+            motion[members, :3, 3 + axis] = np.cross(np.eye(3)[axis], position[members])
+            motion[members, 3 + axis, 3 + axis] = 1
+    vector = motion.reshape(size, dof)
+    vector *= np.sqrt(mass)[:, None]
+    vector /= np.linalg.norm(vector, axis=0)
+    return vector[:, abs(operator @ vector).max(axis=0) <= NULL * scale]
+
+
+def _unwrapped(network: Network, members: np.ndarray) -> np.ndarray:
+    """Shape (n, 3), m: places of a cluster's spheres, followed from contact to contact."""
+    pair = ~network.with_wall
+    i, j = network.particle_i[pair], network.particle_j[pair]
+    branch = (network.lever_i - network.lever_j)[pair]
+    n = network.n_particles
+    touching = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
+    first = int(np.flatnonzero(members)[0])
+    order, before = breadth_first_order(touching, first, directed=False)
+    place, back = np.zeros((n, 3)), np.arange(n)
+    back[order[1:]] = before[order[1:]]
+    for near, far, step in ((i, j, branch), (j, i, -branch)):
+        joins = back[far] == near
+        place[far[joins]] = step[joins]
+    place[first] = 0
+    # Each place is now relative to the sphere before; go on from there, twice as far every time.
+    while (back[order] != first).any():
+        place += place[back]
+        back = back[back]
+    return place
+
+
+def _null_space(matrix: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span the null space of a small positive semidefinite matrix."""
+    square, vector = eigh(matrix, check_finite=False)
+    return vector[:, square <= NULL * max(square[-1], np.finfo(float).tiny)]

@@ -1,0 +1,79 @@
+"""Layers: mean motion of the firmly held particles in slabs along the wave.
+
+The coherent wave lives in these means; single particles of a random packing scatter about them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.packing.network import Network
+from modal.peeling import keeping_contacts
+
+EDGE = 1e-9
+"""A place so little below the edge of a slab, in slabs, counts to the next one."""
+
+
+def force_bearing(network: Network) -> np.ndarray:
+    """Shape (n,) bool: particles that keep two contacts or more once those with fewer are gone.
+
+    A particle with a single contact cannot be in balance under a force.
+    """
+    return keeping_contacts(network, 2)
+
+
+HELD = 0.05
+"""Largest contact force, over the mean one, from which a particle counts as firmly held."""
+
+
+def strongest_force(network: Network) -> np.ndarray:
+    """Shape (n,), N: the largest push or pull on each particle, 0 for one without contacts."""
+    force = abs(network.known("force_normal", "strongest force"))
+    strongest = np.zeros(network.n_particles)
+    pair = ~network.with_wall
+    np.maximum.at(strongest, network.particle_i, force)
+    np.maximum.at(strongest, network.particle_j[pair], force[pair])
+    return strongest
+
+
+def firmly_held(network: Network) -> np.ndarray:
+    """Shape (n,) bool: force-bearing particles that do not hang on contacts of hardly any force.
+
+    The others, some in a thousand, wander about in their cages by more than a wave moves them. A
+    network without forces tells nothing of it; there all force-bearing particles are held.
+    """
+    if network.force_normal is None or network.n_contacts == 0:
+        return force_bearing(network)
+    mean = abs(network.force_normal).mean()
+    return force_bearing(network) & (strongest_force(network) >= HELD * mean)
+
+
+class Layers:
+    """Equal slabs from wall to wall, about one mean diameter thick.
+
+    `position` (nl,) m: mean z of the firmly held particles in a slab; `layer` (n,) the slab of
+    each particle, -1 for all others. Slabs without particles are left out.
+    """
+
+    def __init__(self, network: Network) -> None:
+        if not network.length > 0:
+            raise InputError("the walls are in one place; such a packing carries no wave")
+        bearing = firmly_held(network)
+        if not bearing.any():
+            raise InputError("no particle has two contacts; such a packing carries no wave")
+        diameter = 2 * float(network.radius.mean())
+        count = max(1, round(network.length / diameter))
+        z = network.position[:, 2]
+        # A crystal's layer may lie on an edge: round-off must not tear it apart.
+        slab = ((z - network.wall_position[0]) * (count / network.length) + EDGE).astype(int)
+        filled, layer = np.unique(np.clip(slab[bearing], 0, count - 1), return_inverse=True)
+        self.layer = np.full(network.n_particles, -1)
+        self.layer[bearing] = layer
+        self._size = np.bincount(layer, minlength=len(filled))
+        self.position = self.means(z)
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
+        # Particles that are not held fall into an extra bin in front, which is dropped.
+        return np.bincount(self.layer + 1, values, len(self._size) + 1)[1:] / self._size

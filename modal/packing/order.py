@@ -1,0 +1,50 @@
+"""Crystalline order among equal spheres, which overcompression and flat walls invite.
+
+Each sphere's neighbourhood is a vector of the spherical harmonics of degree 6, averaged over its
+neighbours. Two neighbours whose vectors nearly agree are joined by a solid bond, and a sphere with
+many such bonds sits in a crystal (ten Wolde, Ruiz-Montero, Frenkel, J. Chem. Phys. 104, 9932,
+1996). FCC and HCP count alike; a random packing has a few such spheres by chance.
+"""
+
+from __future__ import annotations
+
+from math import factorial
+
+import numpy as np
+from numpy.polynomial.legendre import Legendre
+
+from modal.packing.neighbours import periodic_pairs
+from modal.packing.network import Network
+
+REACH = 1.3
+"""Distance of neighbours, diameters: between first and second shell of FCC (1 and 1.41)."""
+AGREEMENT = 0.7
+"""Cosine of the angle between two neighbours' vectors from which their bond is solid."""
+SOLID_BONDS = 7
+"""Solid bonds from which a sphere is crystalline; an inner sphere of a crystal has 12."""
+
+
+def crystalline(network: Network) -> np.ndarray:
+    """Shape (n,) bool: spheres in crystalline surroundings, in a cell with periods along x and y.
+
+    The walls count for nothing: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.
+    """
+    side, n = network.cell_size[:2], network.n_particles
+    position = network.position.copy()
+    position[:, :2] %= side
+    reach = REACH * 2 * float(network.radius.mean())
+    i, j, shift = periodic_pairs(position, side, reach)
+    branch = position[j] + shift * np.array([*side, 0.0]) - position[i]
+    x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
+    vector = np.empty((n, 7), complex)
+    for m in range(7):
+        # Y_6m up to a common factor; those of negative m are conjugates and enter as a factor 2.
+        scale = np.sqrt((2 if m else 1) * factorial(6 - m) / factorial(6 + m))
+        value = scale * Legendre.basis(6).deriv(m)(z) * (x + 1j * y) ** m
+        for part, parts in ((value.real, vector.real), (value.imag, vector.imag)):
+            # Degree 6 is even: a bond looks the same from both ends.
+            parts[:, m] = np.bincount(i, part, n) + np.bincount(j, part, n)
+    size = np.linalg.norm(vector, axis=1)
+    vector /= np.where(size > 0, size, 1)[:, None]
+    solid = (vector[i] * vector[j].conj()).sum(axis=1).real > AGREEMENT
+    return np.bincount(i[solid], minlength=n) + np.bincount(j[solid], minlength=n) >= SOLID_BONDS

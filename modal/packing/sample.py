@@ -1,0 +1,255 @@
+"""The compact form of a sample of equal spheres, from which its contact network is rebuilt.
+
+This module is the one definition of the format "granular-sample", version 1. Overlaps, normals
+and stiffnesses follow from the positions; only shear forces, which depend on history, are kept,
+as two components in a frame that follows from the normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
+from modal.packing.contact_law import (
+    GLASS,
+    RADIUS,
+    Material,
+    normal_force,
+    stiffness_normal,
+    stiffness_tangential,
+)
+from modal.packing.neighbours import Touching, tangents, touching
+from modal.packing.network import Network, read_network
+from modal.packing.network import validate as validate_network
+
+SCHEMA = "granular-sample"
+VERSION = 1
+
+
+@dataclass
+class Sample:
+    """Equal spheres between flat walls at rest, or, with velocities, on their way; SI units.
+
+    position (n, 3), x and y inside the cell; side (2,) of the lateral cell; walls (2,) z of source
+    and receiver wall; shear (m, 2) shear force on i of each contact in canonical order along
+    `geometry.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
+    strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
+    contacts; `study` and `provenance` are free attributes.
+    """
+
+    position: np.ndarray
+    side: np.ndarray
+    walls: np.ndarray
+    friction: float
+    shear: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    angular_velocity: np.ndarray | None = None
+    strain_rate: np.ndarray | None = None
+    radius: float = RADIUS
+    material: Material = GLASS
+    study: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def contacts(self) -> Touching:
+        """All contacts, in canonical order; their overlaps follow from the positions."""
+        return touching(self.position, self.side, self.walls, self.radius)
+
+    def network(self) -> Network:
+        """The contact network: springs of the Hertz-Mindlin law at the present overlaps.
+
+        Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
+        """
+        contact = self.contacts()
+        n, m = len(self.position), len(contact.particle_i)
+        wall = contact.particle_j < 0
+        effective = np.where(wall, self.radius, self.radius / 2)
+        force = normal_force(contact.overlap, effective, self.material)
+        tangential = np.zeros((m, 3))
+        if self.shear is not None:
+            if len(self.shear) != m:
+                raise InputError(
+                    f"sample: {len(self.shear)} shear forces for {m} contacts; it was written by "
+                    "another program or is damaged, make it again"
+                )
+            first, second = tangents(contact.normal)
+            tangential = self.shear[:, :1] * first + self.shear[:, 1:] * second
+        # The contact point lies in the middle of the overlap, also at a wall, as in the DEM law.
+        lever = (self.radius - contact.overlap / 2)[:, None] * contact.normal
+        mass = self.material.density * 4 / 3 * np.pi * self.radius**3
+        limit = self.friction * force
+        length = float(self.walls[1] - self.walls[0])
+        study = {
+            "young": self.material.young,
+            "poisson": self.material.poisson,
+            "density": self.material.density,
+            "void_ratio": void_ratio(n, self.radius, self.side, length),
+            "coordination_number": float((2 * (~wall).sum() + wall.sum()) / n),
+        }
+        return Network(
+            position=self.position,
+            radius=np.full(n, self.radius),
+            mass=np.full(n, mass),
+            inertia=np.full(n, 0.4 * mass * self.radius**2),
+            particle_i=contact.particle_i,
+            particle_j=contact.particle_j,
+            normal=contact.normal,
+            lever_i=lever,
+            lever_j=np.where(wall[:, None], 0.0, -lever),
+            stiffness_normal=stiffness_normal(contact.overlap, effective, self.material),
+            stiffness_tangential=stiffness_tangential(contact.overlap, effective, self.material),
+            force_normal=force,
+            force_tangential=tangential,
+            overlap=contact.overlap,
+            sliding=np.linalg.norm(tangential, axis=1) >= limit * (1 - 1e-9),
+            cell_shift=contact.cell_shift,
+            cell_size=np.array([*self.side, length]),
+            cell_periodic=np.array([True, True, False]),
+            wall_position=np.asarray(self.walls, float),
+            study=self.study | study,
+            provenance=self.provenance,
+        )
+
+
+def void_ratio(n: int, radius: float, side: np.ndarray, length: float) -> float:
+    """Volume of voids over volume of n spheres, wall to wall."""
+    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * radius**3) - 1)
+
+
+def sample_of_network(network: Network, friction: float) -> Sample:
+    """The compact form of a network of equal spheres whose contacts are in canonical order.
+
+    InputError for other networks: radii that differ, another order, or a cell without periods.
+    """
+    shear = shear_components(network)
+    network.known("cell_shift", "sample with its contacts in order")
+    sample = Sample(
+        position=network.position,
+        side=network.cell_size[:2],
+        walls=network.wall_position,
+        friction=friction,
+        shear=shear if shear.any() else None,
+        radius=float(network.radius[0]),
+        study=network.study,
+        provenance=network.provenance,
+    )
+    contact = sample.contacts()
+    same = (network.radius == network.radius[0]).all() and network.n_contacts == len(
+        contact.particle_i
+    )
+    if not same or any(
+        (getattr(contact, name) != getattr(network, name)).any()
+        for name in ("particle_i", "particle_j", "cell_shift")
+    ):
+        raise InputError(
+            "the network is not that of equal spheres in a lateral cell with its contacts in "
+            "canonical order; export it with this program"
+        )
+    return sample
+
+
+def shear_components(network: Network) -> np.ndarray:
+    """Shape (m, 2), N: tangential forces on i along `geometry.tangents` of each normal."""
+    first, second = tangents(network.normal)
+    force = network.known("force_tangential", "sample with its history")
+    return np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
+
+
+_OPTIONAL = {
+    "velocity": ("particles/velocity", "m/s"),
+    "angular_velocity": ("particles/angular_velocity", "rad/s"),
+    "shear": ("contacts/shear", "N"),
+    "strain_rate": ("cell/strain_rate", "1/s"),
+}
+
+
+def write_sample(path: str | Path, sample: Sample) -> None:
+    """Write the sample atomically."""
+    with atomic_h5(path) as file:
+        file.attrs.update(schema=SCHEMA, schema_version=VERSION, creator="granular-wave-modes")
+        file.attrs.update(radius=sample.radius, friction=sample.friction)
+        material = sample.material
+        file.attrs.update(young=material.young, poisson=material.poisson, density=material.density)
+        put(file, "particles/position", sample.position, "m")
+        put(file, "cell/side", np.asarray(sample.side, float), "m")
+        put(file, "walls/position", np.asarray(sample.walls, float), "m")
+        for name, (dataset, units) in _OPTIONAL.items():
+            data = getattr(sample, name)
+            if data is not None:
+                put(file, dataset, data, units)
+        file.create_group("study").attrs.update(sample.study)
+        file.create_group("provenance").attrs.update(sample.provenance)
+
+
+def read_sample(path: str | Path) -> Sample:
+    """Read and validate a sample; raises InputError with one line for anything wrong."""
+    with open_h5(path, SCHEMA, VERSION) as file:
+        position = get(file, "particles/position", "f", (None, 3))
+        n = len(position)
+        columns: dict[str, Any] = {
+            "position": position,
+            "side": get(file, "cell/side", "f", (2,)),
+            "walls": get(file, "walls/position", "f", (2,)),
+        }
+        shapes = {"shear": (None, 2), "strain_rate": (3,)}
+        for name, (dataset, _) in _OPTIONAL.items():
+            if dataset in file:
+                columns[name] = get(file, dataset, "f", shapes.get(name, (n, 3)))
+        try:
+            numbers = {name: float(file.attrs[name]) for name in ("radius", "friction")}
+            material = Material(
+                *(float(file.attrs[name]) for name in ("young", "poisson", "density"))
+            )
+            study, provenance = dict(file["study"].attrs), dict(file["provenance"].attrs)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: {error}; the sample is incomplete, make it again") from error
+    sample = Sample(**columns, **numbers, material=material, study=study, provenance=provenance)
+    validate(sample, str(path))
+    return sample
+
+
+def validate(sample: Sample, name: str = "sample") -> None:
+    """Refuse what no packing of equal spheres can be; InputError with one line."""
+    for column in ("position", "side", "walls", *_OPTIONAL):
+        data = getattr(sample, column)
+        if data is not None and not np.isfinite(data).all():
+            raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
+    material, radius = sample.material, sample.radius
+    positive = (material.young, material.density, radius)
+    sound = all(0 < number < np.inf for number in positive) and -1 < material.poisson < 0.5
+    if not (sound and 0 <= sample.friction < np.inf):
+        raise InputError(
+            f"{name}: radius, friction and the material's constants must be positive, Poisson's "
+            "ratio from -1 to 0.5; make the sample again"
+        )
+    n, (low, high) = len(sample.position), sample.walls
+    if n == 0 or low >= high or min(sample.side) < radius:
+        raise InputError(
+            f"{name}: a sample needs spheres, a cell at least one radius wide and two walls; "
+            "make it again"
+        )
+    lateral, z = sample.position[:, :2], sample.position[:, 2]
+    # On the cell's edge a centre may lie on either side of it by round-off.
+    slack = 1e-9 * radius
+    outside = ((lateral < -slack) | (lateral > sample.side + slack)).any(axis=1)
+    outside |= (z < low) | (z > high)
+    if outside.any():
+        raise InputError(
+            f"{name}: sphere {int(np.argmax(outside))} lies outside the cell or the walls; "
+            "make the sample again"
+        )
+    if len(np.unique(sample.position, axis=0)) < n:
+        raise InputError(f"{name}: two spheres lie in one place; make the sample again")
+
+
+def read_packing(path: str | Path) -> Network:
+    """The contact network of a network file, or of a sample file (`*.sample.h5`)."""
+    if not str(path).endswith(".sample.h5"):
+        return read_network(path)
+    network = read_sample(path).network()
+    # What follows from the positions agrees with them; spheres may still overlap beyond reason.
+    validate_network(network, str(path))
+    return network

@@ -1,0 +1,250 @@
+"""State of a packing: stresses, density, coordination and fabric, in total and along z.
+
+Stresses follow from the contact forces (Love, Weber: force times branch vector, over the volume)
+and, independently, from the forces on the walls. Along z each contact's share is spread over the
+layers that its branch passes (the plane average of Irving and Kirkwood): in a packing at rest
+sigma_zz is then the same in every layer, and the layers add up to the total exactly.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError, write_whole
+from modal.packing.layers import force_bearing
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.order import crystalline
+
+WALL_ZONE = 5.0
+"""Depth to which a flat wall orders the spheres beside it, mean diameters."""
+FORCES = ("force_normal", "force_tangential")
+
+
+@dataclass
+class Profile:
+    """Layers along z, k in number.
+
+    edges (k + 1,), m; stress (k, 3), Pa, along x, y, z, compression positive, or None where forces
+    are absent; void_ratio, coordination (k,), contacts a particle; particles (k,), centres inside;
+    bulk (k,) bool, further than `WALL_ZONE` from both walls.
+    """
+
+    edges: np.ndarray
+    stress: np.ndarray | None
+    void_ratio: np.ndarray
+    coordination: np.ndarray
+    particles: np.ndarray
+    bulk: np.ndarray
+
+
+def _volume(network: Network) -> float:
+    if not network.length > 0:
+        raise InputError(
+            "the network has no volume (its walls are in one place); give walls/position around it"
+        )
+    return network.area * network.length
+
+
+def _virials(network: Network) -> tuple[np.ndarray, np.ndarray]:
+    """Force times branch (m, 3, 3), N m, compression positive, and the branch's z (m,), m.
+
+    A wall's branch ends on the wall's plane, so that the walls' work is counted to the last bit.
+    """
+    branch = network.lever_i - network.lever_j
+    wall = network.with_wall
+    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
+    branch[wall, 2] = (plane - network.position[network.particle_i, 2])[wall]
+    along, across = (network.known(name, "stress") for name in FORCES)
+    on_j = along[:, None] * network.normal - across
+    return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
+
+
+def stress_tensor(network: Network) -> np.ndarray:
+    """Shape (3, 3), Pa: mean stress between the walls from the contact forces."""
+    virial, _ = _virials(network)
+    return virial.sum(axis=0) / _volume(network)
+
+
+def wall_stress(network: Network) -> np.ndarray:
+    """Shape (2,), Pa: normal force on source and receiver wall over their area."""
+    force = network.known("force_normal", "stress on the walls")
+    push = [force[network.particle_j == wall].sum() for wall in (SOURCE_WALL, RECEIVER_WALL)]
+    return np.array(push) / network.area
+
+
+def contacts_per_particle(network: Network) -> np.ndarray:
+    """Shape (n,): number of contacts, walls included."""
+    n, j = network.n_particles, network.particle_j
+    return np.bincount(network.particle_i, minlength=n) + np.bincount(j[j >= 0], minlength=n)
+
+
+def fabric_tensor(network: Network) -> np.ndarray:
+    """Shape (3, 3): mean of n n^T over contacts of particles; 1/3 of unity if isotropic."""
+    normal = network.normal[~network.with_wall]
+    return normal.T @ normal / max(len(normal), 1)
+
+
+def coordination_without_rattlers(network: Network) -> tuple[float, int]:
+    """Contacts a particle among the force-bearing ones, and how many particles are rattlers."""
+    bearing = force_bearing(network)
+    i, pair = network.particle_i, ~network.with_wall
+    at_wall = bearing[i[~pair]]
+    between = bearing[i[pair]] & bearing[network.particle_j[pair]]
+    ends = 2 * int(between.sum()) + int(at_wall.sum())
+    return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
+
+
+def friction_used(network: Network, friction: float) -> np.ndarray:
+    """Shape (m,): shear force over friction times normal force; 1 at the limit, 0 without shear."""
+    limit = friction * network.known("force_normal", "share of friction")
+    shear = np.linalg.norm(network.known("force_tangential", "share of friction"), axis=1)
+    return shear / np.where(shear > 0, limit, 1.0)
+
+
+def profile(network: Network, thickness: float | None = None) -> Profile:
+    """Layers of about `thickness`, m (one mean diameter), from wall to wall.
+
+    A sphere's volume is split at the edges as the spherical caps that they cut off; volume and
+    force beyond a wall count to the last layer.
+    """
+    diameter = 2 * float(network.radius.mean())
+    count = max(1, round(network.length / (thickness or diameter)))
+    edges = np.linspace(*network.wall_position, count + 1)
+    volume = _volume(network) / count
+    z, radius = network.position[:, 2], network.radius
+    solid = np.zeros(count + 1)
+    solid[-1] = (4 / 3 * np.pi * radius**3).sum()
+    for edge in range(1, count):
+        height = np.clip(edges[edge] - z + radius, 0, 2 * radius)
+        solid[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
+    layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
+    particles = np.bincount(layer, minlength=count)
+    ends = np.bincount(layer, contacts_per_particle(network), count)
+    reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
+    return Profile(
+        edges=edges,
+        stress=_stress_along_z(network, edges) / volume if _has_forces(network) else None,
+        void_ratio=volume / np.maximum(np.diff(solid), np.finfo(float).tiny) - 1,
+        coordination=ends / np.maximum(particles, 1),
+        particles=particles,
+        bulk=(edges[:-1] >= reach[0]) & (edges[1:] <= reach[1]),
+    )
+
+
+def _has_forces(network: Network) -> bool:
+    return all(getattr(network, name) is not None for name in FORCES)
+
+
+def _stress_along_z(network: Network, edges: np.ndarray) -> np.ndarray:
+    """Shape (k, 3), N m: what each layer has of force times branch, compression positive."""
+    virial, rise = _virials(network)
+    virial = np.einsum("caa->ca", virial)
+    start = network.position[network.particle_i, 2]
+    thinnest = 1e-12 * float(network.radius.mean())
+    low, span = np.minimum(start, start + rise), np.maximum(abs(rise), thinnest)
+    below = np.zeros((len(edges), 3))
+    below[-1] = virial.sum(axis=0)
+    for edge in range(1, len(edges) - 1):
+        below[edge] = np.clip((edges[edge] - low) / span, 0, 1) @ virial
+    return np.diff(below, axis=0)
+
+
+def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
+    """All of this as plain numbers, for `study` attributes and the command line.
+
+    With the `friction` of the contacts also how much of it they use. Deviations along z are
+    standard deviations over the bulk's layers, relative to their mean. What absent forces, or a
+    cell without a cross-section, leave undefined is left out.
+    """
+    forces = _has_forces(network)
+    bearing, rattlers = coordination_without_rattlers(network)
+    result: dict[str, Any] = {}
+    try:
+        volume = _volume(network)
+    except InputError:
+        volume = None
+    if volume is not None:
+        if forces:
+            stress = stress_tensor(network)
+            diagonal = np.diag(np.diag(stress))
+            result["stress_pa"] = np.diag(stress).tolist()
+            result["largest_off_diagonal_stress_pa"] = float(abs(stress - diagonal).max())
+        if network.force_normal is not None and not network.cell_periodic[2]:
+            result["wall_stress_pa"] = wall_stress(network).tolist()
+        result["void_ratio"] = volume / float((4 / 3 * np.pi * network.radius**3).sum()) - 1
+    result |= {
+        "coordination_number": float(contacts_per_particle(network).mean()),
+        "coordination_number_without_rattlers": bearing,
+        "rattlers": rattlers,
+        "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
+    }
+    if network.sliding is not None:
+        result["sliding_contacts"] = int(network.sliding.sum())
+    # A contact without friction, or one that pulls, has no limit that its shear could share in.
+    if friction and network.n_contacts > 0 and forces and network.force_normal.min() > 0:
+        result["largest_share_of_friction"] = float(friction_used(network, friction).max())
+    return result if volume is None else result | _along_z(network)
+
+
+def _along_z(network: Network) -> dict[str, Any]:
+    """What layers tell: crystalline order, and how the bulk differs along z."""
+    layers, result = profile(network), dict[str, Any]()
+    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
+    if periodic and np.ptp(network.radius) <= 1e-9 * network.radius.mean():
+        ordered, edges = crystalline(network), layers.edges
+        result["crystalline_share"] = float(ordered.mean())
+        if layers.bulk.any():
+            z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
+            inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
+            result["crystalline_share_of_bulk"] = float(ordered[inside].mean())
+    if layers.bulk.any():
+        density = 1 / (1 + layers.void_ratio[layers.bulk])
+        result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)
+        weight, ends = layers.particles[layers.bulk], layers.coordination[layers.bulk]
+        result["coordination_number_of_bulk"] = float(ends @ weight / max(weight.sum(), 1))
+        result["solid_fraction_deviation_along_z"] = float(density.std() / density.mean())
+        result["coordination_number_deviation_along_z"] = float(ends.std() / ends.mean())
+        if layers.stress is not None:
+            along = layers.stress[layers.bulk]
+            scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
+            result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
+    return result
+
+
+def write_profile(path: str | Path, layers: Profile) -> None:
+    """Write the layers as a table, *.csv: the middle of each, then what `Profile` has."""
+    columns = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
+    if layers.stress is not None:
+        columns |= zip(
+            ("stress_xx_Pa", "stress_yy_Pa", "stress_zz_Pa"), layers.stress.T, strict=True
+        )
+    columns |= {
+        "void_ratio": layers.void_ratio,
+        "coordination_number": layers.coordination,
+        "particles": layers.particles,
+        "bulk": layers.bulk,
+    }
+    text, table = io.StringIO(), np.column_stack(list(columns.values()))
+    np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    write_whole(path, text.getvalue().encode())
+
+
+def net_forces(network: Network) -> np.ndarray:
+    """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
+    n, pair = network.n_particles, ~network.with_wall
+    along, across = (network.known(name, "balance") for name in FORCES)
+    on_i = across - along[:, None] * network.normal
+    torque_i = np.cross(network.lever_i, on_i)
+    torque_j = np.cross(network.lever_j, -on_i)[pair]
+    load = np.empty((n, 6))
+    i, j = network.particle_i, network.particle_j[pair]
+    for axis in range(3):
+        load[:, axis] = np.bincount(i, on_i[:, axis], n) - np.bincount(j, on_i[pair, axis], n)
+        load[:, 3 + axis] = np.bincount(i, torque_i[:, axis], n)
+        load[:, 3 + axis] += np.bincount(j, torque_j[:, axis], n)
+    return load

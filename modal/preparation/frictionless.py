@@ -1,0 +1,146 @@
+"""Energy minimum of frictionless spheres at a given pressure, by FIRE.
+
+Positions and the logarithms of the three lengths move together down the enthalpy E + p V
+(fast inertial relaxation engine: Bitzek et al., PRL 97, 170201, 2006; the half step back after an
+uphill one: Guenole et al., Comp. Mat. Sci. 175, 109584, 2020). Walls are lengths as well: they
+move homothetically with the cell.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modal.packing.contact_law import stiffness_normal
+from modal.packing.sample import Sample
+from modal.preparation.central_forces import CentralForces
+
+CHECK_EVERY = 25
+"""Steps between two looks at the convergence, whose sums cost a fifth of a step."""
+STEP = 0.3
+"""Largest time step over sqrt(m / mean kn); the highest mode of a dense packing, about
+sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff."""
+
+MIXING = 0.1
+"""First share of the velocity that is turned towards the force."""
+STRESS_TOLERANCE = 1e-3
+"""Of each of the three stresses, relative to the pressure."""
+MAX_STEPS = 200_000
+
+
+@dataclass
+class Rest:
+    """How near to rest: stress (3,), Pa; its error over the target; residual, see `CentralForces`.
+
+    `steps` and `seconds` were spent; converged tells whether both tolerances were met.
+    """
+
+    stress: np.ndarray
+    stress_error: float
+    residual: float
+    steps: int
+    seconds: float
+    converged: bool = False
+
+
+def minimise(
+    sample: Sample,
+    pressure: float | None,
+    *,
+    tolerance: float,
+    stress_tolerance: float = STRESS_TOLERANCE,
+    max_steps: int = MAX_STEPS,
+    watch: Callable[[Sample, Rest], None] | None = None,
+) -> tuple[Sample, Rest]:
+    """The sample at the energy minimum under `pressure`, Pa; at fixed lengths if it is None.
+
+    Ends when the residual is below `tolerance` and all three stresses are within
+    `stress_tolerance` of the pressure; after `max_steps`, with the best state that was met: neither
+    falls monotonically. `watch` sees the best state so far at every check.
+    """
+    start = time.perf_counter()
+    position = sample.position.copy()
+    position[:, 2] -= sample.walls[0]
+    lengths = np.array([*sample.side, sample.walls[1] - sample.walls[0]])
+    forces = CentralForces(sample)
+    # Lengths are variables of the same stiffness as positions: log length times sqrt(n) D.
+    scale = np.sqrt(len(position)) * 2 * sample.radius
+    # Where hardly anything touches, the step is that of overlaps of 1e-8 R (below 10 Pa).
+    softest = float(stiffness_normal(1e-8 * sample.radius, sample.radius, sample.material))
+    velocity, drift = np.zeros_like(position), np.zeros(3)
+    mixing, downhill, dt = MIXING, 0, 0.0
+    best, best_score = (position.copy(), lengths.copy(), None), np.inf
+    for step in range(max_steps + 1):
+        forces.of(position, lengths)
+        volume = lengths.prod()
+        pull = np.zeros(3) if pressure is None else (forces.virial - pressure * volume) / scale
+        if step % CHECK_EVERY == 0:
+            rest = _rest(forces, volume, pressure, step, start)
+            score = max(rest.residual / tolerance, rest.stress_error / stress_tolerance)
+            rest.converged = score < 1
+            if score < best_score or not np.isfinite(best_score):
+                best, best_score = (position.copy(), lengths.copy(), rest), score
+            if watch:
+                watch(_at(sample, *best[:2]), rest)
+            if rest.converged or forces.energy == 0 and pressure is None:
+                break
+        limit = STEP / np.sqrt(max(forces.mean_stiffness, softest))
+        dt = min(max(dt, 0.02 * limit), limit)
+        power = _dot(forces.force, velocity) + pull @ drift
+        if power > 0:
+            downhill += 1
+            speed = np.sqrt(_dot(velocity, velocity) + drift @ drift)
+            size = np.sqrt(_dot(forces.force, forces.force) + pull @ pull)
+            velocity *= 1 - mixing
+            velocity += (mixing * speed / size) * forces.force
+            drift = (1 - mixing) * drift + (mixing * speed / size) * pull
+            if downhill > 20:
+                dt, mixing = min(1.1 * dt, limit), 0.99 * mixing
+        elif step:
+            _move(position, lengths, velocity, drift / scale, -0.5 * dt)
+            velocity[:], drift[:] = 0, 0
+            downhill, mixing, dt = 0, MIXING, 0.5 * dt
+        velocity += dt * forces.force
+        drift = drift + dt * pull
+        # Far from rest a step may not carry spheres through each other, nor crush the cell.
+        fastest = np.sqrt((velocity**2).sum(axis=1).max())
+        hold = min(
+            1.0,
+            0.05 * 2 * sample.radius / max(fastest * dt, 1e-300),
+            0.01 / max(abs(drift).max() * dt / scale, 1e-300),
+        )
+        if hold < 1:
+            velocity *= hold
+            drift = drift * hold
+        _move(position, lengths, velocity, drift / scale, dt)
+    position, lengths, reached = best
+    reached.steps, reached.seconds = step, time.perf_counter() - start
+    return _at(sample, position, lengths), reached
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
+    return float(np.einsum("ij,ij", a, b))
+
+
+def _move(position, lengths, velocity, strain_rate, dt) -> None:
+    stretch = np.exp(strain_rate * dt)
+    lengths *= stretch
+    position *= stretch
+    position += dt * velocity
+
+
+def _rest(forces: CentralForces, volume: float, pressure, step: int, start: float) -> Rest:
+    stress = forces.virial / volume
+    error = 0.0 if pressure is None else float(abs(stress - pressure).max() / pressure)
+    return Rest(stress, error, forces.residual, step, time.perf_counter() - start)
+
+
+def _at(sample: Sample, position: np.ndarray, lengths: np.ndarray) -> Sample:
+    inside = position.copy()
+    inside[:, :2] %= lengths[:2]
+    walls = np.array([0.0, lengths[2]])
+    return replace(sample, position=inside, side=lengths[:2].copy(), walls=walls)

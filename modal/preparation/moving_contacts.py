@@ -1,0 +1,177 @@
+"""Contacts of spheres that move: which pairs are near, and the history of those that touch.
+
+The list of nearby pairs holds while no sphere has gone far; a new one takes over the normals and
+shear forces of the contacts that go on. The law itself is `modal.preparation.history_forces`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modal.packing.contact_law import normal_force, stiffness_tangential
+from modal.packing.neighbours import tangents
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.sample import Sample
+from modal.preparation.central_forces import pairs_in_reach
+from modal.preparation.history_forces import TOTALS, forces_by_loop, slabs_of
+
+SKIN = 0.02
+"""Reach of the list of pairs beyond touch, diameters: it holds while no sphere has gone by half."""
+
+
+def _numbers(i: np.ndarray, j: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """One number for each contact by its ends and periods."""
+    number = i.astype(np.int64)
+    # Walls are -1 and -2; periods are small, a sphere reaches few images of another.
+    number = (number << 24) + j + 2
+    for axis in range(2):
+        number = (number << 6) + shift[:, axis].astype(np.int64) + 32
+    return number
+
+
+def _matching(old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the contacts that are in both, in `old` and in `new`."""
+    _, before, after = np.intersect1d(old, new, assume_unique=True, return_indices=True)
+    return before, after
+
+
+class MovingContacts:
+    """The contacts of a sample, kept through its motions.
+
+    After each `move`: load (n, 6), N and N m, the net force and torque on each sphere; stiffness
+    (n,), N/m, the sum of its kn; mean_force, N; the numbers touching and sliding; virial (3,), N m,
+    the principal stresses times the volume; mean_contact, N, of normal and shear force together.
+    position (n, 3), m, is not brought back into the lateral cell; side (2,) and walls (2,), m, may
+    be strained in place. `friction` limits the shear forces, the sample's own by
+    default; `skin` is the reach of the list, diameters.
+    """
+
+    def __init__(
+        self,
+        sample: Sample,
+        friction: float | None = None,
+        *,
+        skin: float = SKIN,
+        stiffness: bool = True,
+    ) -> None:
+        network = sample.network()
+        n = network.n_particles
+        self._sample, self.friction = sample, sample.friction if friction is None else friction
+        self.side = np.array(sample.side, float)
+        self.walls = np.array(sample.walls, float)
+        self.skin = skin
+        material = sample.material
+        self._moduli = (
+            float(normal_force(1.0, 1.0, material)),
+            float(stiffness_tangential(1.0, 1.0, material)),
+        )
+        self.position = sample.position.copy()
+        self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
+        self._ends = np.column_stack([network.particle_i, network.particle_j])
+        self._shift = network.cell_shift[:, :2].astype(int)
+        self._normal, self._shear = network.normal.copy(), network.force_tangential.copy()
+        self.seek()
+        self.touch(np.zeros((n, 6)), 0.0)
+
+    def seek(self) -> None:
+        """List the pairs in reach, with the history of those that touch."""
+        radius, reach = self._sample.radius, 2 * self._sample.radius * (1 + self.skin)
+        inside, turns = self._wrapped()
+        inside[:, 2] -= self.walls[0]
+        lengths = np.array([*self.side, self.walls[1] - self.walls[0]])
+        ends, near = pairs_in_reach(inside, lengths, reach)
+        parts = [(ends, near + turns[ends[:, 0]] - turns[ends[:, 1]])]
+        away = inside[:, 2], lengths[2] - inside[:, 2]
+        for code, distance in zip((SOURCE_WALL, RECEIVER_WALL), away, strict=True):
+            (at,) = np.nonzero(distance < radius * (1 + 4 * self.skin))
+            of_wall = np.column_stack([at, np.full(len(at), code)])
+            parts.append((of_wall, np.zeros((len(at), 2))))
+        ends, near = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        order = np.lexsort(ends.T[::-1])
+        before_ends, before_shift = self._ends, self._shift
+        self._ends, self._shift = ends[order].astype(np.int32), near[order].astype(np.int8)
+        touched = self._normal.any(axis=1)
+        old = _numbers(*before_ends[touched].T, before_shift[touched])
+        before, after = _matching(old, _numbers(*self._ends.T, self._shift))
+        normal, shear = self._normal[touched], self._shear[touched]
+        self._normal, self._shear = np.zeros((2, len(order), 3))
+        self._normal[after], self._shear[after] = normal[before], shear[before]
+        self._slabs = slabs_of(self._ends, len(self.position))
+        self._sought_at = self.position.copy()
+
+    def _wrapped(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n, 3) inside the cell, m, and the periods (n, 2) that were taken off."""
+        position = self.position.copy()
+        turns = np.floor(position[:, :2] / self.side).astype(int)
+        position[:, :2] -= turns * self.side
+        return position, turns
+
+    def move(self, motion: np.ndarray) -> None:
+        """Move the spheres by `motion` (n, 6), m and rad, by less than `SKIN` diameters at once."""
+        self.position += motion[:, :3]
+        if abs(self.position - self._sought_at).max() > 0.5 * self.skin * self._sample.radius:
+            self.seek()
+        self.touch(motion, 1.0)
+
+    def touch(
+        self, velocity: np.ndarray, dt: float, change: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """Forces at the present positions, where `velocity` (n, 6) has led in `dt`, s.
+
+        `change`, m, is what the sides have gained by the same step.
+        """
+        totals = forces_by_loop(
+            self._slabs,
+            self.position,
+            velocity,
+            dt,
+            self._ends,
+            self._shift,
+            self.side,
+            np.asarray(change),
+            self.walls,
+            self._sample.radius,
+            *self._moduli,
+            self.friction,
+            self._normal,
+            self._shear,
+            self.load,
+            self.stiffness,
+        )
+        of = dict(zip(TOTALS, totals.tolist(), strict=True))
+        self.touching, self.sliding = int(of["touching"]), int(of["sliding"])
+        self.mean_force = of["normal force"] / max(self.touching, 1)
+        self.mean_contact = of["contact force"] / max(self.touching, 1)
+        self.virial = totals[4:]
+
+    def numbers(self) -> tuple[int, int]:
+        """Contacts between spheres, and with the walls."""
+        walls = self._normal.any(axis=1) & (self._ends[:, 1] < 0)
+        return self.touching - int(walls.sum()), int(walls.sum())
+
+    def sample(self) -> Sample:
+        """The sample as it is now, at rest."""
+        position, turns = self._wrapped()
+        bare = replace(
+            self._sample,
+            position=position,
+            side=self.side.copy(),
+            walls=self.walls.copy(),
+            shear=None,
+            velocity=None,
+            angular_velocity=None,
+            strain_rate=None,
+        )
+        contact = bare.contacts()
+        i, j = self._ends.T.astype(int)
+        shift, pair = self._shift.astype(int), j >= 0
+        shift[pair] += turns[j[pair]] - turns[i[pair]]
+        here = _numbers(contact.particle_i, contact.particle_j, contact.cell_shift)
+        before, after = _matching(_numbers(i, j, shift), here)
+        force = np.zeros((len(here), 3))
+        force[after] = self._shear[before]
+        first, second = tangents(contact.normal)
+        shear = np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
+        return replace(bare, shear=shear)

@@ -1,0 +1,215 @@
+"""Random packings of frictionless spheres between flat walls: from a cloud over a peak pressure.
+
+The study prepares them by a controlled compression (Otsubo et al. 2017, section 2), whose details
+are not stated. Here energy is minimised at a peak pressure that fixes the density, then at each
+pressure of a walk: unloading from 200 MPa gives the study's void ratios.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import STATE, Provenance, Source, is_current
+from modal.packing.contact_law import RADIUS
+from modal.packing.network import Network
+from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
+from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
+
+PEAK = 2e8
+"""Pressure, Pa, under which the cloud is packed before it is unloaded."""
+PEAK_TOLERANCE = 1e-4
+"""Residual at the peak: spheres go on rearranging there; at 1e-3 the voids are 0.005 more."""
+WALK = (1e5, 1e6, 1e7)
+"""Pressures, Pa, that follow the peak; lower ones branch off at 100 kPa in a walk of their own."""
+ASPECT = 10.05
+"""Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
+CLOUD_FRACTION = 0.5
+"""Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
+CHECKPOINT_SECONDS = 120.0
+SMALL_STEPS = 50_000
+"""Steps allowed for each pressure of a small packing."""
+
+
+def cloud(spheres: int, aspect: float, seed: int) -> Sample:
+    """Overlapping random points in a cell of length over width `aspect`, numbered along z."""
+    if spheres < 8 or not 0.2 <= aspect <= 1000:
+        raise InputError(
+            f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
+        )
+    diameter = 2 * RADIUS
+    width = (spheres * np.pi / 6 * diameter**3 / CLOUD_FRACTION / aspect) ** (1 / 3)
+    if width < 2 * diameter:
+        raise InputError(
+            f"{spheres} spheres at aspect {aspect:g}: the cell is narrower than two diameters; "
+            "take more spheres or a smaller aspect"
+        )
+    lengths = np.array([width, width, aspect * width])
+    points = np.random.default_rng(seed).random((spheres, 3))
+    position = points[np.argsort(points[:, 2])] * lengths
+    return Sample(position, lengths[:2], np.array([0.0, lengths[2]]), friction=0.0)
+
+
+def random_sample(
+    spheres: int = 500,
+    stress: float = 1e5,
+    seed: int = 1,
+    aspect: float = 2.5,
+    tolerance: float = 1e-4,
+) -> Sample:
+    """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
+
+    InputError where it does not come to rest at the peak pressure, or at this stress.
+    """
+    check_stress(stress)
+    sample, _ = minimise(cloud(spheres, aspect, seed), None, tolerance=0.1, max_steps=500)
+    for pressure, limit in ((PEAK, PEAK_TOLERANCE), (stress, tolerance)):
+        sample, rest = minimise(sample, pressure, tolerance=limit, max_steps=SMALL_STEPS)
+        if not rest.converged:
+            raise InputError(
+                f"{_short_of_rest(pressure, limit, rest)}; take another seed or a larger tolerance"
+            )
+    return sample
+
+
+def _short_of_rest(pressure: float, tolerance: float, rest: Rest) -> str:
+    return (
+        f"no rest at {pressure:g} Pa after {rest.steps} steps: residual {rest.residual:.1e} "
+        f"({tolerance:g} was asked for), stresses off by {rest.stress_error:.1e} "
+        f"({STRESS_TOLERANCE:g} allowed)"
+    )
+
+
+def random_network(
+    spheres: int = 500, stress: float = 1e5, seed: int = 1, aspect: float = 2.5
+) -> Network:
+    """The contact network of `random_sample`, for tests, benchmarks and examples."""
+    return random_sample(spheres, stress, seed, aspect).network()
+
+
+def check_stress(stress: float) -> None:
+    """Refuse a target that the law or the walk cannot reach."""
+    if not 10 <= stress <= PEAK:
+        raise InputError(f"stress {stress:g} Pa: outside 10 Pa to {PEAK:g} Pa; give it in Pa")
+
+
+def walk(
+    folder: Path,
+    start: Sample,
+    stresses: Sequence[float],
+    tolerance: float,
+    report: Callable[[str], None],
+) -> list[tuple[float, Path]]:
+    """Pack `start` at the peak, then at each stress, Pa; one sample file for each in `folder`.
+
+    States that are there already are kept, or brought nearer to rest where their residual exceeds
+    the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
+    killed walk is continued by the same call. States that came from another one are stale: that is
+    reported, and they are made again. InputError where a state does not come to rest: the
+    best one met is then the checkpoint. Returns each stress with its file.
+    """
+    files = []
+    checkpoint = folder / "checkpoint.sample.h5"
+    sample = start
+    for number, stress in enumerate((PEAK, *stresses)):
+        path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
+        files.append((stress, path))
+        limit = PEAK_TOLERANCE if number == 0 else tolerance
+        made = _provenance(start, number, stress, files[-2][1] if number else None)
+        done = _saved(path, start, made, report)
+        if done and _at_rest(done, stress, limit):
+            sample = done
+            continue
+        spent = {"steps": 0, "seconds": 0.0}
+        under_way = _saved(checkpoint, start, made, report) or done
+        if under_way:
+            sample = under_way
+            spent = {name: sample.study.get(name, 0) for name in spent}
+        elif number == 0:
+            sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
+        study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0}
+        sample = replace(sample, study=study, provenance=start.provenance | made.attributes())
+        watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", spent, report)
+        sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
+        study |= {"residual": rest.residual, "stresses": rest.stress}
+        sample = replace(sample, study=study | watch.spent(rest))
+        if not rest.converged:
+            write_sample(checkpoint, sample)
+            raise InputError(
+                f"{_short_of_rest(stress, limit, rest)}; the same command goes on from there, or "
+                "take a larger tolerance"
+            )
+        write_sample(path, sample)
+        checkpoint.unlink(missing_ok=True)
+        report(f"{path.name}: {_line(sample, rest)}")
+    return files
+
+
+class _Checkpoints:
+    """Writes the state under way every two minutes, and says how it goes."""
+
+    def __init__(
+        self, path: Path, label: str, before: dict[str, float], report: Callable[[str], None]
+    ) -> None:
+        self.path, self.label, self.before, self.report = path, label, before, report
+        self.last = time.monotonic()
+
+    def spent(self, rest: Rest) -> dict[str, float]:
+        """Steps and seconds of this state, those before an interruption included."""
+        return {
+            "steps": self.before["steps"] + rest.steps,
+            "seconds": self.before["seconds"] + rest.seconds,
+        }
+
+    def __call__(self, sample: Sample, rest: Rest) -> None:
+        if time.monotonic() - self.last > CHECKPOINT_SECONDS:
+            study = sample.study | self.spent(rest)
+            write_sample(self.path, replace(sample, study=study))
+            self.last = time.monotonic()
+            self.report(f"{self.label}: {_line(sample, rest)}")
+
+
+def _line(sample: Sample, rest: Rest) -> str:
+    length = float(sample.walls[1] - sample.walls[0])
+    e = void_ratio(len(sample.position), sample.radius, sample.side, length)
+    return (
+        f"e {e:.4f}, stress error {rest.stress_error:.1e}, residual {rest.residual:.1e}, "
+        f"{rest.steps} steps, {rest.seconds:.0f} s"
+    )
+
+
+def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
+    """Whether a finished state says that its forces and its stresses, Pa, are what is asked for."""
+    reached = np.asarray(sample.study.get("stresses", np.inf), float)
+    off = abs(reached / stress - 1).max()
+    return off <= STRESS_TOLERANCE and sample.study.get("residual", np.inf) <= tolerance
+
+
+def _provenance(start: Sample, number: int, stress: float, before: Path | None) -> Provenance:
+    """What state `number` is made from: the state `before`, and the numbers of the walk."""
+    settings = start.study | {"number": number, "stress": float(stress), "peak": PEAK}
+    sources = () if before is None else (Source.of(STATE, before),)
+    return Provenance("python -m modal pack", settings, sources)
+
+
+def _saved(
+    path: Path, start: Sample, wanted: Provenance, report: Callable[[str], None]
+) -> Sample | None:
+    """The sample in `path` if it is made as wanted; InputError if it is of another study."""
+    if not path.exists():
+        return None
+    found = read_sample(path)
+    for key, value in start.study.items():
+        if found.study.get(key) != value:
+            raise InputError(
+                f"{path}: belongs to {key} {found.study.get(key)}, not {value}; "
+                "choose another folder"
+            )
+    if found.study.get("number") != (wanted.settings or {})["number"]:
+        return None  # a checkpoint of a state that is still to come, or is over
+    return found if is_current(path, wanted, report) else None

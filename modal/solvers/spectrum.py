@@ -1,0 +1,134 @@
+"""Where the spectrum of A = M^-1/2 K M^-1/2 ends, and what a recurrence that leaves it shows.
+
+A Chebyshev recurrence needs an interval that holds all omega^2. The largest Ritz value of Lanczos
+from a random vector comes from below. How far below is bounded by a theorem: after k steps it lacks
+more than a share e of the top with a probability below 1.648 sqrt(n) exp(-(2k - 1) sqrt(e)),
+whatever the spectrum (J. Kuczynski and H. Wozniakowski, SIAM J. Matrix Anal. Appl. 13, 1094, 1992).
+Where the recurrence itself shows an interval that is too small, half as many steps will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from modal.formats.hdf5 import InputError
+
+MARGIN = 0.02
+"""Share of the top that its Ritz value may lack; each per cent costs half of one in products."""
+FAILURE = 1e-6
+"""Probability with which `bound_of_spectrum` may be too low."""
+LANCZOS_STEPS = 40
+"""Most products spent on an estimate."""
+ROUND_OFF = 100 * np.finfo(float).eps
+"""Times the order squared: round-off of a recurrence, whose errors grow by at most the order."""
+GROWTH_OF_FULL = 10.0
+"""The full tangent is not symmetric, its eigenvectors are not orthogonal; where packings of DEM
+runs are stable its T_k stay below their start, too. Growth costs the same share of a tolerance."""
+
+
+class ScaledOperator(Protocol):
+    """What is needed of A: `modal.stiffness.operator.ContactOperator` with `mass_scaled`."""
+
+    shape: tuple[int, int]
+    pre_stress: str
+
+    def apply(self, u: np.ndarray) -> np.ndarray:
+        """A u, shape (size,)."""
+
+
+class GrowthError(InputError):
+    """A recurrence that has grown; `vector`, its last state, is where it has grown most."""
+
+    def __init__(self, vector: np.ndarray) -> None:
+        super().__init__(
+            "the recurrence grows: the network is unstable (strong pre-stress or negative "
+            "stiffness); take pre-stress none"
+        )
+        self.vector = vector
+
+
+def largest_growth(operator: ScaledOperator, order: int) -> float:
+    """Largest norm of T_order(X) c over that of c where the spectrum lies in the interval."""
+    limit = GROWTH_OF_FULL if operator.pre_stress == "full" else 1.0
+    return limit + ROUND_OFF * order**2
+
+
+def top_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
+    """An estimate of the top of the spectrum, omega^2 in rad^2/s^2, and the products that it took.
+
+    The residual of the largest Ritz value and a margin are added to it (Y. Zhou and R.-C. Li,
+    Linear Algebra Appl. 435, 480, 2011). A mode that the start hardly contains may lie above it.
+    """
+    for step, (diagonal, off) in enumerate(_lanczos(operator, _random(operator)), 1):
+        if step % 5 and off[-1] > 0:
+            continue
+        ritz, vector = eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]))
+        top = float(ritz[-1] + off[-1] * abs(vector[-1, -1]))
+        if top <= 1.005 * ritz[-1] or step == LANCZOS_STEPS:
+            break
+    return max(top, 0.0) / (1 - MARGIN), step
+
+
+def bound_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
+    """An upper bound of omega^2, rad^2/s^2, that fails with the probability `FAILURE`; products.
+
+    It exceeds the top by `MARGIN` at most. For operators without strongly negative directions.
+    """
+    chance = 1.648 * np.sqrt(operator.shape[0]) / FAILURE
+    steps = int(np.ceil((np.log(chance) / np.sqrt(MARGIN) + 1) / 2))
+    ritz = _ritz_values(operator, _random(operator), steps)
+    return max(float(ritz[-1]), 0.0) / (1 - MARGIN), len(ritz)
+
+
+def wider_top(operator: ScaledOperator, found: GrowthError, top: float) -> tuple[float, int]:
+    """A larger estimate, after `top` was too small, and the products that it took.
+
+    What lies outside the interval is a large part of a state that has grown. Raises `found` where
+    it lies further below zero than above `top`: there K has a negative direction.
+    """
+    if not np.isfinite(found.vector).all():
+        raise found
+    ritz = _ritz_values(operator, found.vector, LANCZOS_STEPS // 2)
+    if ritz[-1] - top <= max(-ritz[0], 0.0):
+        raise found
+    return float(ritz[-1]) / (1 - MARGIN), len(ritz)
+
+
+def _random(operator: ScaledOperator) -> np.ndarray:
+    return np.random.default_rng(20170729).standard_normal(operator.shape[0])
+
+
+def _ritz_values(operator: ScaledOperator, start: np.ndarray, steps: int) -> np.ndarray:
+    """Shape (k,), ascending: Ritz values of at most `steps` steps of Lanczos."""
+    *_, (diagonal, off) = islice(_lanczos(operator, start), steps)
+    return eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]), eigvals_only=True)
+
+
+def _lanczos(
+    operator: ScaledOperator, start: np.ndarray
+) -> Iterator[tuple[list[float], list[float]]]:
+    """Yield diagonal and off-diagonal (both k) of the tridiagonal matrix after each step k.
+
+    The last off-diagonal number couples it to the next vector; zero where there is none.
+    """
+    now = start / np.linalg.norm(start)
+    before, scale = np.zeros_like(now), 0.0
+    diagonal: list[float] = []
+    off: list[float] = []
+    while not off or off[-1] > 0:
+        ahead = operator.apply(now)
+        diagonal.append(float(ahead @ now))
+        ahead -= diagonal[-1] * now
+        if off:
+            ahead -= off[-1] * before
+        beta = float(np.linalg.norm(ahead))
+        scale = max(scale, abs(diagonal[-1]) + beta)
+        off.append(beta if beta > 1e-12 * scale else 0.0)
+        yield diagonal, off
+        if off[-1] > 0:
+            before, now = now, ahead / beta

@@ -1,0 +1,76 @@
+"""Global stiffness matrix K (sparse) and mass matrix M (diagonal); walls are fixed bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.packing.network import Network
+from modal.stiffness.pre_stress import contact_tangent
+
+
+def mass_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
+    """Shape (6n,) or (3n,): m, m, m, I, I, I of each particle; kg and kg m^2."""
+    columns = [network.mass] * 3 + ([] if translations_only else [network.inertia] * 3)
+    return np.column_stack(columns).ravel()
+
+
+def stiffness_matrix(
+    network: Network, *, translations_only: bool = False, pre_stress: str = "none"
+) -> sp.csr_matrix:
+    """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
+
+    `pre_stress` as in `modal.stiffness.pre_stress`: with "full" K is not symmetric.
+
+    A particle that touches itself through a period has both sides of the contact on one block;
+    repeated pairs add up.
+    """
+    size = 3 if translations_only else 6
+    n = network.n_particles
+    local = contact_tangent(network, pre_stress)
+    i, j = network.particle_i, network.particle_j
+    pair = j >= 0
+    blocks = [local[:, :size, :size]]
+    rows, columns = [i], [i]
+    for row, column, a, b in ((j, j, 6, 6), (i, j, 0, 6), (j, i, 6, 0)):
+        blocks.append(local[pair, a : a + size, b : b + size])
+        rows.append(row[pair])
+        columns.append(column[pair])
+    block, row, column = (np.concatenate(parts) for parts in (blocks, rows, columns))
+    inner = np.arange(size)
+    shape = block.shape
+    row_index = np.broadcast_to((size * row)[:, None, None] + inner[:, None], shape)
+    column_index = np.broadcast_to((size * column)[:, None, None] + inner, shape)
+    return sp.coo_matrix(
+        (block.ravel(), (row_index.ravel(), column_index.ravel())), shape=(size * n, size * n)
+    ).tocsr()
+
+
+def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
+    """Shape (6n,) or (3n,): diagonal of K without pre-stress, straight from the contacts.
+
+    A unit motion e moves the contact point by b, which costs kt b^2 + (kn - kt) (n.b)^2: b = e
+    for a displacement, e x l for a rotation about the centre.
+    """
+    own_image = network.particle_i == network.particle_j
+    if own_image.any():
+        # Both sides of the contact are on one block, with what couples them: leave it to K.
+        images = network.with_contacts(own_image)
+        part = stiffness_matrix(images, translations_only=translations_only).diagonal()
+        others = network.with_contacts(~own_image)
+        return part + stiffness_diagonal(others, translations_only=translations_only)
+    n, kt = network.normal, network.stiffness_tangential[:, None]
+    more = network.stiffness_normal[:, None] - kt
+    pair = ~network.with_wall
+    diagonal = np.zeros((network.n_particles, 3 if translations_only else 6))
+    for end, lever, chosen in (
+        (network.particle_i, network.lever_i, slice(None)),
+        (network.particle_j, network.lever_j, pair),
+    ):
+        cost = [kt + more * n**2]
+        if not translations_only:
+            squared = (lever**2).sum(axis=1, keepdims=True)
+            cost.append(kt * (squared - lever**2) + more * np.cross(lever, n) ** 2)
+        for axis, column in enumerate(np.hstack(cost)[chosen].T):
+            diagonal[:, axis] += np.bincount(end[chosen], column, len(diagonal))
+    return diagonal.ravel()

@@ -1,0 +1,121 @@
+"""What the springs do under a steady load: displacements, and the velocity of the longest waves.
+
+Conjugate gradients with each sphere's own block of K as preconditioner take some hundreds of
+products K u of a few ms, where a factorisation of 35,201 spheres takes minutes or gigabytes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
+
+from modal.formats.hdf5 import InputError
+from modal.packing.layers import Layers, force_bearing
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.state import WALL_ZONE
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.springs import contact_stiffness
+from modal.stiffness.walls import wall_pattern
+
+MAX_PRODUCTS = 5000
+"""Products K u after which a load counts as one that the springs cannot balance."""
+STRAIN_TOLERANCE, STRAIN_SHIFT = 1e-6, 1e-12
+"""Of the compression by a wall. A shift holds every sphere a little: over 150 layers a share of
+1e-5 of the mean stiffness would carry a third of the load, 1e-12 nothing that shows."""
+
+
+def spring_motion(
+    network: Network, load: np.ndarray, tolerance: float, shift: float
+) -> tuple[np.ndarray, int]:
+    """The motion (n, 6) that the springs balance `load` (n, 6) with, and the products K u spent.
+
+    `tolerance`: what is left of the load over the load, root mean squares in N, torques over the
+    mean radius; InputError where it is not reached. `shift` times the mean diagonal of K is added
+    to it, so that what nothing holds does not go far.
+    """
+    # Rotations as arcs, so that forces and torques have one unit.
+    arm = np.array([1.0] * 3 + [float(network.radius.mean())] * 3)
+    blocks = _own_blocks(network) / np.outer(arm, arm)
+    # Translations and rotations still differ in stiffness, so each has its own mean.
+    mean = np.einsum("nii->ni", blocks).reshape(-1, 2, 3).mean(axis=(0, 2)).repeat(3)
+    inverse = np.linalg.inv(blocks + max(shift, 1e-8) * np.diag(mean))
+    operator, held = ContactOperator(network), shift * mean
+    products = 0
+
+    def resist(motion: np.ndarray) -> np.ndarray:
+        nonlocal products
+        products += 1
+        arcs = motion.reshape(load.shape)
+        return (
+            operator.apply((arcs / arm).ravel()).reshape(load.shape) / arm + held * arcs
+        ).ravel()
+
+    def ease(rest: np.ndarray) -> np.ndarray:
+        return np.einsum("nij,nj->ni", inverse, rest.reshape(load.shape)).ravel()
+
+    size = operator.shape
+    motion, unfinished = cg(
+        LinearOperator(size, resist, dtype=float),
+        (load / arm).ravel(),
+        M=LinearOperator(size, ease, dtype=float),
+        rtol=tolerance,
+        maxiter=MAX_PRODUCTS,
+    )
+    if unfinished or not np.isfinite(motion).all():
+        left = np.linalg.norm((load / arm).ravel() - resist(motion)) / np.linalg.norm(load / arm)
+        raise InputError(
+            f"the springs do not balance the load: {left:.1e} of it is left after {products} "
+            f"products with K, {tolerance:g} was asked for; parts of the packing are not held"
+        )
+    return motion.reshape(load.shape) / arm, products
+
+
+def _own_blocks(network: Network) -> np.ndarray:
+    """Shape (n, 6, 6): K's block of each sphere with itself."""
+    local, n = contact_stiffness(network), network.n_particles
+    j, pair = network.particle_j, ~network.with_wall
+    blocks = np.empty((n, 6, 6))
+    for a in range(6):
+        for b in range(6):
+            blocks[:, a, b] = np.bincount(network.particle_i, local[:, a, b], n)
+            blocks[:, a, b] += np.bincount(j[pair], local[pair, 6 + a, 6 + b], n)
+    return blocks
+
+
+def static_velocity(network: Network) -> tuple[float, float]:
+    """P-wave velocity, m/s, and modulus, Pa, of the bulk for waves without end.
+
+    The source wall compresses the springs; V^2 is stress over strain and density. Both strain and
+    density are those further than `WALL_ZONE` from both walls, of firmly held and of force-bearing
+    spheres: loose ones do not move with a wave.
+    """
+    layers = Layers(network)
+    reach = WALL_ZONE * 2 * float(network.radius.mean())
+    low, high = network.wall_position + np.array([reach, -reach])
+    inner = (layers.position > low) & (layers.position < high)
+    if inner.sum() < 5:
+        raise InputError("the packing is too short for a velocity of its bulk; take a longer one")
+    pattern, _, _ = wall_pattern(network, SOURCE_WALL)
+    _, row, _ = wall_pattern(network, RECEIVER_WALL)
+    load = pattern.reshape(-1, 6)
+    motion, _ = spring_motion(network, load, STRAIN_TOLERANCE, STRAIN_SHIFT)
+    area = network.area
+    stress = float(row @ motion.ravel()) / area
+    strain = -np.polyfit(layers.position[inner], layers.means(motion[:, 2])[inner], 1)[0]
+    if not (stress > 0 and strain > 0):
+        raise InputError("no force goes from wall to wall; such a packing carries no wave")
+    density = _mass_between(network, low, high) / (area * (high - low))
+    modulus = stress / strain
+    return float(np.sqrt(modulus / density)), float(modulus)
+
+
+def _mass_between(network: Network, low: float, high: float) -> float:
+    """Mass, kg, of the force-bearing spheres between two heights, m, cut where these cut them."""
+    z, radius = network.position[:, 2], network.radius
+
+    def share_below(height: float) -> np.ndarray:
+        cap = np.clip(height - z + radius, 0, 2 * radius) / radius
+        return cap**2 * (3 - cap) / 4
+
+    between = share_below(high) - share_below(low)
+    return float((network.mass * between)[force_bearing(network)].sum())

@@ -1,0 +1,107 @@
+"""Theory of the FCC crystal: planar P-waves (Eqs. 5-10) and the full Bloch dispersion.
+
+The waves of the packing of `modal.packing.crystal`. With rotations the Bloch problem has six
+branches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.packing.crystal import FccPacking
+from modal.stiffness.springs import cross_matrix
+
+
+def layer_stiffness(kn: float, kt: float) -> float:
+    """C = 2 (kN + kT), N/m: stiffness between layers per sphere (Eq. 8)."""
+    return 2 * (kn + kt)
+
+
+def dispersion(kappa: np.ndarray, C: float, m: float, distance: float) -> np.ndarray:
+    """omega(kappa) = 2 sqrt(C/m) |sin(l kappa / 2)|, rad/s (Eqs. 5 and 9)."""
+    return 2 * np.sqrt(C / m) * np.abs(np.sin(distance * np.asarray(kappa) / 2))
+
+
+def long_wave_velocity(C: float, m: float, distance: float) -> float:
+    """V = l sqrt(C/m), m/s (Eq. 6)."""
+    return distance * np.sqrt(C / m)
+
+
+def f_low_pass(C: float, m: float) -> float:
+    """f = sqrt(C/m) / pi, Hz (Eq. 10)."""
+    return np.sqrt(C / m) / np.pi
+
+
+@dataclass(frozen=True)
+class FccCrystal(FccPacking):
+    """Waves in the FCC packing under isotropic stress (Pa): Eqs. 5-10, and all Bloch branches."""
+
+    @property
+    def C(self) -> float:
+        """Layer stiffness, N/m (Eq. 8)."""
+        return layer_stiffness(self.kn, self.kt)
+
+    @property
+    def low_pass_frequency(self) -> float:
+        """f_low-pass, Hz (Eq. 10)."""
+        return f_low_pass(self.C, self.mass)
+
+    @property
+    def velocity(self) -> float:
+        """Long-wave P velocity along z, m/s (Eq. 6)."""
+        return long_wave_velocity(self.C, self.mass, self.layer_distance)
+
+    def neighbours(self) -> np.ndarray:
+        """Shape (12, 3): unit vectors towards the neighbours."""
+        half = np.sqrt(0.5)
+        in_layer = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]
+        between = [(a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-half, half)]
+        return np.array(in_layer + between)
+
+    def _halves(self, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        k = (self.kn - self.kt) * normals[:, :, None] * normals[:, None, :] + self.kt * np.eye(3)
+        turn = cross_matrix(self.spacing / 2 * normals)
+        identity = np.broadcast_to(np.eye(3), turn.shape)
+        own = np.concatenate([-identity, turn], axis=2)
+        other = np.concatenate([identity, turn], axis=2)
+        return k, own, other
+
+    def bloch_matrix(self, wavevector: np.ndarray) -> np.ndarray:
+        """Shape (6, 6), complex Hermitian, 1/s^2: M^-1/2 K(k) M^-1/2 for `wavevector` (3,) 1/m."""
+        n = self.neighbours()
+        k, own, other = self._halves(n)
+        phase = np.exp(1j * self.spacing * n @ np.asarray(wavevector, float))
+        matrix = np.einsum("cai,cab,cbj->ij", own, k, own).astype(complex)
+        matrix += np.einsum("cai,cab,cbj,c->ij", own, k, other, phase)
+        return self._mass_normalised(matrix)
+
+    def _mass_normalised(self, matrix: np.ndarray) -> np.ndarray:
+        scale = 1 / np.sqrt(np.repeat([self.mass, 0.4 * self.mass * self.radius**2], 3))
+        return matrix * scale[:, None] * scale
+
+    def bloch(self, wavevector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Branches at one wavevector: frequencies (6,) Hz ascending, vectors (6, 6) in columns."""
+        square, vectors = np.linalg.eigh(self.bloch_matrix(wavevector))
+        return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors
+
+    def group_velocity(self, wavevector: np.ndarray) -> np.ndarray:
+        """Shape (6, 3), m/s: d omega / d k of each branch, from the eigenvectors.
+
+        Hellmann-Feynman: d(omega^2)/dk = v^H (dD/dk) v, valid for simple branches. Branches of
+        zero frequency give NaN.
+        """
+        n = self.neighbours()
+        k, own, other = self._halves(n)
+        step = self.spacing * n
+        phase = np.exp(1j * step @ np.asarray(wavevector, float))
+        frequency, v = self.bloch(wavevector)
+        omega = 2 * np.pi * frequency
+        omega = np.where(omega > 1e-6 * omega.max(), omega, np.nan)
+        velocity = np.empty((6, 3))
+        for axis in range(3):
+            slope = np.einsum("cai,cab,cbj,c->ij", own, k, other, 1j * step[:, axis] * phase)
+            slope = self._mass_normalised(slope)
+            velocity[:, axis] = np.einsum("ia,ij,ja->a", v.conj(), slope, v).real / (2 * omega)
+        return velocity

@@ -1,0 +1,75 @@
+"""The chain of touching particles that joins source and receiver wall along a straight line."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import dijkstra
+
+from modal.formats.hdf5 import InputError
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+
+TIE = 1e-9
+"""Relative difference of path costs below which they count as equal."""
+
+
+def wall_to_wall_chain(network: Network) -> np.ndarray:
+    """Shape (nc,): particles from the source wall to the receiver wall, each touching the next.
+
+    The path through the contacts that stays closest to a vertical line: a step costs its length
+    times 1 + (lateral distance from the line / diameter)^2. The line starts at the source-wall
+    particle nearest to the middle of the cross-section. InputError where no path exists.
+    """
+    i, j = network.particle_i, network.particle_j
+    start = np.unique(i[j == SOURCE_WALL])
+    goal = np.unique(i[j == RECEIVER_WALL])
+    if len(start) == 0 or len(goal) == 0:
+        raise InputError("the network has no contact with both walls; a chain needs the two walls")
+    xy = network.position[:, :2]
+    middle = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
+    off_middle = np.linalg.norm(xy[start] - middle, axis=1)
+    first = int(start[np.lexsort((start, np.round(off_middle / network.radius[0], 6)))[0]])
+
+    offset = xy - xy[first]
+    for axis in (0, 1):
+        if network.cell_periodic[axis]:
+            period = network.cell_size[axis]
+            offset[:, axis] -= period * np.round(offset[:, axis] / period)
+    weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
+
+    pair = j >= 0
+    i, j = i[pair], j[pair]
+    length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
+    come, go = np.concatenate([i, j]), np.concatenate([j, i])
+    cost = np.concatenate([length, length]) * weight[go]
+    shape = (network.n_particles,) * 2
+    graph = sp.coo_matrix((cost, (come, go)), shape=shape).tocsr()
+    if graph.nnz < len(cost):
+        # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
+        order = np.lexsort((cost, go, come))
+        come, go, cost = come[order], go[order], cost[order]
+        once = np.ones(len(cost), bool)
+        once[1:] = (np.diff(come) != 0) | (np.diff(go) != 0)
+        graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=shape)
+    distance = dijkstra(graph, indices=first)
+    nearest = distance[goal].min()
+    if not np.isfinite(nearest):
+        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
+    here = int(goal[np.argmin(_rounded(distance[goal], nearest))])
+
+    # Back along the shortest path; of equally short ones the nearest, then the first particle.
+    back = graph.tocsc()
+    path = [here]
+    while here != first:
+        column = slice(back.indptr[here], back.indptr[here + 1])
+        before = back.indices[column]
+        fits = distance[before] + back.data[column] <= distance[here] * (1 + TIE)
+        before = np.sort(before[fits])
+        here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
+        path.append(here)
+    return np.array(path[::-1])
+
+
+def _rounded(distance: np.ndarray, scale: float) -> np.ndarray:
+    """Distances in units in which those that differ by round-off only are equal."""
+    return np.round(distance / (scale * TIE)) if scale > 0 else distance

@@ -1,0 +1,195 @@
+"""The linear wave without time stepping: one Chebyshev recurrence on the source pattern.
+
+With v = M^1/2 u and A = M^-1/2 K M^-1/2 the source wall's motion d(t) drives v'' + A v = c d(t), c
+the scaled force on the particles for a unit displacement of the wall. Hence v(t) = y(A, t) c, where
+y(omega^2, t) answers y'' + omega^2 y = d(t) from rest (`modal.waves.source`). As a function of x =
+2 omega^2 / omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster
+than any power beyond order omega_max t / 2. One pass of T_k(X) c serves all times, and of every
+T_k(X) c only the recorded rows are kept. The expansion holds in the complex plane too, so a tangent
+that is not quite symmetric needs nothing else.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.packing.network import Network
+from modal.progress import progress
+from modal.solvers.spectrum import GrowthError, largest_growth, top_of_spectrum, wider_top
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
+from modal.waves.receivers import Receivers
+from modal.waves.signals import Signals
+from modal.waves.source import Motion, Pulse
+from modal.workload import refuse_endless
+
+LOOK = 50
+"""Products between two looks at the growth of a recurrence."""
+EXPANSION_COPIES = 4
+"""Arrays of orders times times that `expansion` holds at once."""
+
+
+@dataclass(frozen=True)
+class LinearWave:
+    """Result of `propagate`: signals, number of products with K, and the bound of the error."""
+
+    signals: Signals
+    products: int
+    truncation: float
+
+
+def chebyshev_moments(
+    operator: ContactOperator,
+    start: np.ndarray,
+    scale: np.ndarray,
+    top: float,
+    count: int,
+    receivers: Receivers,
+) -> np.ndarray:
+    """Shape (count, receivers.count): the receivers' rows of M^-1/2 T_k(2 A / top - 1) start.
+
+    `operator` is A, `start` (6n,); `scale` is M^-1/2. GrowthError where it grows.
+    """
+    rows = np.empty((count, receivers.count))
+    before, now, spare = start.copy(), np.empty_like(start), np.empty_like(start)
+    first = float(np.linalg.norm(start))
+    for k in progress(count, "wave"):
+        if k == 0:
+            now[:] = start
+        elif k == 1:
+            np.negative(start, out=now)
+            operator.accumulate(start, now, 2 / top)
+        else:
+            # T_k = 2 X T_(k-1) - T_(k-2), built in the array of T_(k-2).
+            np.multiply(now, 2, out=spare)
+            before += spare
+            np.negative(before, out=before)
+            operator.accumulate(now, before, 4 / top)
+            before, now = now, before
+        np.multiply(now, scale, out=spare)
+        receivers.observe(spare, rows[k])
+        if k % LOOK == LOOK - 1 or k == count - 1:
+            growth = np.linalg.norm(now) / first if first > 0 else 0.0
+            if not growth <= largest_growth(operator, k):
+                raise GrowthError(now)
+    return rows
+
+
+def moments_within_spectrum(
+    operator: ContactOperator,
+    start: np.ndarray,
+    scale: np.ndarray,
+    receivers: Receivers,
+    count_for: Callable[[float], int],
+) -> tuple[np.ndarray, float, int]:
+    """The moments of `chebyshev_moments`, the top of their interval and the products with K spent.
+
+    `count_for` tells how many moments a top needs. Where the recurrence leaves an estimate that is
+    too small, a wider one follows; where it does not grow, modes beyond the interval are in the
+    result as exactly as those within: an expansion holds there, too, and what it leaves out has
+    grown no more than the rest.
+    """
+    top, products = top_of_spectrum(operator)
+    if top == 0:
+        raise InputError("the network has no stiffness; no wave goes through it")
+    while True:
+        count = count_for(top)
+        try:
+            rows = chebyshev_moments(operator, start, scale, top, count, receivers)
+        except GrowthError as found:
+            top, more = wider_top(operator, found, top)
+            products += more + count - 1
+        else:
+            return rows, top, products + count - 1
+
+
+def _orders(top: float, duration: float) -> int:
+    """Chebyshev orders after which the coefficients of a wave of this duration, s, vanish."""
+    return int(1.1 * np.sqrt(top) * duration / 2) + 60
+
+
+def expansion(
+    motion: Motion, time: np.ndarray, top: float, tolerance: float
+) -> tuple[np.ndarray, float]:
+    """Chebyshev coefficients (count, nt) of y(top (1 + x) / 2, t), and what they leave out.
+
+    Orders are dropped from where all are below `tolerance` times the largest; the second result is
+    the sum of the largest dropped ones over the largest of all.
+    """
+    from scipy.fft import dct  # a tenth of a second that only waves are worth
+
+    order = _orders(top, time[-1])
+    angle = np.pi * (np.arange(order) + 0.5) / order
+    response = motion.response(top * (1 + np.cos(angle)) / 2, time)
+    coefficient = dct(response, type=2, axis=0) / order
+    coefficient[0] /= 2
+    size = abs(coefficient).max(axis=1)
+    if not size.any():
+        return coefficient[:1], 0.0
+    needed = int(np.flatnonzero(size > tolerance * size.max())[-1]) + 1
+    if needed == order:
+        raise InputError("the expansion did not converge; ask for a larger tolerance")
+    return coefficient[:needed], float(size[needed:].sum() / size.max())
+
+
+def propagate(
+    network: Network,
+    duration: float,
+    *,
+    motion: Motion | None = None,
+    interval: float = 1e-6,
+    tolerance: float = 1e-9,
+    pre_stress: str = "none",
+    particles: bool = False,
+    network_sha256: str = "",
+) -> LinearWave:
+    """Signals of chain, walls and layers, exact in time to `tolerance`.
+
+    duration and recording interval in s; `motion` of the source wall, by default the pulse of the
+    study. The tolerance bounds the dropped coefficients relative to the largest one. `pre_stress`
+    as in `modal.stiffness.pre_stress`; `particles` records u_z of every particle.
+    """
+    if not (0 < duration < np.inf and 0 < interval <= duration and 0 < tolerance < 1):
+        raise InputError(
+            "duration and interval must be positive, the interval no longer than the duration, "
+            "the tolerance between 0 and 1"
+        )
+    started = clock.perf_counter()
+    motion = motion or Pulse()
+    receivers = Receivers(network, pre_stress=pre_stress, particles=particles)
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    start = receivers.source * scale
+    planned: dict[float, tuple[np.ndarray, np.ndarray, float]] = {}
+
+    def count_for(top: float) -> int:
+        orders, times = _orders(top, duration), duration / interval + 1
+        numbers = EXPANSION_COPIES * orders * times + (orders + times) * receivers.count
+        refuse_endless(
+            f"a wave of {duration:g} s, recorded every {interval:g} s,",
+            operator,
+            products=orders / 1.1,
+            bytes_needed=8 * numbers,
+            remedy="take a shorter duration or a longer interval",
+        )
+        time = np.arange(0, duration + 0.5 * interval, interval)
+        planned[top] = time, *expansion(motion, time, top, tolerance)
+        return len(planned[top][1])
+
+    rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
+    time, coefficient, truncation = planned[top]
+    recorded = coefficient.T @ rows
+    signals = receivers.signals(
+        time,
+        recorded,
+        motion,
+        time_step=interval,
+        run_time=clock.perf_counter() - started,
+        network_sha256=network_sha256,
+    )
+    return LinearWave(signals, products, truncation)

@@ -1,0 +1,85 @@
+"""What is recorded of a wave: the chain, both walls, layer means and, if asked, every particle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.packing.layers import Layers
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.stiffness.walls import wall_pattern
+from modal.waves.chain import wall_to_wall_chain
+from modal.waves.signals import Signals
+from modal.waves.source import Motion
+
+
+class Receivers:
+    """Linear functionals of the motion u (6n,), collected in one row of numbers.
+
+    In order: force on the source and on the receiver wall (N, positive upwards, walls at rest),
+    u_z of the chain, layer means of u_z, and u_z of all particles where `particles` is asked.
+    """
+
+    def __init__(
+        self, network: Network, *, pre_stress: str = "none", particles: bool = False
+    ) -> None:
+        self.network, self.particles = network, particles
+        self.chain = wall_to_wall_chain(network)
+        self.layers = Layers(network)
+        self.source, to_source, self.source_stiffness = wall_pattern(
+            network, SOURCE_WALL, pre_stress
+        )
+        _, to_receiver, _ = wall_pattern(network, RECEIVER_WALL, pre_stress)
+        self._near_walls = [(np.flatnonzero(row), row) for row in (to_source, to_receiver)]
+        self._near_walls = [(at, row[at]) for at, row in self._near_walls]
+        self.area = network.area
+        self.count = 2 + len(self.chain) + len(self.layers.position)
+        self.count += network.n_particles if particles else 0
+
+    def source_force(self, u: np.ndarray, displacement: float) -> float:
+        """The force, N, that moves the source wall at its `displacement` and the motion u (6n,)."""
+        at, row = self._near_walls[0]
+        return self.source_stiffness * displacement - float(row @ u[at])
+
+    def observe(self, u: np.ndarray, out: np.ndarray) -> None:
+        """Write the row (count,) for the motion u (6n,), m and rad."""
+        along = u[2::6]
+        for k, (at, row) in enumerate(self._near_walls):
+            out[k] = row @ u[at]
+        c = 2 + len(self.chain)
+        out[2:c] = along[self.chain]
+        nl = len(self.layers.position)
+        out[c : c + nl] = self.layers.means(along)
+        out[c + nl :] = along if self.particles else ()
+
+    def signals(
+        self,
+        time: np.ndarray,
+        rows: np.ndarray,
+        motion: Motion,
+        *,
+        time_step: float,
+        run_time: float,
+        network_sha256: str = "",
+    ) -> Signals:
+        """The signals of rows (nt, count) at the times (nt,) under the source's `motion`."""
+        d = motion.displacement(time)
+        c, nl = 2 + len(self.chain), len(self.layers.position)
+        return Signals(
+            time=time,
+            chain_particle=self.chain,
+            chain_position=self.network.position[self.chain, 2],
+            chain_displacement=rows[:, 2:c],
+            source_displacement=d,
+            source_stress=(self.source_stiffness * d - rows[:, 0]) / self.area,
+            receiver_stress=rows[:, 1] / self.area,
+            producer="linear",
+            case=str(self.network.study.get("case", "")),
+            amplitude=motion.amplitude,
+            input_frequency=motion.frequency,
+            time_step=time_step,
+            run_time=run_time,
+            network_sha256=network_sha256,
+            layer_position=self.layers.position,
+            layer_displacement=rows[:, c : c + nl],
+            particle_displacement=rows[:, c + nl :] if self.particles else None,
+        )

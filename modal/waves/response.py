@@ -1,0 +1,161 @@
+"""Frequency response from source wall to chain and receiver wall, and the gain factor.
+
+At omega, with a damping gamma that sets the resolution, the motion per unit motion of the source
+wall is (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.propagate`: the
+transform of the impulse response under the window exp(-gamma t). With z = 2 s / omega_max^2 - 1 and
+w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it too:
+
+    1 / (z - x) = 4 / (w - 1/w) * (1/2 + sum_k w^-k T_k(x)).
+
+About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies. The format
+"granular-frequency-response", version 1, is defined here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError, atomic_h5, put
+from modal.formats.provenance import Provenance
+from modal.packing.network import Network
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
+from modal.waves.propagate import moments_within_spectrum
+from modal.waves.receivers import Receivers
+from modal.workload import refuse_endless
+
+SCHEMA = "granular-frequency-response"
+VERSION = 1
+CHUNK = 256
+"""Frequencies evaluated at a time, to bound the memory."""
+
+
+@dataclass
+class Response:
+    """Transfer functions per unit motion of the source wall, time dependence exp(-i omega t).
+
+    frequency (nf,) Hz; source_stress, receiver_stress (nf,) complex, Pa/m, compression positive;
+    chain_displacement (nf, nc) and layer_displacement (nf, nl) complex, m/m; `resolution` Hz, the
+    full width at half height of a single resonance in power; `products` with K.
+    """
+
+    frequency: np.ndarray
+    source_stress: np.ndarray
+    receiver_stress: np.ndarray
+    chain_particle: np.ndarray
+    chain_displacement: np.ndarray
+    layer_position: np.ndarray
+    layer_displacement: np.ndarray
+    resolution: float
+    products: int
+
+    @property
+    def gain(self) -> np.ndarray:
+        """Shape (nf,): receiver stress over source stress (Otsubo et al. 2017, Fig. 19)."""
+        return abs(self.receiver_stress) / abs(self.source_stress)
+
+    def gain_maxima(self) -> np.ndarray:
+        """Frequencies of the local maxima of the gain, Hz, refined by a parabola."""
+        g = np.log(self.gain)
+        k = 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
+        bend = g[k - 1] - 2 * g[k] + g[k + 1]
+        shift = 0.5 * (g[k - 1] - g[k + 1]) / bend
+        return self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])
+
+
+def frequency_response(
+    network: Network,
+    *,
+    highest: float | None = None,
+    resolution: float = 1e3,
+    tolerance: float = 1e-6,
+    pre_stress: str = "none",
+) -> Response:
+    """Response from a quarter of a resolution to `highest` (Hz, default the top of the spectrum).
+
+    Four frequencies per resolution (Hz); `tolerance` bounds what the expansion leaves out relative
+    to the value on resonance.
+    """
+    if not (0 < resolution < np.inf and 0 < tolerance < 1):
+        raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
+    receivers = Receivers(network, pre_stress=pre_stress)
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
+    gamma = np.pi * resolution
+    planned: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+
+    def count_for(top: float) -> int:
+        end = np.sqrt(top) / (2 * np.pi) if highest is None else highest
+        if not resolution < end < np.inf:
+            raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
+        orders, frequencies = (
+            np.sqrt(top) / (2 * gamma) * np.log(1 / tolerance),
+            4 * end / resolution,
+        )
+        numbers = (orders + 4 * frequencies) * receivers.count + 4 * CHUNK * orders
+        refuse_endless(
+            f"a response with a resolution of {resolution:g} Hz",
+            operator,
+            products=orders,
+            bytes_needed=8 * numbers,
+            remedy="take a coarser resolution or a lower highest frequency",
+        )
+        frequency = np.arange(resolution / 4, end, resolution / 4)
+        z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
+        root = np.sqrt(z * z - 1)
+        w = np.where(abs(z + root) > 1, z + root, z - root)
+        planned[top] = frequency, w
+        return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
+
+    start = receivers.source * scale
+    rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
+    frequency, w = planned[top]
+    rows[0] /= 2
+    value = np.empty((len(frequency), receivers.count), complex)
+    order = np.arange(len(rows))
+    for start in range(0, len(frequency), CHUNK):
+        part = slice(start, start + CHUNK)
+        power = np.exp(-np.log(w[part])[:, None] * order)
+        # A - s = top / 2 (X - z), hence the sign.
+        value[part] = (-8 / top / (w[part] - 1 / w[part]))[:, None] * (power @ rows)
+    c, nl = 2 + len(receivers.chain), len(receivers.layers.position)
+    return Response(
+        frequency=frequency,
+        source_stress=(receivers.source_stiffness - value[:, 0]) / receivers.area,
+        receiver_stress=value[:, 1] / receivers.area,
+        chain_particle=receivers.chain,
+        chain_displacement=value[:, 2:c],
+        layer_position=receivers.layers.position,
+        layer_displacement=value[:, c : c + nl],
+        resolution=resolution,
+        products=products,
+    )
+
+
+def write_response(
+    path: str | Path,
+    response: Response,
+    network_sha256: str = "",
+    made: Provenance | None = None,
+) -> None:
+    """Write the response atomically; complex numbers as a last axis of real and imaginary part."""
+    with atomic_h5(path) as file:
+        if made:
+            made.write(file)
+        file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
+        file.attrs.update(resolution=response.resolution)
+        put(file, "frequency", response.frequency, "Hz")
+        put(file, "gain", response.gain, "1")
+        put(file, "chain/particle", response.chain_particle.astype(np.int32), "1")
+        put(file, "layers/position", response.layer_position, "m")
+        for name, values, units in (
+            ("source/stress", response.source_stress, "Pa/m"),
+            ("receiver/stress", response.receiver_stress, "Pa/m"),
+            ("chain/displacement", response.chain_displacement, "m/m"),
+            ("layers/displacement", response.layer_displacement, "m/m"),
+        ):
+            put(file, name, np.stack([values.real, values.imag], axis=-1), units)

@@ -1,0 +1,146 @@
+"""Wave signals: what a run, by DEM or by the linear operator, has recorded; its file format.
+
+This module is the one definition of the format "granular-wave-signals", version 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
+from modal.formats.provenance import Provenance
+from modal.waves.energy_balance import EnergyBalance
+
+SCHEMA = "granular-wave-signals"
+VERSION = 1
+_DATASETS = {
+    "time": ("time", "f", ("nt",), "s"),
+    "chain_particle": ("chain/particle", "i", ("nc",), "1"),
+    "chain_position": ("chain/position", "f", ("nc",), "m"),
+    "chain_displacement": ("chain/displacement", "f", ("nt", "nc"), "m"),
+    "source_displacement": ("source/displacement", "f", ("nt",), "m"),
+    "source_stress": ("source/stress", "f", ("nt",), "Pa"),
+    "receiver_stress": ("receiver/stress", "f", ("nt",), "Pa"),
+    "layer_position": ("layers/position", "f", ("nl",), "m"),
+    "layer_displacement": ("layers/displacement", "f", ("nt", "nl"), "m"),
+    "particle_displacement": ("particles/displacement", "f", ("nt", "n"), "m"),
+}
+"""Field: dataset, kind, shape, units."""
+_OPTIONAL = {"layer_position", "layer_displacement", "particle_displacement"}
+
+
+@dataclass
+class Signals:
+    """Recorded signals of one wave run; nt times, nc particles of the chain.
+
+    time (nt,) s; chain_particle (nc,) index into the network; chain_position (nc,) z of the
+    centres at the start, m; chain_displacement (nt, nc) along z, m; source_displacement (nt,) m;
+    source_stress, receiver_stress (nt,) Pa, change from the static value, compression positive.
+    amplitude is A of u = A (1 - cos 2 pi f t), m; time_step, run_time in seconds (run_time is
+    the wall-clock time that the run took). Optional, None where not recorded: layer_position (nl,)
+    and layer_displacement (nt, nl), means over slabs as in `modal.packing.layers`, m; and
+    particle_displacement (nt, n) along z of every particle of the network, m; balance is the
+    energy of a DEM run.
+    """
+
+    time: np.ndarray
+    chain_particle: np.ndarray
+    chain_position: np.ndarray
+    chain_displacement: np.ndarray
+    source_displacement: np.ndarray
+    source_stress: np.ndarray
+    receiver_stress: np.ndarray
+    producer: str
+    case: str
+    amplitude: float
+    input_frequency: float
+    time_step: float
+    run_time: float
+    network_sha256: str
+    layer_position: np.ndarray | None = None
+    layer_displacement: np.ndarray | None = None
+    particle_displacement: np.ndarray | None = None
+    balance: EnergyBalance | None = None
+
+
+def source_pulse(time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
+    """Wall displacement u = A (1 - cos 2 pi f t) for one period, zero elsewhere; m.
+
+    A sine period with its phase shifted by 270 degrees (Otsubo et al. 2017, Fig. 2a).
+    """
+    time = np.asarray(time)
+    inside = (time > 0) & (time * frequency < 1)
+    return np.where(inside, amplitude * (1 - np.cos(2 * np.pi * frequency * time)), 0.0)
+
+
+_ATTRIBUTES = {
+    "producer": str,
+    "case": str,
+    "amplitude": float,
+    "input_frequency": float,
+    "time_step": float,
+    "run_time": float,
+    "network_sha256": str,
+}
+
+
+def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
+    """Write the signals atomically, and what they were made from."""
+    with atomic_h5(path) as file:
+        if made:
+            made.write(file)
+        file.attrs.update(schema=SCHEMA, schema_version=VERSION)
+        for name, kind in _ATTRIBUTES.items():
+            file.attrs[name] = kind(getattr(signals, name))
+        for name, (dataset, kind, _, units) in _DATASETS.items():
+            value = getattr(signals, name)
+            if value is None and name in _OPTIONAL:
+                continue
+            data = np.asarray(value).astype(np.float64 if kind == "f" else np.int32)
+            put(file, dataset, data, units)
+        if signals.balance:
+            file.create_group("balance").attrs.update(signals.balance.attributes())
+
+
+def read_signals(path: str | Path) -> Signals:
+    """Read and validate signals; raises InputError with one line for anything wrong."""
+    with open_h5(path, SCHEMA, VERSION) as file:
+        lengths: dict[str, int] = {}
+        columns = {}
+        for name, (dataset, kind, shape, _) in _DATASETS.items():
+            if name in _OPTIONAL and dataset not in file:
+                continue
+            column = get(file, dataset, kind, tuple(lengths.get(length) for length in shape))
+            lengths.update(zip(shape, column.shape, strict=True))
+            if not np.isfinite(column).all():
+                raise InputError(f"{path}: {dataset} is not finite; the run failed, make it again")
+            columns[name] = column
+        missing = [name for name in _ATTRIBUTES if name not in file.attrs]
+        if missing:
+            raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")
+        attributes = {name: kind(file.attrs[name]) for name, kind in _ATTRIBUTES.items()}
+        said = file["balance"].attrs if "balance" in file else {}
+        balance = EnergyBalance.of_attributes(said)
+    signals = Signals(**columns, **attributes, balance=balance)
+    _validate(signals, str(path))
+    return signals
+
+
+def _validate(signals: Signals, name: str) -> None:
+    """Refuse what no run records; every estimator takes the times for evenly spaced."""
+    time = signals.time
+    if len(time) < 2 or len(signals.chain_particle) == 0:
+        raise InputError(f"{name}: fewer than two times or no chain; record more")
+    step = np.diff(time)
+    if not (time[0] >= 0 and (abs(step - step.mean()) < 1e-3 * step.mean()).all()):
+        raise InputError(f"{name}: the times are not evenly spaced from 0 on; record them so")
+    if (signals.chain_particle < 0).any() or len(set(signals.chain_particle.tolist())) < len(
+        signals.chain_particle
+    ):
+        raise InputError(f"{name}: chain/particle has a negative or a repeated index; mend it")
+    numbers = (signals.input_frequency, signals.time_step)
+    if not (np.isfinite([*numbers, signals.amplitude]).all() and min(numbers) > 0):
+        raise InputError(f"{name}: input_frequency and time_step must be positive; mend them")

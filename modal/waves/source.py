@@ -1,0 +1,178 @@
+"""Motions of the source wall, and what an oscillator does when such a motion drives it.
+
+A linear wave needs of its source only y(omega^2, t), the solution of y'' + omega^2 y = d(t) from
+rest. It is known in closed form for the pulse of the study and for a motion given by samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.waves.signals import source_pulse
+
+AMPLITUDE = 2.5e-9
+"""A of u = A (1 - cos 2 pi f t), m: the paper's double amplitude 2A is 5 nm."""
+INPUT_FREQUENCY = 1e5
+"""Nominal input frequency, Hz (Otsubo et al. 2017, section 2)."""
+
+
+class Motion(Protocol):
+    """A motion of the source wall along z, at rest at zero until t = 0."""
+
+    amplitude: float
+    frequency: float
+
+    def displacement(self, time: np.ndarray) -> np.ndarray:
+        """d (nt,), m, at the times (nt,), s."""
+
+    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """y (nw, nt), m s^2, for omega^2 (nw,) and increasing times (nt,)."""
+
+
+def _driven_from_rest(square: np.ndarray, time: np.ndarray, frequency: float) -> np.ndarray:
+    """Shape (nw, nt): response to 1 - cos(Omega t) switched on at t = 0, unit A.
+
+    (1 - cos wt)/w^2 - (cos Omega t - cos wt)/(w^2 - Omega^2), written with sin(x)/x, which is
+    smooth where w = 0 or w = Omega.
+    """
+    omega = np.sqrt(np.maximum(square, 0))[:, None]
+    drive = 2 * np.pi * frequency
+    t = np.maximum(time, 0)[None, :]
+
+    def half_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        # 2 sin(a t) sin(b t) / (4 a b) with a or b allowed to vanish.
+        return 0.5 * t**2 * np.sinc(a * t / np.pi) * np.sinc(b * t / np.pi)
+
+    constant = half_product(omega / 2, omega / 2)
+    # cos(Omega t) - cos(w t) = 2 sin((w + Omega) t / 2) sin((w - Omega) t / 2).
+    return constant - half_product((omega + drive) / 2, (omega - drive) / 2)
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """One period of u = A (1 - cos 2 pi f t); amplitude A in m, frequency in Hz."""
+
+    amplitude: float = AMPLITUDE
+    frequency: float = INPUT_FREQUENCY
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.amplitude) and 0 < self.frequency < np.inf):
+            raise InputError("amplitude and input frequency must be numbers, the frequency above 0")
+
+    def displacement(self, time: np.ndarray) -> np.ndarray:
+        """d (nt,), m."""
+        return source_pulse(time, self.amplitude, self.frequency)
+
+    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """While the pulse lasts, and then the free motion that it leaves behind.
+
+        With the period T and Omega T = 2 pi the latter is, in closed form,
+        y = 2 Omega^2 / (Omega^2 - w^2) sin(w T / 2) / w sin(w (t - T / 2)) / w.
+        """
+        period, drive = 1 / self.frequency, 2 * np.pi * self.frequency
+        omega = np.sqrt(np.maximum(square, 0))[:, None]
+        result = np.empty((len(square), len(time)))
+        during = time < period
+        result[:, during] = _driven_from_rest(square, time[during], self.frequency)
+        # Two forms of sin(w T / 2) / (w (Omega^2 - w^2)), each smooth on its side of Omega / 2: as
+        # Omega T / 2 is pi, sin(w T / 2) = -sin((w - Omega) T / 2).
+        low, high = np.minimum(omega, drive / 2), np.maximum(omega, drive / 2)
+        below = np.sinc(low * period / (2 * np.pi)) / (drive**2 - low**2)
+        above = np.sinc((high - drive) * period / (2 * np.pi)) / ((high + drive) * high)
+        left = drive**2 * period * np.where(omega < drive / 2, below, above)
+        late = (time[~during] - period / 2)[None, :]
+        swing = np.sin(omega * late) / np.where(omega > 0, omega, 1.0)
+        result[:, ~during] = left * np.where(omega > 0, swing, late)
+        return self.amplitude * result
+
+
+@dataclass(frozen=True)
+class SampledMotion:
+    """A motion given at times (nt,), s, as displacements (nt,), m; straight lines in between.
+
+    It starts from rest at t = 0 with d = 0 and keeps its last value. `frequency` is where the
+    spectrum of its velocity has its mean, `amplitude` half of its range.
+    """
+
+    time: np.ndarray
+    value: np.ndarray
+
+    def __post_init__(self) -> None:
+        good = len(self.time) == len(self.value) > 1
+        if not (good and np.isfinite(self.time).all() and np.isfinite(self.value).all()):
+            raise InputError("a source motion needs at least two times, each with a displacement")
+        if self.time[0] != 0 or self.value[0] != 0 or (np.diff(self.time) <= 0).any():
+            raise InputError(
+                "a source motion starts at time 0 with displacement 0 and its times increase; "
+                "shift the record"
+            )
+
+    @property
+    def amplitude(self) -> float:
+        """Half of the range of the displacement, m."""
+        return float(np.ptp(self.value)) / 2
+
+    @property
+    def frequency(self) -> float:
+        """Root mean square of velocity over that of displacement, as a frequency in Hz."""
+        step = np.diff(self.time)
+        speed = ((np.diff(self.value) / step) ** 2 * step).sum()
+        left, right = self.value[:-1], self.value[1:]
+        size = ((left**2 + left * right + right**2) / 3 * step).sum()
+        return float(np.sqrt(speed / size)) / (2 * np.pi) if size > 0 else 0.0
+
+    def displacement(self, time: np.ndarray) -> np.ndarray:
+        """d (nt,), m."""
+        return np.interp(time, self.time, self.value)
+
+    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Marched exactly from one corner of d or time of interest to the next."""
+        nodes = np.union1d(self.time[self.time < time[-1]], time)
+        d = self.displacement(nodes)
+        omega = np.sqrt(np.maximum(square, 0))
+        y, rate = np.zeros(len(omega)), np.zeros(len(omega))
+        result = np.zeros((len(omega), len(time)))
+        wanted = np.searchsorted(nodes, time)
+        column = {int(node): k for k, node in enumerate(wanted)}
+        for k in range(1, len(nodes)):
+            h = nodes[k] - nodes[k - 1]
+            slope = (d[k] - d[k - 1]) / h
+            x = omega * h
+            sine = h * np.sinc(x / np.pi)  # sin(w h) / w
+            versine = h**2 / 2 * np.sinc(x / (2 * np.pi)) ** 2  # (1 - cos(w h)) / w^2
+            cosine = np.cos(x)
+            lag = h**3 * _lag(x)  # (h - sin(w h) / w) / w^2
+            y, rate = (
+                y * cosine + rate * sine + d[k - 1] * versine + slope * lag,
+                rate * cosine - y * omega**2 * sine + d[k - 1] * sine + slope * versine,
+            )
+            if k in column:
+                result[:, column[k]] = y
+        return result
+
+
+def _lag(x: np.ndarray) -> np.ndarray:
+    """(x - sin x) / x^3, by its series where the difference would cancel."""
+    small = np.where(abs(x) < 0.5, x, 0.0) ** 2
+    series = 1 / 6 - small / 120 + small**2 / 5040 - small**3 / 362880 + small**4 / 39916800
+    large = np.where(abs(x) < 0.5, 1.0, x)
+    return np.where(abs(x) < 0.5, series, (large - np.sin(large)) / large**3)
+
+
+def read_motion(path: str | Path) -> SampledMotion:
+    """A source motion from a text file of two columns: time in s, displacement in m."""
+    try:
+        table = np.loadtxt(path, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: not a table of numbers ({' '.join(str(error).split())}); write two columns, "
+            "time in s and displacement in m"
+        ) from error
+    if table.shape[1:] != (2,):
+        raise InputError(f"{path}: {table.shape[-1]} columns; write two, time in s and d in m")
+    return SampledMotion(table[:, 0], table[:, 1])

@@ -1,0 +1,100 @@
+"""The rooms of modal and of analysis: what may import what, and what runs without scipy."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+BELOW = {
+    "progress": set(),
+    "formats": set(),
+    "workload": {"formats"},
+    "packing": {"formats"},
+    "solvers": {"formats", "progress", "workload"},
+    "stiffness": {"formats", "packing", "solvers"},
+    "preparation": {"formats", "packing", "progress", "stiffness"},
+    "waves": {"formats", "packing", "progress", "solvers", "stiffness", "workload"},
+    "theory": {"formats", "packing", "stiffness"},
+    "modes": {"formats", "packing", "progress", "solvers", "stiffness", "waves", "workload"},
+    "cli": {
+        *("formats", "packing", "progress", "solvers", "stiffness", "workload"),
+        *("preparation", "waves", "theory", "modes"),
+    },
+    "__main__": {
+        *("formats", "packing", "stiffness", "solvers", "waves", "theory", "modes", "cli"),
+    },
+}
+"""Room of modal: the rooms that it may import from, besides itself."""
+
+
+def imports(path: Path) -> set[str]:
+    """Dotted names of the modules that a file imports, inside functions too."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def rooms_of(names: set[str]) -> set[str]:
+    """Rooms of modal among dotted names."""
+    return {name.split(".")[1] for name in names if name.startswith("modal.")} & set(BELOW)
+
+
+def files() -> list[Path]:
+    return sorted(path for path in (ROOT / "modal").rglob("*.py"))
+
+
+def test_every_module_of_modal_stands_in_a_room():
+    """Nothing lies on the floor between the rooms."""
+    found = {path.relative_to(ROOT / "modal").parts[0].removesuffix(".py") for path in files()}
+    assert found == {*BELOW, "__init__"}
+
+
+@pytest.mark.parametrize("room", [room for room in BELOW])
+def test_arrows_run_one_way(room):
+    """A room imports from those below it alone."""
+    folder, single = ROOT / "modal" / room, ROOT / "modal" / f"{room}.py"
+    for path in [single] if single.exists() else sorted(folder.rglob("*.py")):
+        above = rooms_of(imports(path)) - {room} - BELOW[room]
+        assert not above, f"{path.relative_to(ROOT)} imports from {above}"
+
+
+def test_no_room_stands_on_itself():
+    """The table itself has no circle."""
+    order: list[str] = []
+    left = dict(BELOW)
+    while left:
+        ground = [room for room, below in left.items() if below <= set(order)]
+        assert ground, f"a circle among {sorted(left)}"
+        order += ground
+        left = {room: below for room, below in left.items() if room not in ground}
+
+
+def test_modal_knows_nothing_of_the_others():
+    for path in files():
+        others = {name.split(".")[0] for name in imports(path)}
+        assert not others & {"analysis", "yade_scripts", "benchmarks", "tests", "yade"}, path
+
+
+@pytest.mark.parametrize("room", ["packing", "formats"])
+def test_rooms_that_run_inside_yade_load_neither_scipy_nor_numba(room):
+    """Import every module of the room in a new process and look at what is loaded."""
+    names = [
+        f"modal.{room}.{path.stem}"
+        for path in sorted((ROOT / "modal" / room).glob("*.py"))
+        if path.stem != "__init__"
+    ]
+    heavy = "{'scipy', 'numba', 'matplotlib'}"
+    code = f"import sys, {', '.join(names)}; print(*({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []
