@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.formats.hdf5 import InputError
-from modal.packing.layers import Layers, force_bearing
+from modal.packing.layers import Layers
 from modal.packing.network import Network
+from modal.packing.rattlers import force_bearing
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals

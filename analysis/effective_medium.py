@@ -13,8 +13,8 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import GLASS, Material, overlap_of_force, stiffness_normal
 from modal.packing.contact_law import stiffness_tangential as tangential
-from modal.packing.layers import force_bearing
 from modal.packing.network import Network
+from modal.packing.rattlers import force_bearing
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from analysis.ridge import Ridge, ridge
 from analysis.standing import Standing, standing_modes
 from analysis.velocity import at_frequency, first_peak_times, wall_velocity
 from modal.formats.hdf5 import InputError
-from modal.packing.layers import force_bearing
+from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle, coordination_without_rattlers
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.static_load import static_velocity

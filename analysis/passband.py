@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.lowpass import FADE, Plateau, flattest, threshold_curves
 from analysis.products import PASSAGES, Products
-from modal.packing.layers import force_bearing
+from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 
 THRESHOLDS = (0.02, 0.01, 0.03, 0.05)

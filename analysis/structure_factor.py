@@ -18,8 +18,8 @@ import numpy as np
 
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.formats.provenance import Provenance
-from modal.packing.layers import force_bearing
 from modal.packing.network import Network
+from modal.packing.rattlers import force_bearing
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.stiffness.matrices import mass_diagonal

@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from modal.packing.network import Network
-from modal.peeling import keeping_contacts
+from modal.packing.rattlers import keeping_contacts
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 

@@ -9,44 +9,10 @@ import numpy as np
 
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
-from modal.peeling import keeping_contacts
+from modal.packing.rattlers import firmly_held
 
 EDGE = 1e-9
 """A place so little below the edge of a slab, in slabs, counts to the next one."""
-
-
-def force_bearing(network: Network) -> np.ndarray:
-    """Shape (n,) bool: particles that keep two contacts or more once those with fewer are gone.
-
-    A particle with a single contact cannot be in balance under a force.
-    """
-    return keeping_contacts(network, 2)
-
-
-HELD = 0.05
-"""Largest contact force, over the mean one, from which a particle counts as firmly held."""
-
-
-def strongest_force(network: Network) -> np.ndarray:
-    """Shape (n,), N: the largest push or pull on each particle, 0 for one without contacts."""
-    force = abs(network.known("force_normal", "strongest force"))
-    strongest = np.zeros(network.n_particles)
-    pair = ~network.with_wall
-    np.maximum.at(strongest, network.particle_i, force)
-    np.maximum.at(strongest, network.particle_j[pair], force[pair])
-    return strongest
-
-
-def firmly_held(network: Network) -> np.ndarray:
-    """Shape (n,) bool: force-bearing particles that do not hang on contacts of hardly any force.
-
-    The others, some in a thousand, wander about in their cages by more than a wave moves them. A
-    network without forces tells nothing of it; there all force-bearing particles are held.
-    """
-    if network.force_normal is None or network.n_contacts == 0:
-        return force_bearing(network)
-    mean = abs(network.force_normal).mean()
-    return force_bearing(network) & (strongest_force(network) >= HELD * mean)
 
 
 class Layers:

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from modal.formats.hdf5 import InputError, write_whole
-from modal.packing.layers import force_bearing
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.order import crystalline
+from modal.packing.rattlers import force_bearing
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""

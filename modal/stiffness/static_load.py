@@ -10,8 +10,9 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from modal.formats.hdf5 import InputError
-from modal.packing.layers import Layers, force_bearing
+from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.springs import contact_stiffness
