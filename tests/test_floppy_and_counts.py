@@ -90,6 +90,25 @@ def test_parts_too_large_for_a_dense_null_space_count_as_held(monkeypatch):
     assert count_below(problem, 1.0) == everything.total
 
 
+@pytest.mark.parametrize("share", [0.8, 0.9])
+def test_floppy_modes_without_rotations(share):
+    """A single contact with both springs holds a sphere: only whole clusters move freely."""
+    problem = Eigenproblem.of(diluted(share, 2), translations_only=True)
+    basis, scale = problem.floppy.basis, problem.scaled.diagonal().max()
+    assert abs((problem.scaled @ basis).toarray()).max() < 1e-11 * scale
+    assert problem.floppy.total == zero_modes(problem) > 0
+
+
+def test_two_spheres_and_one_spring():
+    """An oblique contact without friction resists one motion of twelve."""
+    crystal = gallery.fcc(2, 3)
+    oblique = np.flatnonzero((abs(crystal.normal) > 0.1).sum(axis=1) >= 2)[:1]
+    slippery = replace(crystal, sliding=np.ones(crystal.n_contacts, bool))
+    problem = Eigenproblem.of(slipping(with_contacts(slippery, oblique)))
+    assert problem.floppy.total == zero_modes(problem) == problem.size - 1
+    assert problem.floppy.loose_clusters == 11
+
+
 def test_each_kind_is_named():
     """A free sphere has six zero modes, one on one contact three, one on two contacts one."""
     network = gallery.column(4)
@@ -249,14 +268,16 @@ def test_counts_do_not_depend_on_the_unit_of_stiffness(size):
                 assert found == (None if solver == "pardiso" and size < 1e-8 else expected)
 
 
-@pytest.mark.parametrize("solver", ["pardiso", "superlu"])
-def test_a_count_gives_the_memory_of_its_factor_back(solver, monkeypatch):
-    if not available(solver):
+@pytest.mark.parametrize("solver", [None, "pardiso", "superlu"])
+def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
+    """By PARDISO where it is installed and nothing else is asked for; else by layers, without."""
+    if solver is not None and not available(solver):
         pytest.skip("pypardiso is not installed")
-    kept = []
+    made, kept = [], []
 
     def noted(*arguments, **options):
         factor = factorise(*arguments, **options)
+        made.append(factor.solver)
         kept.append(factor)
 
         def release():
@@ -270,7 +291,35 @@ def test_a_count_gives_the_memory_of_its_factor_back(solver, monkeypatch):
     assert problem.size > SMALL
     assert count_below(problem, 0.0) == count_below(problem, -5e4) == 0
     assert count_below(problem, 5e4) == int((frequency_of(dense_squares(problem)) < 5e4).sum())
+    fast = solver or ("pardiso" if available("pardiso") else None)
+    assert made == ([fast] if fast else [])
     assert not kept
+
+
+@pytest.mark.parametrize("above", [3, 4])
+def test_counts_beside_an_uncertain_frequency_must_agree(above, monkeypatch):
+    """Where no method can tell at a frequency, three modes below and three above it are three;
+    three and four mean a mode in between."""
+    problem = Eigenproblem.of(gallery.fcc(4, 8))
+    square = (2 * np.pi * 5e4) ** 2
+
+    def negative(_, place, method):
+        return None if place == square else 3 if place < square else above
+
+    monkeypatch.setattr("modal.modes.counts._negative", negative)
+    if above == 3:
+        assert count_below(problem, 5e4) == 3
+    else:
+        with pytest.raises(InputError, match="a mode is so near"):
+            count_below(problem, 5e4)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
+def test_growth_of_a_layer_is_no_exact_count(size):
+    """As for a sparse factor: a leading entry of 1e-12 of the others, whatever their unit."""
+    matrix = size * sp.csr_matrix([[1e-12, 1.0], [1.0, 0.3]])
+    with pytest.raises(InputError, match="singular"):
+        count_negative(matrix, 1, np.arange(2.0))
 
 
 @pytest.mark.parametrize("zero", [0, 2, 4])

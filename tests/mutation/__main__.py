@@ -94,9 +94,14 @@ class Workplace:
             shutil.rmtree(self.cache, ignore_errors=True)
         path.write_bytes(mutant.apply(source))
         try:
-            return self.run(path.stem, timeout)
+            return self.run(module_of(mutant), timeout)
         finally:
             path.write_bytes(source)
+
+
+def module_of(mutant: Mutant) -> str:
+    """The module's name in `TESTS`."""
+    return mutant.path.removeprefix("modal/").removesuffix(".py")
 
 
 @functools.cache
@@ -134,7 +139,7 @@ def report(mutants: list[Mutant], found: dict[str, dict]) -> str:
         numbers = [0, 0, 0, 0]
         for mutant in mutants:
             row = found.get(key_of(mutant))
-            if row is None or Path(mutant.path).stem != module:
+            if row is None or module_of(mutant) != module:
                 continue
             same = (mutant.path, mutant.before, mutant.after) in equivalent
             kind = 1 if row["outcome"] == "noticed" else 2 if same else 3
@@ -197,11 +202,11 @@ def main(arguments: list[str] | None = None) -> int:
 
         def judge(mutant: Mutant) -> tuple[Mutant, str, str]:
             place = places.get()
-            outcome, by = place.judge(mutant, limits[Path(mutant.path).stem])
+            outcome, by = place.judge(mutant, limits[module_of(mutant)])
             places.put(place)
             return mutant, outcome, by
 
-        limits = dict(pool.map(limit, sorted({Path(m.path).stem for m in waiting})))
+        limits = dict(pool.map(limit, sorted({module_of(m) for m in waiting})))
         for number, (mutant, outcome, by) in enumerate(pool.map(judge, waiting), 1):
             row = {"key": key_of(mutant), "outcome": outcome, "by": by, "line": mutant.line}
             row |= {"path": mutant.path, "before": mutant.before, "after": mutant.after}
