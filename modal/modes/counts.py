@@ -50,9 +50,12 @@ def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> n
 
 
 def count_negative(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> int:
-    """Number of negative eigenvalues of a symmetric matrix (dof n, dof n), with `dof` rows each
-    particle. SingularError where a layer on the way is singular, or so nearly that entries grow
-    more than `GROWTH`."""
+    """Number of negative eigenvalues of a symmetric matrix, shape (dof n, dof n).
+
+    `dof` consecutive rows belong to each of the n particles; `height` (n,) orders the particles
+    into layers, which are eliminated one after the other. SingularError where the Schur complement
+    of a layer is singular, or so nearly that its entries grow by more than `GROWTH`.
+    """
     layer = layers_of_contacts(matrix, dof, height)
     order = np.argsort(layer, kind="stable")
     rows = (order[:, None] * dof + np.arange(dof)).ravel()

@@ -84,8 +84,12 @@ def _dense_by_symmetry(
     chosen: Callable[[np.ndarray], slice],
     interval: str,
 ) -> ModeSet:
-    """Modes block by block. A Bloch wave is of the same size in every cell, so one column of
-    cells has the observables; only the laterally uniform block (q = 0) has planar resonances."""
+    """Modes of one symmetry block after the other, each block a dense eigenproblem.
+
+    A block belongs to one lateral wave vector q. Its modes are Bloch waves, of the same size in
+    every lateral cell, so their observables are computed on one column of cells. Only the block of
+    q = 0, laterally uniform motion, has planar resonances.
+    """
     column = group.orbit[0]
     column_mass = problem.mass.reshape(-1, problem.dof)[column].ravel()
     in_column = np.full(problem.network.n_particles, -1)

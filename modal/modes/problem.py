@@ -41,10 +41,11 @@ _OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 
 @dataclass
 class Eigenproblem:
-    """A network and its matrices, each made when it is first asked for.
+    """A network with the matrices of its eigenproblem, each computed when first needed.
 
-    dof: 6 or 3 a particle; solver: as in `of`; shapes: whether modes keep their shapes; hours:
-    longest search that is begun, as estimated.
+    `dof` is the number of degrees of freedom of a particle, 6, or 3 with translations only;
+    `solver` as in `of`; `shapes` says whether lists of modes keep their mode shapes; a search
+    whose estimated time exceeds `hours` is refused.
     """
 
     network: Network
@@ -85,7 +86,10 @@ class Eigenproblem:
         return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
 
     def assembled(self) -> sp.csr_matrix:
-        """A = M^-1/2 K M^-1/2 as a sparse matrix, made anew: next to a factor it need not stay."""
+        """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
+
+        It is not kept, so that its memory is free while a factorisation is in use.
+        """
         K = stiffness_matrix(self.network, translations_only=self.dof == 3)
         scale = 1 / np.sqrt(self.mass)
         K.data *= scale[K.indices]
@@ -94,7 +98,7 @@ class Eigenproblem:
 
     @cached_property
     def scaled(self) -> sp.csr_matrix:
-        """`assembled`, for what comes back to it."""
+        """The matrix that `assembled` gives, kept for callers that use it repeatedly."""
         return self.assembled()
 
     @cached_property
@@ -116,20 +120,20 @@ class Eigenproblem:
 
     @cached_property
     def operator(self) -> ContactOperator:
-        """A without a matrix, where that is compiled."""
+        """The product of A with vectors, computed contact by contact where numba is installed."""
         return ContactOperator(self.network, translations_only=self.dof == 3, mass_scaled=True)
 
     @cached_property
     def floppy(self) -> FloppyModes:
-        """Zero modes of the parts that nothing holds."""
+        """Zero modes (omega = 0): motions of particles that no contact resists."""
         return floppy_modes(self.network, self.operator, self.mass, self.diagonal)
 
     def shifted(self, square: float) -> sp.csr_matrix:
-        """A - square, with square an omega^2."""
+        """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
         return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
 
     def chain(self) -> np.ndarray | None:
-        """The wall-to-wall chain, or None where the network has none."""
+        """Indices of the particles of the wall-to-wall chain, or None if there is none."""
         try:
             return wall_to_wall_chain(self.network)
         except InputError:
@@ -151,8 +155,8 @@ def frequency_of(square: np.ndarray) -> np.ndarray:
 def relative_residual(difference: np.ndarray, square: np.ndarray, resolution: float) -> np.ndarray:
     """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (size, k) and omega^2 (k,).
 
-    Below `resolution`, where omega^2 is round-off, that takes its place: zero modes have a
-    residual of some units.
+    Where |omega^2| is smaller than `resolution`, which means that it is round-off, the difference
+    is divided by `resolution` instead: zero modes then have a residual of order 1, not of infinity.
     """
     own = np.maximum(np.abs(square), max(resolution, np.finfo(float).tiny))
     return np.linalg.norm(difference, axis=0) / own
@@ -166,7 +170,13 @@ def measure(
     *,
     keep_shapes: bool = False,
 ) -> ModeSet:
-    """Observables of modes given as unit vectors (size, k), a few modes at a time."""
+    """The observables of modes: frequency, residual, chi_z, rotation share, P resonances.
+
+    `square` (k,): omega^2, 1/s^2; `vector` (size, k): unit eigenvectors of A. `chain` (nc,):
+    particles of the wall-to-wall chain; without one there is no `chi_z_chain` (NaN) and no list of
+    P resonances. With `keep_shapes` the mode shapes (k, n, 6) are in the result. `TOGETHER` modes
+    are converted to shapes at a time, which bounds the memory.
+    """
     count = len(square)
     columns = {name: np.full(count, np.nan) for name in _OBSERVABLES}
     kept = np.empty((count, problem.network.n_particles, 6)) if keep_shapes else None
@@ -221,9 +231,10 @@ def found_modes(
     solver: str,
     of: int = 0,
 ) -> ModeSet:
-    """Observables of modes; with their shapes if asked for and not too large.
+    """The modes with their observables, and with their shapes if these fit in `LARGEST_SHAPES`.
 
-    `of` is the number of modes of the whole list, where these are a part of it.
+    `square` (k,) and `vector` (size, k) as in `measure`; `interval` and `solver` are texts for the
+    attributes. `of` is the length of the whole list where these modes are a part of it.
     """
     left_out = shapes_left_out(problem, max(of, len(square))) if problem.shapes else ""
     keep = problem.shapes and not left_out
@@ -248,7 +259,10 @@ def certificate(missing: int, because: str = "") -> dict[str, Any]:
 
 
 def subset(modes: ModeSet, chosen: slice, interval: str) -> ModeSet:
-    """A new list: the `chosen` modes, and those P resonances that are among them."""
+    """A list of the `chosen` modes only, with those P resonances whose frequencies it contains.
+
+    `interval` is the text that describes the new list in its attributes.
+    """
     arrays = {name: getattr(modes, name) for name in ("frequency", *_OBSERVABLES, "mode_shape")}
     arrays = {name: None if data is None else data[chosen] for name, data in arrays.items()}
     resonance = modes.resonance_frequency
@@ -260,7 +274,11 @@ def subset(modes: ModeSet, chosen: slice, interval: str) -> ModeSet:
 
 
 def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None:
-    """InputError where a network has fewer modes to list than `count`."""
+    """Raise InputError unless 1 <= `count` <= `available_modes`.
+
+    `available_modes` is the number of modes that can be listed: all degrees of freedom, less the
+    zero modes where these are not listed.
+    """
     if not 1 <= count <= available_modes:
         raise InputError(
             f"{count} modes asked, the network has {problem.size} degrees of freedom and "

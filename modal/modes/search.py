@@ -37,8 +37,11 @@ class Search:
         self.solves = 0
 
     def gather(self, wanted: int, inside: Callable[[np.ndarray], np.ndarray] = np.isfinite) -> int:
-        """Search until `wanted` modes are found, of those whose omega^2 are `inside`, as far as
-        more converge. Returns how many are missing: none at 0, too many below."""
+        """Search until `wanted` modes are found, or until a round finds none that converges.
+
+        Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and gives bool (k,).
+        Returns how many are missing: 0 if all were found, negative if more were found than wanted.
+        """
         going = True
         while going:
             missing = wanted - int(inside(self.square).sum())
@@ -47,11 +50,13 @@ class Search:
         return missing
 
     def complete(self, count: int, direction: int, counted: Callable[[float], int]) -> int:
-        """Search until an exact count says that the `count` lowest (`direction` 1) or highest (-1)
-        modes are found, as far as more converge. Returns how many are missing, as `gather`.
+        """Search until an exact count confirms the `count` lowest or highest modes.
 
-        `counted` gives the number of modes beyond a frequency. The list is complete if nothing
-        beyond its last mode is missing, which itself may be one of several equal ones.
+        `direction` is 1 for the lowest and -1 for the highest modes. `counted` gives the exact
+        number of modes below (for -1: above) a frequency in Hz. The list is complete if it has as
+        many modes beyond its last frequency; of several modes at that frequency it may have a part.
+        The search ends early where a round finds none that converges. Returns how many modes are
+        missing, as `gather` does.
         """
         missing = self.gather(count)
         while missing <= 0:
@@ -72,11 +77,14 @@ class Search:
         return missing
 
     def held(self) -> Held:
-        """Zero modes, and what was found."""
+        """The modes that the next round must not find again: zero modes and those found before."""
         return Held(self.problem.floppy.basis, self.vector)
 
     def ask(self, count: int) -> bool:
-        """Search `count` more; whether any converged. The factor is kept until `release`."""
+        """Search for `count` more modes; True if any converged.
+
+        The factorisation is made at the first call and kept until `release`.
+        """
         if self.factor is None:
             self.factor = self.factorised()
             self.solver = self.factor.solver
@@ -85,12 +93,12 @@ class Search:
         return self.keep(near)
 
     def factorised(self) -> Factor:
-        """A - sigma, factorised."""
+        """A factorisation of A - sigma."""
         shifted = self.problem.shifted(self.sigma)
         return factorise(shifted, definite=self.definite, solver=self.problem.solver)
 
     def keep(self, near: Nearest) -> bool:
-        """Add what has converged; whether anything has."""
+        """Add the converged modes to those found; True if there were any."""
         self.square = np.concatenate([self.square, near.square[near.converged]])
         self.vector = np.concatenate([self.vector, near.vector[:, near.converged]], axis=1)
         return bool(near.converged.any())
@@ -129,11 +137,14 @@ class SearchFromTop(Search):
         self.reach = 0.0
 
     def held(self) -> Held:
-        """What was found: zero modes are far away."""
+        """The modes found before. Zero modes need not be held out, they are far from the top."""
         return Held(sp.csc_matrix((self.problem.size, 0)), self.vector)
 
     def ask(self, count: int) -> bool:
-        """Search `count` more below what was found; whether any converged."""
+        """Search for `count` more modes below those found; True if another round is worthwhile.
+
+        Where products did not converge, the next round works about a shift above the highest mode.
+        """
         if np.isinf(self.sigma) and self.held().free <= ROOM * count:
             highest = self.square.max(initial=self.problem.bound)
             self.reach = ABOVE * highest
@@ -152,8 +163,11 @@ class SearchFromTop(Search):
         return self.keep(top) or np.isfinite(self.sigma)
 
     def look_again(self, count: int) -> int:
-        """Where nothing is counted: search `count`, and more from other starts until nothing above
-        the lowest of them turns up. Returns how many are missing."""
+        """Find the `count` highest modes without an exact count; returns how many are missing.
+
+        Further rounds, each from another start block, follow until one finds nothing above the
+        lowest of the `count` modes. That makes a missed mode unlikely; it proves nothing.
+        """
         missing = self.gather(count)
         while missing <= 0 and count > 1:
             known, lowest = len(self.square), np.sort(self.square)[-count]
@@ -162,7 +176,10 @@ class SearchFromTop(Search):
         return max(missing, 0)
 
     def factorised(self) -> Factor:
-        """A - sigma by way of its negative; sigma is raised where a mode lies above it."""
+        """A factorisation of A - sigma, made from sigma - A, which is positive definite.
+
+        Where that fails a mode lies above sigma; sigma is then raised and the factor made again.
+        """
         while True:
             try:
                 factor = factorise(

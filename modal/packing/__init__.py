@@ -1,0 +1,1 @@
+"""Contact networks and samples of spheres, their contact law and state, and known packings."""

@@ -11,8 +11,11 @@ HELD = 0.05
 
 
 def keeping_contacts(network: Network, least: int) -> np.ndarray:
-    """Shape (n,) bool: the largest set of particles each of which has `least` contacts with walls
-    and with others of the set."""
+    """Shape (n,) bool: particles left when those with fewer than `least` contacts are removed.
+
+    Removing a particle removes its contacts, so this repeats until all that are left have at least
+    `least` contacts with each other and with walls.
+    """
     i, j, pair = network.particle_i, network.partner, ~network.with_wall
     kept = np.ones(network.n_particles, bool)
     while True:

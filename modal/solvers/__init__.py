@@ -1,0 +1,1 @@
+"""Sparse factorisations, block Lanczos, and bounds of a matrix's spectrum."""

@@ -35,21 +35,29 @@ SEED = 20170729
 
 
 def start_block(size: int, width: int, round: int = 0) -> np.ndarray:
-    """Shape (size, width): the start of an iteration. The modes of one frequency that a block does
-    not see are orthogonal to it: the next `round` needs another."""
+    """Shape (size, width): random columns from which an iteration starts.
+
+    Of the modes of one frequency an iteration finds only combinations that its start block is not
+    orthogonal to, at most `width` of them. Each further `round` therefore starts from others.
+    """
     return np.random.default_rng(SEED + round).standard_normal((size, width))
 
 
 def _orthonormal(
     block: np.ndarray, basis: np.ndarray, held: Held, *, anew: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Q, V^T block and R of block = V (V^T block) + Q R, the held-out modes taken away.
+    """Make a block orthogonal to the basis V and to the held-out modes.
 
-    In exact arithmetic the last two blocks of V are all that the block has in common with it, so
-    they go first; what round-off brought back of the others is then small, and one pass over all
-    of V leaves the block orthogonal to round-off. Where nothing is left of a column, Q goes on in
-    a direction that round-off chose, and a degenerate frequency shows more of its modes. The first
-    block of a basis that began `anew` has something of every column. The block is overwritten.
+    Shapes: block (size, w), basis (size, k). Returns Q (size, w), with orthonormal columns that
+    are orthogonal to V, the coefficients V^T block (k, w), and R (w, w), such that
+    block = V (V^T block) + Q R once the held-out modes are removed. The block is overwritten.
+
+    Two passes of Gram-Schmidt. In exact arithmetic a new Lanczos block overlaps only with the last
+    two blocks of V, so the first pass removes those; with a basis that has just been restarted
+    (`anew`) it overlaps with every column, and the first pass removes all. The second pass removes
+    from all of V what round-off has left. Where a column of the block depends on the others, QR
+    puts an arbitrary direction in its place, which may show further modes of a degenerate
+    frequency.
     """
     width = block.shape[1]
     within = np.zeros((basis.shape[1], width))
@@ -66,19 +74,23 @@ def _orthonormal(
 
 @dataclass
 class Held:
-    """Modes held out of the iteration: sparse zero modes and dense ones found before."""
+    """Modes that an iteration must not find: its vectors are kept orthogonal to them.
+
+    `null` (size, z) sparse: an orthonormal basis of the zero modes; `found` (size, f): the unit
+    vectors of modes found before.
+    """
 
     null: sp.csc_matrix
     found: np.ndarray
 
     def take_out_of(self, block: np.ndarray) -> None:
-        """Leave of the block (size, k) what is orthogonal to the held modes."""
+        """Subtract from the block (size, k), in place, its components along the held modes."""
         block -= self.null @ (self.null.T @ block)
         block -= self.found @ (self.found.T @ block)
 
     @property
     def free(self) -> int:
-        """Dimensions that are left."""
+        """Dimension of the space orthogonal to the held modes."""
         return self.found.shape[0] - self.null.shape[1] - self.found.shape[1]
 
 
@@ -103,9 +115,10 @@ def modes_nearest(
     sigma: float,
     held: Held,
 ) -> Nearest:
-    """The `count` eigenpairs of A nearest `sigma`, at best; those that converged are marked.
+    """The `count` eigenpairs of A nearest `sigma`, of which those that converged are marked.
 
-    `solve` applies (A - sigma)^-1 to (size, k). The basis grows to 5 count + 40 blocks at most.
+    `solve` applies (A - sigma)^-1 to a block (size, k). The basis grows to 5 `count` + 40 `BLOCK`
+    vectors at most; what has not converged by then is returned as it is.
     """
     free = held.free
     width = min(BLOCK, max(1, free // 8))
@@ -146,12 +159,12 @@ def modes_nearest(
 def modes_from_top(
     apply: Callable[[np.ndarray], np.ndarray], size: int, count: int, held: Held, most: int
 ) -> Nearest:
-    """The `count` largest eigenpairs of A, at best; those that converged are marked.
+    """The `count` largest eigenpairs of A, of which those that converged are marked.
 
-    `apply` multiplies (size, k) by A, at most about `most` columns in all; more than `ROOM` times
-    `count` dimensions must be free. The basis is small: when
-    it is full it begins anew with its best vectors, which keep what was learnt (thick restart:
-    K. Wu and H. Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000).
+    `apply` multiplies a block (size, k) by A; about `most` columns are multiplied at most. More
+    than `ROOM` times `count` dimensions must be free. When the basis is full, the iteration
+    restarts with the best vectors of the old basis (thick restart: K. Wu and H. Simon, SIAM J.
+    Matrix Anal. Appl. 22, 602, 2000).
     """
     width = min(WIDTH_ABOVE, count)
     limit = min(3 * count + 40, held.free)
@@ -188,9 +201,10 @@ def modes_from_top(
 
 
 def _combine(basis: np.ndarray, mixing: np.ndarray) -> None:
-    """The first columns of `basis` become basis @ `mixing`; the others lose their meaning.
+    """Replace the first columns of `basis` (size, k) by basis @ `mixing`, `mixing` (k, c), c <= k.
 
-    Row by row in place: basis and vectors together would be the peak of the memory.
+    The other columns keep no meaning. It is done in place, `ROWS` rows at a time, so that basis
+    and product never stand in memory together.
     """
     dimension, count = mixing.shape
     for first in range(0, len(basis), ROWS):

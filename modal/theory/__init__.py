@@ -1,0 +1,1 @@
+"""Closed forms to compare with: the dispersion relation of the FCC crystal."""

@@ -1,0 +1,1 @@
+"""Linear waves through a packing: their source, time steps, receivers and frequency response."""
