@@ -25,9 +25,7 @@ BELOW = {
         *("formats", "packing", "progress", "solvers", "stiffness", "workload"),
         *("preparation", "waves", "theory", "modes"),
     },
-    "__main__": {
-        *("formats", "packing", "stiffness", "solvers", "waves", "theory", "modes", "cli"),
-    },
+    "__main__": {"cli"},
 }
 """Room of modal: the rooms that it may import from, besides itself."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.cli import packing as packing_commands
+from modal.cli import relax as relax_command
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
@@ -239,7 +239,7 @@ def test_tolerance_that_is_not_reached_is_said(packed, approach, tmp_path, capsy
     assert relax(packed)[1].at_rest
     path, out = tmp_path / "a.sample.h5", tmp_path / "b.sample.h5"
     write_sample(path, packed)
-    monkeypatch.setattr(packing_commands, "relax", short)
+    monkeypatch.setattr(relax_command, "relax", short)
     assert main(["relax", str(path), "--tolerance", "1e-12", "-o", str(out)]) == 3
     assert "1e-12 was asked for" in capsys.readouterr().err
     study = read_sample(out).study

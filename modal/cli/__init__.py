@@ -1,1 +1,1 @@
-"""The command line: what each command of `python -m modal` prints and writes."""
+"""The command line: one module a command, its options and what it prints and writes."""

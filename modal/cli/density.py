@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.cli.options import add_if_stale, network_command
 from modal.formats.hdf5 import InputError, sha256
 from modal.modes.density import density_of_states, write_density
 from modal.modes.problem import Eigenproblem
@@ -15,18 +16,22 @@ from modal.packing.plausibility import read_remarked
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)
 
+read_product = None
 
-def add_density_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `density`, without network and --json."""
-    parser.add_argument("--resolution", type=float, default=2e3, metavar="HZ", help="2000")
-    parser.add_argument(
+
+def add(commands: Any) -> None:
+    """The options of `density`."""
+    command = network_command(commands, "density", "how all modes are distributed")
+    command.add_argument("--resolution", type=float, default=2e3, metavar="HZ", help="2000")
+    command.add_argument(
         "--tolerance", type=float, default=1e-3, help="error of a count in parts of all; 1e-3"
     )
-    parser.add_argument("--at", nargs="+", default=[], metavar="HZ", help="print counts below")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write *.density.h5")
+    command.add_argument("--at", nargs="+", default=[], metavar="HZ", help="print counts below")
+    command.add_argument("-o", "--output", metavar="FILE", help="write *.density.h5")
+    add_if_stale(command)
 
 
-def density(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run the command; the result as it is printed."""
     try:
         at = np.array([float(typed) for typed in options.at])

@@ -1,0 +1,33 @@
+"""The command `lattice`: the analytic FCC crystal."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from modal.formats.hdf5 import InputError
+from modal.theory.fcc import FccCrystal
+
+
+def add(commands: Any) -> None:
+    """The options of `lattice`."""
+    command = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
+    command.add_argument("--stress", type=float, default=1e5, metavar="PA")
+    command.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Stiffnesses, f_low-pass and the velocity of long waves at this stress."""
+    if not 0 < options.stress < 1e9:
+        raise InputError(f"--stress {options.stress:g}: outside 0 to 1e9 Pa; give it in Pa")
+    crystal = FccCrystal(options.stress)
+    return {
+        "stress_pa": crystal.stress,
+        "overlap_m": crystal.overlap,
+        "stiffness_normal_n_per_m": crystal.kn,
+        "stiffness_tangential_n_per_m": crystal.kt,
+        "layer_stiffness_n_per_m": crystal.C,
+        "layer_distance_m": crystal.layer_distance,
+        "f_low_pass_hz": crystal.low_pass_frequency,
+        "long_wave_velocity_m_per_s": crystal.velocity,
+    }

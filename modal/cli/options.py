@@ -1,0 +1,46 @@
+"""What the commands share: a parser whose mistakes are one line, options that several have."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, NoReturn
+
+from modal.formats.hdf5 import InputError
+
+SHORT = 3
+"""Exit status where a product is written but falls short: a list of modes that lacks some, a sample
+that has not come to rest within the tolerance."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that raises InputError where argparse would print its usage and end the program."""
+
+    def error(self, message: str) -> NoReturn:
+        """A mistake in the command line, in one line."""
+        raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
+
+
+def network_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
+    """A command that reads a packing: its parser, with the file and --json."""
+    command = commands.add_parser(name, help=text, description=text)
+    command.add_argument("network", help="*.network.h5, or *.sample.h5")
+    command.add_argument("--json", action="store_true", help="print one JSON object")
+    return command
+
+
+def add_if_stale(command: argparse.ArgumentParser) -> None:
+    """The option --if-stale of a command that writes one product."""
+    command.add_argument(
+        "--if-stale", action="store_true", help="keep FILE if sources and settings are the same"
+    )
+
+
+def typed(name: str) -> str:
+    """The option of this name, as it is typed."""
+    return "--" + name.replace("_", "-")
+
+
+def say(text: str) -> None:
+    """A line for whoever sits at the terminal."""
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,96 @@
+"""The command `relax`: a sample to the balance of its contact law."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict, replace
+from typing import Any
+
+from modal.cli.options import add_if_stale, say
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import Provenance, packing_of
+from modal.packing.network import write_network
+from modal.packing.sample import read_sample, write_sample
+from modal.packing.state import summary
+from modal.preparation.relax import TOLERANCE, Balance, relax
+
+read_product = read_sample
+
+
+def add(commands: Any) -> None:
+    """The options of `relax`."""
+    text = "bring a sample to the balance of its contact law"
+    balance = commands.add_parser("relax", help=text, description=text)
+    balance.add_argument("sample", help="*.sample.h5")
+    balance.add_argument("--friction", type=float, metavar="MU", help="of the wave; as it is")
+    balance.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-10")
+    balance.add_argument("--network", metavar="FILE", help="write the contact network as well")
+    balance.add_argument("--json", action="store_true", help="print one JSON object")
+    balance.add_argument("-o", "--output", required=True, metavar="FILE", help="*.sample.h5")
+    add_if_stale(balance)
+
+
+def short_of(path: str) -> dict[str, Any]:
+    """What a sample that is kept fell short of when it was made: its exit status stays."""
+    return {"at_rest": bool(read_sample(path).study.get("at_rest", True))}
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Bring one sample to rest; its residuals before and after, and its reserve of friction."""
+    sample = read_sample(options.sample)
+    if options.friction is not None:
+        sample = replace(sample, friction=options.friction)
+    if not options.tolerance > 0:
+        raise InputError(
+            f"--tolerance {options.tolerance:g}: must be positive; {TOLERANCE:g} is usual"
+        )
+    history: list[Balance] = []
+
+    def watch(state: Balance) -> None:
+        history.append(replace(state))
+        if state.steps % 1000:
+            return
+        say(
+            f"step {state.steps}: residual {state.residual:.1e}, {state.contacts} contacts, "
+            f"{state.sliding} sliding"
+        )
+
+    rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
+    if not state.at_rest:
+        say(
+            f"tolerance not reached: residual {state.residual:.1e}, of a single sphere "
+            f"{state.largest:.1e}, after {state.steps} steps, {state.tolerance:g} was asked for"
+        )
+    elif state.residual > state.tolerance:
+        say(
+            f"residual {state.residual:.1e}: round-off of the positions allows no less than "
+            f"{state.attainable:.1e}, {state.tolerance:g} was asked for"
+        )
+    network = rested.network()
+    measured = summary(network, rested.friction)
+    found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
+    found |= {name: getattr(state, name) for name in ("tolerance", "attainable", "at_rest")}
+    found |= zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)
+    rested = replace(
+        rested,
+        study=sample.study | measured | found,
+        provenance=_with_parent(options.made, sample.provenance),
+    )
+    write_sample(options.output, rested)
+    if options.network:
+        network.study |= rested.study
+        (parent,) = packing_of(options.output)
+        made = replace(options.made, sources=(parent,))
+        network.provenance = made.attributes() | {
+            "parent": parent.name,
+            "parent_sha256": parent.sha256,
+        }
+        write_network(options.network, network)
+    return {"residual_before": history[0].residual} | asdict(state) | measured
+
+
+def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:
+    """The attributes of a moved sample: its state is seldom kept, so what that said stays."""
+    (state,) = made.sources
+    kept = {f"parent_{k}": value for k, value in parent.items() if not k.startswith("parent")}
+    return made.attributes() | kept | {"parent": state.name, "parent_sha256": state.sha256}

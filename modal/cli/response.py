@@ -1,0 +1,45 @@
+"""The command `response`: transfer functions from the source wall, and the gain factor."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from modal.cli.options import add_if_stale, network_command
+from modal.formats.hdf5 import sha256
+from modal.packing.plausibility import read_remarked
+from modal.stiffness.pre_stress import PRE_STRESS
+from modal.waves.response import frequency_response, write_response
+
+read_product = None
+
+
+def add(commands: Any) -> None:
+    """The options of `response`."""
+    text = "transfer functions from the source wall, gain factor"
+    command = network_command(commands, "response", text)
+    command.add_argument("--highest", type=float, metavar="HZ", help="default: whole spectrum")
+    command.add_argument("--resolution", type=float, default=1e3, metavar="HZ")
+    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none")
+    command.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
+    add_if_stale(command)
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """The response up to the highest frequency, and where the gain has its maxima."""
+    found = frequency_response(
+        read_remarked(options.network, options.remarks.append),
+        highest=options.highest,
+        resolution=options.resolution,
+        pre_stress=options.pre_stress,
+    )
+    if options.output:
+        write_response(options.output, found, sha256(options.network), options.made)
+    return {
+        "resolution_hz": found.resolution,
+        "frequencies": len(found.frequency),
+        "highest_frequency_hz": float(found.frequency[-1]),
+        "products_with_k": found.products,
+        "largest_gain": float(found.gain.max()),
+        "gain_maxima_hz": found.gain_maxima().tolist(),
+    }
