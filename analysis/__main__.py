@@ -10,19 +10,19 @@ from typing import NoReturn
 import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
-from analysis.compare import as_text, compare, write_table
+from analysis.case import Products, find
+from analysis.crystal import as_text, compare, write_table
+from analysis.estimators.power_law import power_law, stress_rows
+from analysis.estimators.trial import trial
 from analysis.figures import FIGURES, draw
+from analysis.figures.picture import read_picture
+from analysis.figures.render import save
 from analysis.measures import Measures
-from analysis.picture import read_picture
 from analysis.prepare import prepare
-from analysis.products import Products, find
-from analysis.render import save
 from analysis.report import report as write_report
 from analysis.samples import table
 from analysis.status import status_table
-from analysis.stress import power_law, stress_rows
-from analysis.tables import tables
-from analysis.trial import trial
+from analysis.study import tables
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing.network import read_network

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.dispersion import mode_dispersion
+from analysis.estimators.damped_transform import mode_dispersion
+from analysis.estimators.power_law import power_law
 from analysis.measures import Measures, groups
 from analysis.paper import stated, stated_range
-from analysis.stress import power_law
 
 HEADER = ["case", "quantity", "here", "paper", "difference"]
 GAIN = "gain at its first maximum"

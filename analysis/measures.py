@@ -8,16 +8,16 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from analysis.coherent import Coherent, coherent_wave, longest_waves
-from analysis.dispersion import chain_dispersion, mode_dispersion
-from analysis.effective_medium import of_contacts, of_means
-from analysis.gain import Gain, network_gain
-from analysis.lowpass import Plateau
-from analysis.passband import Passband
-from analysis.products import Products
-from analysis.ridge import Ridge, ridge
-from analysis.standing import Standing, standing_modes
-from analysis.velocity import at_frequency, first_peak_times, wall_velocity
+from analysis.case import Products
+from analysis.estimators.coherent import Coherent, coherent_wave, longest_waves
+from analysis.estimators.damped_transform import chain_dispersion, mode_dispersion
+from analysis.estimators.effective_medium import of_contacts, of_means
+from analysis.estimators.low_pass import Plateau
+from analysis.estimators.passband import Passband
+from analysis.estimators.resonances import Standing, standing_modes
+from analysis.estimators.ridge import Ridge, ridge
+from analysis.estimators.transfer import Gain, network_gain
+from analysis.estimators.travel_time import at_frequency, first_peak_times, wall_velocity
 from modal.formats.hdf5 import InputError
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle, coordination_without_rattlers

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.gain import REACH
-from analysis.gain import RESOLUTION as GAIN_RESOLUTION
-from analysis.products import Products
-from analysis.structure_factor import structure_factor, write_structure
+from analysis.case import Products
+from analysis.estimators.structure_factor import structure_factor, write_structure
+from analysis.estimators.transfer import REACH
+from analysis.estimators.transfer import RESOLUTION as GAIN_RESOLUTION
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.modes.problem import Eigenproblem

@@ -12,12 +12,13 @@ import matplotlib
 import numpy
 import scipy
 
-from analysis.figures import FIGURES, picture
+from analysis.case import EXTRA_KINDS, KINDS
+from analysis.figures import FIGURES, compose
+from analysis.figures.picture import write_picture
+from analysis.figures.render import save_png
 from analysis.measures import Measures
-from analysis.picture import write_picture
-from analysis.products import EXTRA_KINDS, KINDS
-from analysis.render import save_png
-from analysis.tables import Table, tables
+from analysis.study import tables
+from analysis.table import Table
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import read_provenance
 
@@ -50,7 +51,7 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
     body.append("<h2>Figures</h2>")
     for name, entry in FIGURES.items():
         try:
-            drawn = picture(name, cases)
+            drawn = compose(name, cases)
         except InputError as error:
             absent.append(f"{name}: {error}")
             continue

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.exact_chain import is_fcc
+from analysis.estimators.exact_chain import is_fcc
 from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
 from analysis.settled import MARK, why_unsettled
 from modal.formats.hdf5 import InputError, sha256

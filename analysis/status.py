@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from analysis.products import EXTRA_KINDS, KINDS, Products
+from analysis.case import EXTRA_KINDS, KINDS, Products
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import (
     PACKING,

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.dispersion import chain_dispersion, rms_deviation
-from analysis.exact_chain import Chain, exact_twin
+from analysis.estimators.damped_transform import chain_dispersion, rms_deviation
+from analysis.estimators.exact_chain import Chain, exact_twin
 from benchmarks.harness import diagram, yade
 from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import resized, sample_or_small

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.__main__ import COMPARED, main
-from analysis.exact_chain import Chain, chain_signals
+from analysis.estimators.exact_chain import Chain, chain_signals
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.examples import fcc
 from modal.packing.network import write_network

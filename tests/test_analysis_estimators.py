@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import trial
 from analysis.__main__ import main
-from analysis.dispersion import (
+from analysis.estimators import trial
+from analysis.estimators.damped_transform import (
     chain_dispersion,
     fk_map,
     mode_cosine,
     mode_dispersion,
     rms_deviation,
 )
-from analysis.exact_chain import Chain, chain_signals
-from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency
-from analysis.trial import Condition, two_arrivals
-from analysis.velocity import (
+from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.low_pass import plateau, spectrum_with_distance, threshold_frequency
+from analysis.estimators.travel_time import (
     arrival_times,
     at_frequency,
     cross_spectrum,
@@ -25,6 +24,7 @@ from analysis.velocity import (
     travel_velocity,
     wall_velocity,
 )
+from analysis.estimators.trial import Condition, two_arrivals
 from modal.packing.examples import fcc
 from modal.theory.fcc import FccCrystal
 from modal.waves.propagate import propagate

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.case import Products
 from analysis.deviations import deviations
-from analysis.exact_chain import chain_signals
+from analysis.estimators.exact_chain import chain_signals
+from analysis.estimators.passband import THRESHOLDS
+from analysis.estimators.power_law import power_law
+from analysis.estimators.resonances import standing_modes
 from analysis.measures import Estimate, Measures
 from analysis.paper import matching_case, stated, stated_range
-from analysis.passband import THRESHOLDS
-from analysis.products import Products
-from analysis.standing import standing_modes
-from analysis.stress import power_law
-from analysis.tables import number, table_1, table_of_fits
+from analysis.study import number, table_1, table_of_fits
 from modal.formats.hdf5 import InputError
 from modal.modes.highest import all_modes
 from modal.modes.mode_set import ModeSet

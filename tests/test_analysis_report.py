@@ -7,18 +7,18 @@ import pytest
 from scipy.special import ndtr
 
 from analysis.__main__ import main
-from analysis.coherent import coherent_wave, longest_waves
-from analysis.effective_medium import of_contacts, of_means
-from analysis.exact_chain import Chain, chain_signals
-from analysis.figures import FIGURES
-from analysis.lowpass import flattest, threshold_curves
-from analysis.picture import Panel, Picture, read_picture, write_picture
-from analysis.structure_factor import (
+from analysis.estimators.coherent import coherent_wave, longest_waves
+from analysis.estimators.effective_medium import of_contacts, of_means
+from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.low_pass import flattest, threshold_curves
+from analysis.estimators.structure_factor import (
     read_structure,
     standing_waves,
     structure_factor,
     write_structure,
 )
+from analysis.figures import FIGURES
+from analysis.figures.picture import Panel, Picture, read_picture, write_picture
 from modal.formats.hdf5 import InputError
 from modal.packing.examples import fcc
 from modal.packing.network import write_network

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from analysis.exact_chain import Chain
+from analysis.estimators.exact_chain import Chain
 from benchmarks import density, modes, preparation, scaling, time_step, wave
 from benchmarks.__main__ import JOBS, main
 from benchmarks.harness import machine, yade

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.linalg import qr
 
-from analysis.exact_chain import Chain
+from analysis.estimators.exact_chain import Chain
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below, count_negative

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.dispersion import chain_dispersion
-from analysis.exact_chain import Chain, chain_signals
-from analysis.velocity import arrival_times, first_peak_times, travel_velocity
+from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.travel_time import arrival_times, first_peak_times, travel_velocity
 from modal.formats.hdf5 import InputError
 from modal.theory.fcc import FccCrystal
 from modal.waves.signals import Signals

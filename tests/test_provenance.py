@@ -16,11 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.__main__ import main as analysis_main
+from analysis.case import find
 from analysis.measures import Measures
-from analysis.products import find
 from analysis.report import provenance_table
 from analysis.samples import table
-from analysis.tables import table_1
+from analysis.study import table_1
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import (

@@ -4,10 +4,10 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.compare import compare
-from analysis.gain import TRAVELS, gain_factor
+from analysis.case import find
+from analysis.crystal import compare
+from analysis.estimators.transfer import TRAVELS, gain_factor
 from analysis.measures import Measures
-from analysis.products import find
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery

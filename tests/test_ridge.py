@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from analysis.exact_chain import Chain, chain_signals
+from analysis.case import Products
+from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.ridge import ridge
 from analysis.measures import Measures
-from analysis.products import Products
-from analysis.ridge import ridge
 from modal.packing.examples import fcc
 from modal.theory.fcc import FccCrystal
 from modal.waves.signals import Signals

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.case import Products
 from analysis.deviations import deviations
 from analysis.measures import Measures
-from analysis.products import Products
 from analysis.samples import HEADER, row
 from analysis.settled import why_unsettled
-from analysis.tables import table_1
+from analysis.study import table_1
 from modal.packing.contact_law import GLASS
 from modal.packing.examples import fcc
 from modal.packing.sample import read_sample, write_sample

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.figures import modes, packing, spectra, velocities, waves
+from analysis.figures.picture import Picture
+from analysis.figures.render import save
 from analysis.measures import Measures
-from analysis.picture import Picture
-from analysis.render import save
 from modal.formats.hdf5 import InputError
 
 
@@ -54,7 +54,7 @@ FIGURES: dict[str, Entry] = {
 }
 
 
-def picture(name: str, cases: list[Measures]) -> Picture:
+def compose(name: str, cases: list[Measures]) -> Picture:
     """One figure of the given cases; InputError where its name or a product is missing."""
     if name not in FIGURES:
         known = ", ".join(FIGURES)
@@ -69,4 +69,4 @@ def picture(name: str, cases: list[Measures]) -> Picture:
 
 def draw(name: str, cases: list[Measures], stem: Path) -> list[Path]:
     """Draw one figure; returns the PNG and CSV files written."""
-    return save(picture(name, cases), stem)
+    return save(compose(name, cases), stem)

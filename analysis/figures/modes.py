@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators.power_law import power_law
+from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures
-from analysis.picture import Panel, Picture
-from analysis.stress import power_law
 from modal.formats.hdf5 import InputError
 
 BINS = 90

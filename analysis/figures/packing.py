@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures
-from analysis.picture import Panel, Picture
 from modal.packing.state import contacts_per_particle
 
 SHOWN = 0.5

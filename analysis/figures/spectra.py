@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis import dispersion as disp
+from analysis.estimators import damped_transform as disp
+from analysis.figures.picture import Panel, Picture
 from analysis.figures.waves import producer_name
 from analysis.measures import Measures
-from analysis.picture import Panel, Picture
 from modal.formats.hdf5 import InputError
 from modal.theory.fcc import dispersion as eq_9
 from modal.waves.signals import Signals

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators.power_law import power_law, stress_rows
+from analysis.estimators.travel_time import mode_velocities, wall_velocity
+from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures, groups
-from analysis.picture import Panel, Picture
-from analysis.stress import power_law, stress_rows
-from analysis.velocity import mode_velocities, wall_velocity
 
 MARKERS = "o^vD<>p"
 """Of the random groups, in their order; crystals are squares."""

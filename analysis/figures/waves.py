@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.exact_chain import exact_twin
+from analysis.case import Products
+from analysis.estimators.exact_chain import exact_twin
+from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures
-from analysis.picture import Panel, Picture
-from analysis.products import Products
 from modal.waves.signals import Signals
 
 POINTS = 130

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from analysis.render import STYLE
+from analysis.figures.render import STYLE
 
 Row = Mapping[str, Any]
 COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)"}

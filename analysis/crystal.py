@@ -13,14 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import dispersion as disp
-from analysis.exact_chain import chain_signals, exact_twin
-from analysis.gain import TRAVELS, gain_factor, network_gain
-from analysis.lowpass import plateau, spectrum_with_distance, threshold_frequency, wavelength
-from analysis.paper import stated
-from analysis.products import Products
-from analysis.ridge import ridge
-from analysis.velocity import (
+from analysis.case import Products
+from analysis.estimators import damped_transform as disp
+from analysis.estimators.exact_chain import chain_signals, exact_twin
+from analysis.estimators.low_pass import (
+    plateau,
+    spectrum_with_distance,
+    threshold_frequency,
+    wavelength,
+)
+from analysis.estimators.ridge import ridge
+from analysis.estimators.transfer import TRAVELS, gain_factor, network_gain
+from analysis.estimators.travel_time import (
     arrival_times,
     at_frequency,
     first_peak_times,
@@ -28,6 +32,7 @@ from analysis.velocity import (
     travel_velocity,
     wall_velocity,
 )
+from analysis.paper import stated
 from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade", "paper")

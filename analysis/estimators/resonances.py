@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.structure_factor import standing_waves
+from analysis.estimators.structure_factor import standing_waves
 from modal.modes.mode_set import ModeSet
 from modal.packing.network import Network
 from modal.stiffness.matrices import mass_diagonal

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.lowpass import FADE, Plateau, flattest, threshold_curves
-from analysis.products import PASSAGES, Products
+from analysis.case import PASSAGES, Products
+from analysis.estimators.low_pass import FADE, Plateau, flattest, threshold_curves
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 

@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.coherent import coherent_wave, longest_waves
-from analysis.dispersion import chain_dispersion
-from analysis.exact_chain import Chain, chain_signals
-from analysis.lowpass import flattest, threshold_curves
-from analysis.tables import Table
-from analysis.velocity import (
+from analysis.estimators.coherent import coherent_wave, longest_waves
+from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.low_pass import flattest, threshold_curves
+from analysis.estimators.travel_time import (
     arrival_times,
     at_frequency,
     first_peak_times,
     travel_velocity,
     wall_velocity,
 )
+from analysis.table import Table
 from modal.theory.fcc import FccCrystal
 from modal.waves.signals import Signals, source_pulse
 
@@ -34,7 +34,7 @@ LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity
 DIAMETER = np.sqrt(2) * CHAIN.distance
 HIGHEST = 0.7 * CHAIN.velocity / DIAMETER
-"""Spectra end here, Hz, as in `analysis.passband`: the band ends at 0.45."""
+"""Spectra end here, Hz, as in `analysis.estimators.passband`: the band ends at 0.45."""
 
 
 @dataclass(frozen=True)

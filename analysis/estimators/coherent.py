@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.velocity import first_peak_times
+from analysis.estimators.travel_time import first_peak_times
 from modal.waves.signals import Signals
 
 DECAY = 4.0

@@ -2,52 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from analysis.deviations import HEADER, deviations
-from analysis.lowpass import Plateau
+from analysis.estimators.low_pass import Plateau
+from analysis.estimators.power_law import power_law
 from analysis.measures import Estimate, Measures, groups
-from analysis.stress import power_law
+from analysis.table import Table
 from modal.formats.hdf5 import InputError
 
 RESONANCES = 10
 """Rows of Table 2."""
-
-
-@dataclass
-class Table:
-    """A title, a header and rows of text."""
-
-    title: str
-    header: list[str]
-    rows: list[list[str]]
-
-    def markdown(self) -> str:
-        """As Markdown."""
-        lines = [self.header, ["---"] * len(self.header), *self.rows]
-        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-    def text(self) -> str:
-        """Aligned for a terminal."""
-        lines = [self.header, *self.rows]
-        width = [max(len(line[k]) for line in lines) for k in range(len(self.header))]
-        return "\n".join(
-            "  ".join(cell.ljust(w) for cell, w in zip(line, width, strict=True)).rstrip()
-            for line in lines
-        )
-
-    def write(self, stem: Path) -> list[Path]:
-        """Write stem.csv and stem.md; returns their paths."""
-        table, text = stem.with_name(stem.name + ".csv"), stem.with_name(stem.name + ".md")
-        with open(table, "w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([self.header, *self.rows])
-        text.write_text(self.markdown())
-        return [table, text]
 
 
 QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...] = (

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import dispersion as disp
-from analysis.products import Products
+from analysis.case import Products
+from analysis.estimators import damped_transform as disp
 from modal.formats.hdf5 import InputError
 
 Columns = dict[str, np.ndarray]

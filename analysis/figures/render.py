@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
 from PIL import Image
 
-from analysis.picture import Panel, Picture, Series, write_picture
+from analysis.figures.picture import Panel, Picture, Series, write_picture
 
-STYLE = Path(__file__).with_name("figures") / "paper.mplstyle"
+STYLE = Path(__file__).with_name("paper.mplstyle")
 COLOURS = 256
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.dispersion import layer_distance
+from analysis.estimators.damped_transform import layer_distance
 from modal.waves.signals import Signals
 
 POINTS = 260

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.effective_medium import of_contacts
-from analysis.exact_chain import Chain, is_fcc
+from analysis.estimators.effective_medium import of_contacts
+from analysis.estimators.exact_chain import Chain, is_fcc
+from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.paper import matching_case
 from analysis.settled import MARK, why_unsettled
-from analysis.structure_factor import StructureFactor, read_structure
 from modal.formats.hdf5 import InputError, get, open_h5
 from modal.formats.provenance import Source, packing_of, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY_SCHEMA

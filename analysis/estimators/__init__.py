@@ -1,0 +1,1 @@
+"""From signals, modes and networks to numbers; each rule on its own, without files."""

@@ -1,0 +1,51 @@
+"""A table: cells of text under a header, as Markdown, CSV and aligned for a terminal."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass
+class Table:
+    """A title, a header and rows of text, each row as long as the header."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def markdown(self) -> str:
+        """As Markdown, without the title."""
+        lines = [self.header, ["---"] * len(self.header), *self.rows]
+        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+    def text(self) -> str:
+        """Aligned for a terminal, without the title; columns of numbers to the right."""
+        columns = []
+        for head, *cells in zip(self.header, *self.rows, strict=True):
+            width = max(map(len, (head, *cells)))
+            right = any(cells) and all(map(_is_number, cells))
+            columns.append([c.rjust(width) if right else c.ljust(width) for c in (head, *cells)])
+        return "\n".join("  ".join(line).rstrip() for line in zip(*columns, strict=True))
+
+    def write_csv(self, path: Path) -> Path:
+        """Write the header and the rows as CSV; returns the path."""
+        with open(path, "w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([self.header, *self.rows])
+        return path
+
+    def write(self, stem: Path) -> list[Path]:
+        """Write stem.csv and stem.md; returns their paths."""
+        text = stem.with_name(stem.name + ".md")
+        text.write_text(self.markdown())
+        return [self.write_csv(stem.with_name(stem.name + ".csv")), text]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return True
