@@ -143,10 +143,10 @@ def packing_rows(packing: KnownPacking, quick: bool) -> Rows:
 def crystal_rows(folder: Path, quick: bool) -> Rows:
     """All modes of 4 x 4 crystals: errors over the highest frequency, miscounts over all modes."""
     path, (short, long) = str(folder / "crystal.network.h5"), LAYERS[quick]
-    write_network(path, gallery.fcc(4, short))
+    write_network(path, gallery.fcc(cells=(4, 4, short)))
     whole = measured("benchmarks.modes:dense", path=path, count=None)
     blocks = measured("benchmarks.modes:by_symmetry", path=path)
-    network = gallery.fcc(4, long)
+    network = gallery.fcc(cells=(4, 4, long))
     write_network(path, network)
     large = measured("benchmarks.modes:by_symmetry", path=path)
     apart = abs(np.array(blocks.value) - whole.value).max() / max(whole.value)

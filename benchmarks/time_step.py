@@ -100,7 +100,7 @@ class Column:
 
     def __init__(self, layers: int, folder: Path, times: int) -> None:
         self.layers, self.folder, self.times = layers, folder, times
-        self.network = yade.in_yades_order(gallery.fcc(WIDTH, layers))
+        self.network = yade.in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, layers)))
         self.chain = Chain.of_network(self.network)
         yade.prepare_wave(self.network, self.folder)
         self.start = yade.wave_start(self.folder, times)

@@ -184,7 +184,7 @@ def lammps_rows(network: Network, folder: Path, quick: bool, duration: float) ->
 def run(quick: bool, folder: Path) -> Page:
     """All programs that are installed, on one crystal."""
     width, layers, duration = CRYSTAL[quick]
-    network = yade.in_yades_order(gallery.fcc(width, layers))
+    network = yade.in_yades_order(gallery.fcc(cells=(width, width, layers)))
     path = folder / "crystal.network.h5"
     write_network(path, network)
     rows = linear_rows(network, path, quick, duration)

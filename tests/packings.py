@@ -94,7 +94,7 @@ def sheared() -> Network:
 
 def deep() -> Network:
     """A crystal whose spheres overlap by 0.1 of their radius."""
-    network = gallery.fcc(2, 6, stress=4e8)
+    network = gallery.fcc(cells=(4e8, 4e8, (2, 2, 6)))
     assert 0.09 < network.overlap.max() / network.radius[0] < 0.12
     return network
 
@@ -147,13 +147,13 @@ def cohesive() -> Network:
 
 def shells() -> Network:
     """A crystal of hollow spheres."""
-    network = gallery.fcc(3, 4)
+    network = gallery.fcc(cells=(3, 3, 4))
     return replace(network, inertia=2 / 3 * network.mass * network.radius**2, study={})
 
 
 def unwrapped() -> Network:
     """Centres several periods away, with the periods that bring them back."""
-    network = gallery.fcc(2, 5)
+    network = gallery.fcc(cells=(2, 2, 5))
     away = np.random.default_rng(1).integers(-3, 4, network.position.shape) * [1, 1, 0]
     pair = ~network.with_wall
     shift = network.cell_shift.copy()
@@ -162,12 +162,12 @@ def unwrapped() -> Network:
 
 
 SOUND = {
-    "crystal": lambda: gallery.fcc(2, 8),
-    "crystal one sphere wide": lambda: gallery.fcc(1, 8),
-    "long crystal": lambda: gallery.fcc(1, 300),
-    "hardly pressed": lambda: gallery.fcc(2, 8, stress=1e-3),
+    "crystal": lambda: gallery.fcc(cells=(2, 2, 8)),
+    "crystal one sphere wide": lambda: gallery.fcc(cells=(1, 1, 8)),
+    "long crystal": lambda: gallery.fcc(cells=(1, 1, 300)),
+    "hardly pressed": lambda: gallery.fcc(cells=(1e-3, 1e-3, (2, 2, 8))),
     "column": lambda: gallery.column(3),
-    "copies side by side": lambda: gallery.repeat(gallery.fcc(1, 5), 3, 2),
+    "copies side by side": lambda: gallery.repeat(gallery.fcc(cells=(1, 1, 5)), 3, 2),
     "sheared": sheared,
     "deep overlaps": deep,
     "levers as long as deep radii": lambda: levers_of_radii(deep()),

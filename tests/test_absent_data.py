@@ -35,7 +35,7 @@ def printed(capsys, *arguments: str) -> dict:
 
 @pytest.mark.parametrize("kept", [(), ("force_normal",), ("overlap", "sliding"), packings.OPTIONAL])
 def test_round_trip_keeps_what_is_absent(kept, tmp_path):
-    network = packings.bare(gallery.fcc(2, 6), *kept)
+    network = packings.bare(gallery.fcc(cells=(2, 2, 6)), *kept)
     path = tmp_path / "x.network.h5"
     write_network(path, network)
     again = read_network(path)
@@ -51,7 +51,7 @@ def test_round_trip_keeps_what_is_absent(kept, tmp_path):
 
 def test_springs_alone_need_none_of_it(tmp_path, capsys):
     """Modes, counts, density and wave are those of the whole network, to the bit."""
-    whole = gallery.fcc(2, 8)
+    whole = gallery.fcc(cells=(2, 2, 8))
     commands = (
         ("modes", "--lowest", "5"),
         ("modes", "--all", "--translations-only"),
@@ -69,7 +69,7 @@ def test_springs_alone_need_none_of_it(tmp_path, capsys):
 
 
 def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, capsys):
-    whole = gallery.fcc(2, 12)
+    whole = gallery.fcc(cells=(2, 2, 12))
     path = tmp_path / "x.network.h5"
     write_network(path, whole)
     known = printed(capsys, "info", str(path))
@@ -115,14 +115,14 @@ def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, capsys):
 )
 def test_what_is_needed_is_asked_for_by_name(kept, arguments, missing, tmp_path, capsys):
     path = tmp_path / "x.network.h5"
-    write_network(path, packings.bare(gallery.fcc(2, 6), *kept))
+    write_network(path, packings.bare(gallery.fcc(cells=(2, 2, 6)), *kept))
     assert main([arguments[0], str(path), *arguments[1:]]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and f"contacts/{missing}," in error
 
 
 def test_functions_ask_by_name():
-    network = packings.bare(gallery.fcc(2, 6))
+    network = packings.bare(gallery.fcc(cells=(2, 2, 6)))
     for function, missing in (
         (stress_tensor, "force_normal"),
         (wall_stress, "force_normal"),
@@ -136,7 +136,7 @@ def test_functions_ask_by_name():
         with pytest.raises(InputError, match=f"contacts/{missing}"):
             function(network)
     assert firmly_held(network).all()
-    whole = gallery.fcc(2, 60)
+    whole = gallery.fcc(cells=(2, 2, 60))
     assert static_velocity(packings.bare(whole)) == static_velocity(whole)
 
 
@@ -178,7 +178,7 @@ def test_no_walls_are_no_division_by_zero(tmp_path, capsys):
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
     """Without friction every contact is at its limit: nothing resists the smallest shear."""
-    made = gallery.fcc(3, 6)
+    made = gallery.fcc(cells=(3, 3, 6))
     plain = Sample(made.position, made.cell_size[:2], made.wall_position, friction)
     contacts = len(plain.contacts().overlap)
     first, second = plain.network(), replace(plain, shear=np.zeros((contacts, 2))).network()
@@ -190,7 +190,7 @@ def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
 def test_notes_that_are_no_friction_are_only_notes(said, tmp_path, capsys):
     """Free attributes of another program: neither a traceback nor NaN in JSON."""
     path = tmp_path / "x.network.h5"
-    network = gallery.fcc(2, 6)
+    network = gallery.fcc(cells=(2, 2, 6))
     write_network(path, replace(network, study={"mu_wave": said, "density": said}))
     assert "largest_share_of_friction" not in printed(capsys, "info", str(path))
     write_network(path, replace(network, study={"mu_wave": 0.3, "density": "2230"}))

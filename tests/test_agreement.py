@@ -14,7 +14,7 @@ from modal.waves.leapfrog import leapfrog
 from modal.waves.signals import Signals, write_signals
 from modal.waves.source import Pulse
 
-NETWORK = gallery.fcc(2, 20)
+NETWORK = gallery.fcc(cells=(2, 2, 20))
 QUADRATIC, DRIFT = 0.1, 1e-6
 
 
@@ -70,7 +70,7 @@ def test_within_leaves_out_what_is_far():
 def test_runs_that_do_not_belong_together_are_refused():
     run = made_up_run(1.0)
     with pytest.raises(InputError, match="not of this network"):
-        Agreement(gallery.fcc(2, 5), run)
+        Agreement(gallery.fcc(cells=(2, 2, 5)), run)
     with pytest.raises(InputError, match="time steps apart"):
         Agreement(NETWORK, replace(run, time=run.time**1.1))
     with pytest.raises(InputError, match="different times"):

@@ -18,7 +18,7 @@ def products(tmp_path_factory):
     """Cases 1 to 3: all products, no modes, only the network."""
     folder = tmp_path_factory.mktemp("products")
     for number, stress in ((1, 1e4), (2, 1e5), (3, 1e6)):
-        network = fcc(1, 200, stress)
+        network = fcc(cells=(stress, stress, (1, 1, 200)))
         write_network(folder / f"case{number:02d}.network.h5", network)
         chain = Chain.of_network(network)
         if number < 3:
@@ -77,7 +77,7 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products, tmp_pa
     rows = read_table(tmp_path / "case02.comparison.csv")
     theory = float(rows["V_P, long waves"]["theory"])
     full = rows["V_P, long waves, with pre-stress"]
-    overlap = fcc(1, 200).overlap.max() / (2 * fcc(1, 200).radius[0])
+    overlap = fcc(cells=(1, 1, 200)).overlap.max() / (2 * fcc(cells=(1, 1, 200)).radius[0])
     assert float(rows["V_P, long waves"]["linear"]) == pytest.approx(theory, rel=1e-6)
     assert 0 < abs(float(full["linear"]) / theory - 1) < 2 / 3 * overlap
     assert full["theory"] == full["yade"] == "" and "tangent" in full["note"]

@@ -26,11 +26,11 @@ from analysis.estimators.travel_time import (
 )
 from analysis.estimators.trial import Condition, two_arrivals
 from modal.packing.examples import fcc
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 from modal.waves.signals import source_pulse
 
-CHAIN = Chain.of_crystal(FccCrystal(1e5))
+CHAIN = Chain.of_crystal(FccLattice(1e5))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity
 
 
@@ -58,8 +58,8 @@ def leapfrog(chain: Chain, step: float, end: float, amplitude=2.5e-9, frequency=
 
 
 def test_chain_of_network_is_chain_of_crystal():
-    found = Chain.of_network(fcc(2, 12))
-    wanted = Chain.of_crystal(FccCrystal(1e5), 12)
+    found = Chain.of_network(fcc(cells=(2, 2, 12)))
+    wanted = Chain.of_crystal(FccLattice(1e5), 12)
     for name in ("mass", "stiffness", "wall_stiffness", "distance", "layers", "area", "wall_gap"):
         assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-9)
 
@@ -118,7 +118,7 @@ def test_five_percent_noise_scatters_but_does_not_bias():
 
 def test_signals_of_the_springs_give_the_crystals_theory():
     """FCC, 800 spheres with rotations, by the linear wave: V_P, band edge and group velocity."""
-    network = fcc(2, 200)
+    network = fcc(cells=(2, 2, 200))
     chain = Chain.of_network(network)
     record = propagate(network, 1.2 * network.length / chain.velocity, interval=1e-6).signals
     found = chain_dispersion(record)

@@ -26,13 +26,13 @@ from modal.preparation.random_packing import random_network
 @pytest.fixture(scope="module")
 def crystal(tmp_path_factory):
     folder = tmp_path_factory.mktemp("products")
-    write_network(folder / "case02.network.h5", fcc(1, 200))
+    write_network(folder / "case02.network.h5", fcc(cells=(1, 1, 200)))
     return Measures(Products("case02", folder))
 
 
 def test_standing_waves_of_a_crystal_are_its_pure_modes():
     """Without disorder one mode bears each standing wave, at the exact chain's frequency."""
-    network = fcc(1, 40)
+    network = fcc(cells=(1, 1, 40))
     case = Products("case02", None)
     case.network = network
     modes = all_modes(Eigenproblem.of(network))
@@ -94,13 +94,13 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
     """An FCC crystal called case 30 has a theory; a random packing called case 2 has none."""
     packing = random_network(150, 1e5, seed=3)
     rng = np.random.default_rng(1)
-    shaken = fcc(2, 12)
+    shaken = fcc(cells=(2, 2, 12))
     shaken.position = shaken.position + 1e-2 * shaken.radius[0] * rng.normal(
         size=shaken.position.shape
     )
     for network, crystal in (
-        (fcc(1, 200), True),
-        (fcc(2, 12, 1e7), True),
+        (fcc(cells=(1, 1, 200)), True),
+        (fcc(cells=(1e7, 1e7, (2, 2, 12))), True),
         (packing, False),
         (column(9), False),  # layers of equal distance, but of straight springs
         (shaken, False),
@@ -154,7 +154,7 @@ def two_producers(tmp_path_factory):
     folder, cases = tmp_path_factory.mktemp("mixed"), []
     for name, stress in (("case01", 1e4), ("case02", 1e5), ("case03", 1e6)):
         case = Products(name, folder)
-        case.network = fcc(1, 200, stress)
+        case.network = fcc(cells=(stress, stress, (1, 1, 200)))
         if name == "case02":
             time = np.arange(0, case.network.length / case.chain.velocity, 5e-7)
             slow = replace(case.chain, mass=case.chain.mass / 0.81)

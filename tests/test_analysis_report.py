@@ -25,10 +25,10 @@ from modal.packing.network import write_network
 from modal.preparation.random_packing import random_network
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.signals import write_signals
 
-CHAIN = Chain.of_crystal(FccCrystal(1e5))
+CHAIN = Chain.of_crystal(FccLattice(1e5))
 LENGTH = 200 * CHAIN.distance
 
 
@@ -41,7 +41,7 @@ def packing():
 def made(tmp_path_factory):
     """The report of one crystal without modes, by the command line."""
     folder, output = tmp_path_factory.mktemp("products"), tmp_path_factory.mktemp("report")
-    network = fcc(1, 200)
+    network = fcc(cells=(1, 1, 200))
     chain = Chain.of_network(network)
     signals = chain_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
     write_network(folder / "case02.network.h5", network)
@@ -113,7 +113,7 @@ def test_picture_survives_its_file(tmp_path):
 
 
 def test_mean_strain_is_exact_for_the_crystal():
-    assert of_contacts(fcc(2, 30)).velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
+    assert of_contacts(fcc(cells=(2, 2, 30))).velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
 
 
 def test_mean_field_of_means_has_the_crystals_bulk_scaling():
@@ -147,7 +147,7 @@ def test_structure_factor_against_the_modes(packing, tmp_path):
 
 
 def test_structure_factor_ridge_is_the_crystals_dispersion():
-    network = fcc(1, 60)
+    network = fcc(cells=(1, 1, 60))
     orders = np.array([5, 20, 40])
     peak, width = structure_factor(network, orders, resolution=1e3).ridge()
     chain = Chain.of_network(network)

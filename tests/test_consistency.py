@@ -14,7 +14,7 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network, read_network, validate, write_network
 from modal.packing.plausibility import plausibility
 
-CRYSTAL = gallery.fcc(2, 8)
+CRYSTAL = gallery.fcc(cells=(2, 2, 8))
 
 
 @pytest.mark.parametrize("digits", [17, 7])

@@ -45,7 +45,10 @@ COSMETIC = {"case", "producer", "study", "provenance", "creator", "run_time"}
 def sound(tmp_path_factory) -> Path:
     """Folder with one sound file of each format; the network's crystal is 12 layers long."""
     folder = tmp_path_factory.mktemp("sound")
-    network, sample = gallery.fcc(2, 12), Path(__file__).parent / "data/friction150.sample.h5"
+    network, sample = (
+        gallery.fcc(cells=(2, 2, 12)),
+        Path(__file__).parent / "data/friction150.sample.h5",
+    )
     write_network(folder / FILES["network"], network)
     write_sample(folder / FILES["sample"], read_sample(sample))
     wave = propagate(network, 6e-5, network_sha256=sha256(folder / FILES["network"]))

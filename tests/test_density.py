@@ -159,7 +159,7 @@ def test_width_of_a_single_mode(place):
 
 def test_crystal_is_isotropic_across_its_square_cell():
     """A square cell: x and y cannot differ, but for the scatter of the random vectors."""
-    states = density_of_states(gallery.fcc(2, 12), resolution=1e4, tolerance=2e-3)
+    states = density_of_states(gallery.fcc(cells=(2, 2, 12)), resolution=1e4, tolerance=2e-3)
     frequency = np.linspace(2e4, 2e5, 10)
     value, error = states.count_below(frequency)
     for a, b in ((0, 1), (3, 4)):
@@ -168,7 +168,7 @@ def test_crystal_is_isotropic_across_its_square_cell():
 
 
 def test_command_and_file(tmp_path, capsys):
-    network = gallery.fcc(2, 6)
+    network = gallery.fcc(cells=(2, 2, 6))
     path, output = tmp_path / "a.network.h5", tmp_path / "a.density.h5"
     write_network(path, network)
     options = ["--resolution", "5e3", "--at", "1e5", "3e5", "--json", "-o", str(output)]
@@ -191,7 +191,7 @@ def test_command_and_file(tmp_path, capsys):
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])
 def test_coarsest_resolution_knows_the_mean_of_omega_squared(tolerance):
     """A width beyond the whole spectrum leaves two moments: all modes, and the trace of A."""
-    network = gallery.fcc(3, 8)
+    network = gallery.fcc(cells=(3, 3, 8))
     states = density_of_states(network, resolution=1e9, tolerance=tolerance)
     moments, size = states.moments.sum(axis=1), 6 * network.n_particles
     assert moments.shape[1] == 2
@@ -217,14 +217,14 @@ def test_products_are_those_made(tolerance, monkeypatch):
             return super().accumulate(u, out, factor)
 
     monkeypatch.setattr("modal.modes.density.ContactOperator", Counting)
-    states = density_of_states(gallery.fcc(3, 8), resolution=5e3, tolerance=tolerance)
+    states = density_of_states(gallery.fcc(cells=(3, 3, 8)), resolution=5e3, tolerance=tolerance)
     assert states.products + 1 == sum(made)
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])
 def test_a_single_negative_direction_is_refused(tolerance):
     """One normal spring that pushes away: exactly one eigenvalue is below zero."""
-    network = gallery.fcc(3, 8)
+    network = gallery.fcc(cells=(3, 3, 8))
     network.stiffness_normal[100] *= -20
     square = np.linalg.eigvalsh(stiffness_matrix(network).toarray())
     assert square[0] < -1e-2 * square[-1] and square[1] > 0

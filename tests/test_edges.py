@@ -25,7 +25,7 @@ from modal.packing.neighbours import tangents
 from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample, read_sample
 from modal.stiffness.springs import contact_kinematics
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 
 EPS = np.finfo(float).eps
@@ -65,20 +65,20 @@ def bound(f: np.ndarray, top: float, size: int) -> np.ndarray:
 @pytest.mark.parametrize("stress", [2e-8, 1e-4, 1.0, 1e2, 1e5, 1e8, 6.7e8, 9e8])
 def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
     """P resonances against the chain of layers; stress 2e-8 Pa is an overlap of 1e-12 R."""
-    network = gallery.fcc(1, 20, stress)
+    network = gallery.fcc(cells=(stress, stress, (1, 1, 20)))
     modes = all_modes(Eigenproblem.of(network))
     omega, _ = Chain.of_network(network).eigenmodes()
     assert modes.resonance_frequency == pytest.approx(omega / 2 / np.pi, rel=1e-11)
     # A compact sample keeps positions: an overlap is a difference of them.
     rebuilt = Sample(network.position, network.cell_size[:2], network.wall_position, 0.1).network()
     assert rebuilt.n_contacts == network.n_contacts
-    loss = 4 * EPS * network.length / FccCrystal(stress).overlap
+    loss = 4 * EPS * network.length / FccLattice(stress).overlap
     assert np.sort(rebuilt.overlap) == pytest.approx(np.sort(network.overlap), rel=loss)
 
 
 @pytest.mark.parametrize("decades", [4, 8, 12])
 def test_stiffness_contrast(decades):
-    network = gallery.fcc(2, 15)
+    network = gallery.fcc(cells=(2, 2, 15))
     factor = 10 ** (-decades * np.random.default_rng(1).random(network.n_contacts))
     network = replace(
         network,
@@ -91,7 +91,7 @@ def test_stiffness_contrast(decades):
 @pytest.mark.parametrize("decades", [3, 6])
 def test_mass_contrast_of_polydisperse_spheres(decades):
     """Masses over six decades, radii 1 to 100; inertias over ten."""
-    network = gallery.fcc(2, 15)
+    network = gallery.fcc(cells=(2, 2, 15))
     factor = 10 ** (decades * np.random.default_rng(2).random(network.n_particles))
     network = replace(
         network, mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
@@ -113,7 +113,7 @@ def _compare_with_singular_values(network: Network) -> None:
 
 def test_more_contrast_than_double_precision_holds_is_refused():
     """Masses over nine decades: omega^2 over fourteen; no shift separates the lowest ones."""
-    network = gallery.fcc(2, 40)
+    network = gallery.fcc(cells=(2, 2, 40))
     factor = 10 ** (9 * np.random.default_rng(1).random(network.n_particles))
     network = replace(
         network, mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
@@ -124,7 +124,7 @@ def test_more_contrast_than_double_precision_holds_is_refused():
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-6, 1e-3, 0.5, 1.0])
 def test_tangential_over_normal_stiffness(ratio):
-    network = gallery.fcc(2, 6)
+    network = gallery.fcc(cells=(2, 2, 6))
     network = replace(network, stiffness_tangential=ratio * network.stiffness_normal)
     problem, exact = Eigenproblem.of(network), exact_frequencies(network)
     found = all_modes(problem).frequency
@@ -184,14 +184,14 @@ def test_nearly_coincident_contacts(angle):
 @pytest.mark.parametrize("layers", [5, 12])
 def test_column_one_sphere_wide(layers):
     """It touches its own images; its modes are those of the wide crystal with equal columns."""
-    wide = all_modes(Eigenproblem.of(gallery.fcc(2, layers))).frequency
-    for f in all_modes(Eigenproblem.of(gallery.fcc(1, layers))).frequency:
+    wide = all_modes(Eigenproblem.of(gallery.fcc(cells=(2, 2, layers)))).frequency
+    for f in all_modes(Eigenproblem.of(gallery.fcc(cells=(1, 1, layers)))).frequency:
         assert abs(wide - f).min() < 1e-12 * wide[-1]
 
 
 def test_isostatic_network_without_stress():
     """As many springs as motions: no zero mode; every spring taken away gives one (Maxwell)."""
-    crystal = gallery.fcc(4, 16)
+    crystal = gallery.fcc(cells=(4, 4, 16))
     # Spheres off their places: no symmetry and no state of self-stress by accident.
     random = np.random.default_rng(3)
     normal = crystal.normal + 0.05 * random.standard_normal(crystal.normal.shape)
@@ -233,7 +233,7 @@ def test_far_from_the_origin(distance):
 
 
 def test_thousand_layers():
-    network = gallery.fcc(1, 1000)
+    network = gallery.fcc(cells=(1, 1, 1000))
     problem = Eigenproblem.of(network)
     exact = Chain.of_network(network).eigenmodes()[0] / 2 / np.pi
     found = lowest_modes(problem, 12)
@@ -247,9 +247,9 @@ def test_thousand_layers():
 @pytest.mark.slow
 def test_hundred_thousand_layers():
     """One sphere wide, 600,000 degrees of freedom; the first P resonance is 2.16 Hz."""
-    network = gallery.fcc(1, 100_000)
+    network = gallery.fcc(cells=(1, 1, 100_000))
     problem = Eigenproblem.of(network)
-    chain, crystal = Chain.of_network(network), FccCrystal(1e5)
+    chain, crystal = Chain.of_network(network), FccLattice(1e5)
     # A fixed chain of n layers: f_r = f_low-pass sin(pi r / 2 n'), n' the walls' springs included.
     compliance = chain.layers - 1 + 2 * chain.stiffness / chain.wall_stiffness
     planar = crystal.low_pass_frequency * np.sin(np.pi / 2 * np.arange(1, 3) / compliance)
@@ -260,7 +260,7 @@ def test_hundred_thousand_layers():
     assert found.frequency[found.chi_z > 0.999] == pytest.approx(planar, rel=1e-6)
 
 
-@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(1, 1)])
+@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(cells=(1, 1, 1))])
 @pytest.mark.parametrize("slips", [False, True])
 def test_a_single_sphere(network, slips):
     """Between walls, alone or touching its own images: a receiver wall's number, -2, is beyond
@@ -277,7 +277,7 @@ def test_a_single_sphere(network, slips):
     assert propagate(network, 1e-5).signals.chain_displacement[-1] > 0
 
 
-@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(1, 1)])
+@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(cells=(1, 1, 1))])
 def test_every_command_takes_a_single_sphere(network, tmp_path):
     path, out = str(tmp_path / "one.network.h5"), str(tmp_path / "out.h5")
     write_network(path, network)

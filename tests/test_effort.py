@@ -63,7 +63,7 @@ def test_entries_of_a_factor(width, layers):
 
     from modal.solvers.factor import PARDISO, _upper_triangle
 
-    problem = Eigenproblem.of(gallery.fcc(width, layers), solver="pardiso")
+    problem = Eigenproblem.of(gallery.fcc(cells=(width, width, layers)), solver="pardiso")
     matrix = problem.shifted(-1e-7 * problem.diagonal.max())
     # Contacts along the axes leave a third of the entries zero.
     assert 1 <= effort.nonzeros(problem) / matrix.nnz < 1.5
@@ -82,7 +82,7 @@ def test_entries_of_a_factor(width, layers):
 @pytest.mark.parametrize("count", [10, 60, 120])
 def test_vectors_of_a_search(count):
     """A crystal whose stiffnesses differ, lowest modes: solves as the file says."""
-    crystal = gallery.fcc(3, 40)
+    crystal = gallery.fcc(cells=(3, 3, 40))
     factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
     network = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
     found = lowest_modes(Eigenproblem.of(network, shapes=False), count)
@@ -111,7 +111,7 @@ def test_what_would_not_end_is_refused_at_full_size(options, said, capsys, monke
 def test_memory_and_hours_decide(tmp_path, capsys, monkeypatch):
     """A search of a second runs, is refused in a thousandth of the time, or in 0.1 MB."""
     path = tmp_path / "x.network.h5"
-    write_network(path, gallery.fcc(4, 10))
+    write_network(path, gallery.fcc(cells=(4, 4, 10)))
     command = ["modes", str(path), "--lowest", "5"]
     assert main(command) == 0
     assert main([*command, "--hours", "1e-6"]) == 2
@@ -124,7 +124,7 @@ def test_memory_and_hours_decide(tmp_path, capsys, monkeypatch):
 
 def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     """A factor of 100 MB, 20 MB at hand: the mode is found, and why it is not certified is said."""
-    problem = Eigenproblem.of(gallery.fcc(8, 20), shapes=False)
+    problem = Eigenproblem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
     monkeypatch.setattr("modal.workload.memory_at_hand", lambda: 2e7)
     monkeypatch.delattr("modal.modes.counts.factorise")
     found = highest_modes(problem, 1)

@@ -16,10 +16,10 @@ from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.exact_chain import Chain, chain_signals
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travel_velocity
 from modal.formats.hdf5 import InputError
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
 
-CHAIN = Chain.of_crystal(FccCrystal(1e5))
+CHAIN = Chain.of_crystal(FccLattice(1e5))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity
 
 

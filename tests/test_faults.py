@@ -177,7 +177,7 @@ def status_with_limit(arguments: list[str], limit: int) -> tuple[int, str]:
 def test_full_disk_is_one_line_and_leaves_the_old_file(limit, tmp_path):
     """The HDF5 library alone ends with a segmentation fault here."""
     source = tmp_path / "a.network.h5"
-    write_network(source, gallery.fcc(2, 20))
+    write_network(source, gallery.fcc(cells=(2, 2, 20)))
     out = tmp_path / "out"
     out.mkdir()
     for arguments, name in (
@@ -196,7 +196,7 @@ def test_full_disk_is_one_line_and_leaves_the_old_file(limit, tmp_path):
 
 def test_folder_that_is_a_file(tmp_path, capsys):
     source, folder = tmp_path / "a.network.h5", tmp_path / "folder"
-    write_network(source, gallery.fcc(2, 6))
+    write_network(source, gallery.fcc(cells=(2, 2, 6)))
     folder.write_text("")
     for arguments in (
         ["modes", str(source), "-o", str(folder / "a.modes.h5")],
@@ -218,7 +218,7 @@ def test_parts_of_killed_processes_are_removed(tmp_path):
     dead, living = (tmp_path / f".a.network.h5.{pid}.part" for pid in (child, 1))
     dead.write_bytes(b"half")
     living.write_bytes(b"half")
-    write_network(path, gallery.fcc(1, 5))
+    write_network(path, gallery.fcc(cells=(1, 1, 5)))
     assert not dead.exists() and living.exists()
     assert read_network(path).n_particles == 5
     with pytest.raises(InputError):

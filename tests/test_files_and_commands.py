@@ -18,12 +18,12 @@ from modal.waves.signals import Signals, read_signals, source_pulse, write_signa
 @pytest.fixture
 def network_file(tmp_path):
     path = tmp_path / "slab.network.h5"
-    write_network(path, gallery.fcc(2, 6))
+    write_network(path, gallery.fcc(cells=(2, 2, 6)))
     return path
 
 
 def test_network_round_trip(network_file):
-    original, back = gallery.fcc(2, 6), read_network(network_file)
+    original, back = gallery.fcc(cells=(2, 2, 6)), read_network(network_file)
     for name, value in vars(original).items():
         if isinstance(value, np.ndarray):
             assert np.array_equal(getattr(back, name), value), name
@@ -39,7 +39,7 @@ def test_network_round_trip(network_file):
 
 def test_no_half_file_is_left(network_file, monkeypatch):
     before = network_file.read_bytes()
-    broken = gallery.fcc(2, 6)
+    broken = gallery.fcc(cells=(2, 2, 6))
     broken.normal = "not an array"
     with pytest.raises(ValueError):
         write_network(network_file, broken)
@@ -163,7 +163,7 @@ def test_source_pulse_starts_and_ends_at_rest():
 
 
 def test_chain_of_the_crystal_takes_one_particle_a_layer():
-    network = gallery.fcc(4, 20)
+    network = gallery.fcc(cells=(4, 4, 20))
     chain = wall_to_wall_chain(network)
     assert len(chain) == 20
     assert np.array_equal(chain // 16, np.arange(20))

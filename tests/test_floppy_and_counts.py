@@ -42,7 +42,7 @@ def with_contacts(network: Network, keep: np.ndarray) -> Network:
 
 def diluted(share: float, seed: int, layers: int = 6) -> Network:
     """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
-    network = gallery.fcc(4, layers)
+    network = gallery.fcc(cells=(4, 4, layers))
     return with_contacts(network, np.random.default_rng(seed).random(network.n_contacts) > share)
 
 
@@ -101,7 +101,7 @@ def test_floppy_modes_without_rotations(share):
 
 def test_two_spheres_and_one_spring():
     """An oblique contact without friction resists one motion of twelve."""
-    crystal = gallery.fcc(2, 3)
+    crystal = gallery.fcc(cells=(2, 2, 3))
     oblique = np.flatnonzero((abs(crystal.normal) > 0.1).sum(axis=1) >= 2)[:1]
     slippery = replace(crystal, sliding=np.ones(crystal.n_contacts, bool))
     problem = Eigenproblem.of(slipping(with_contacts(slippery, oblique)))
@@ -131,7 +131,7 @@ def test_each_kind_is_named():
 @pytest.mark.parametrize("periodic", ["x and y", "x", "none"])
 def test_cluster_without_walls_moves_as_a_whole(periodic):
     """Three translations; of the rotations a period leaves one about its own axis, or none."""
-    network = gallery.fcc(4, 5)
+    network = gallery.fcc(cells=(4, 4, 5))
     inside = network.particle_j >= 0
     if periodic != "x and y":
         inside &= network.cell_shift[:, 1] == 0
@@ -143,7 +143,9 @@ def test_cluster_without_walls_moves_as_a_whole(periodic):
 
 
 def test_without_tangential_springs_every_sphere_spins():
-    network = replace(gallery.fcc(3, 5), sliding=np.ones(gallery.fcc(3, 5).n_contacts, bool))
+    network = replace(
+        gallery.fcc(cells=(3, 3, 5)), sliding=np.ones(gallery.fcc(cells=(3, 3, 5)).n_contacts, bool)
+    )
     problem = Eigenproblem.of(slipping(network))
     assert problem.floppy.spinning == 3 * network.n_particles
     assert problem.floppy.total == zero_modes(problem)
@@ -241,7 +243,7 @@ def test_layers_of_contacts_of_a_crystal_are_its_planes(contacts_apart):
 
     Two clusters, one far above the other, are each counted from their own lowest plane.
     """
-    crystal = gallery.fcc(3, 12)
+    crystal = gallery.fcc(cells=(3, 3, 12))
     plane = np.unique(crystal.position[:, 2].round(9), return_inverse=True)[1]
     cut = plane < 12 // contacts_apart
     i, j = crystal.particle_i, crystal.particle_j
@@ -287,7 +289,7 @@ def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
         return replace(factor, release=release)
 
     monkeypatch.setattr("modal.modes.counts.factorise", noted)
-    problem = Eigenproblem.of(gallery.fcc(4, 8), solver=solver)
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 8)), solver=solver)
     assert problem.size > SMALL
     assert count_below(problem, 0.0) == count_below(problem, -5e4) == 0
     assert count_below(problem, 5e4) == int((frequency_of(dense_squares(problem)) < 5e4).sum())
@@ -300,7 +302,7 @@ def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
 def test_counts_beside_an_uncertain_frequency_must_agree(above, monkeypatch):
     """Where no method can tell at a frequency, three modes below and three above it are three;
     three and four mean a mode in between."""
-    problem = Eigenproblem.of(gallery.fcc(4, 8))
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 8)))
     square = (2 * np.pi * 5e4) ** 2
 
     def negative(_, place, method):
@@ -424,7 +426,7 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
 
 def test_stiffness_contrast_of_a_million():
     """Contacts a million times softer among stiff ones: counts exact, residuals reached."""
-    network = gallery.fcc(4, 8)
+    network = gallery.fcc(cells=(4, 4, 8))
     soft = np.random.default_rng(3).random(network.n_contacts) < 0.3
     for name in ("stiffness_normal", "stiffness_tangential"):
         getattr(network, name)[soft] *= 1e-6
@@ -474,7 +476,7 @@ def test_all_modes_contain_the_zero_modes():
 )
 def test_bad_requests_get_one_line(tmp_path, capsys, arguments, message):
     path = tmp_path / "x.network.h5"
-    write_network(path, gallery.fcc(3, 6))
+    write_network(path, gallery.fcc(cells=(3, 3, 6)))
     assert main(["modes", str(path), *arguments]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
@@ -483,6 +485,6 @@ def test_bad_requests_get_one_line(tmp_path, capsys, arguments, message):
 
 def test_too_little_memory_is_refused(monkeypatch):
     monkeypatch.setattr("modal.solvers.factor.memory_at_hand", lambda: 1e3)
-    problem = Eigenproblem.of(gallery.fcc(4, 10), solver="banded")
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 10)), solver="banded")
     with pytest.raises(InputError, match=r"needs about .* GB"):
         lowest_modes(problem, 5)

@@ -61,7 +61,7 @@ def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
 
 
 def test_a_crystal_and_a_disordered_one_against_dense_spectra():
-    crystal = gallery.fcc(3, 14)
+    crystal = gallery.fcc(cells=(3, 3, 14))
     factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
     disordered = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
     for network in (crystal, disordered):
@@ -139,7 +139,7 @@ def test_a_long_column_goes_on_about_a_shift():
     """300 layers: the top modes are 1e-5 apart in omega^2, which products alone hardly resolve."""
     if not available("pardiso"):
         pytest.skip("pypardiso is not installed")
-    problem = Eigenproblem.of(gallery.fcc(1, 300))
+    problem = Eigenproblem.of(gallery.fcc(cells=(1, 1, 300)))
     exact = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
     found = highest_modes(problem, 12)
     assert "pardiso" in found.attributes["solver"]

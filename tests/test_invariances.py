@@ -31,7 +31,7 @@ few = settings(max_examples=8, deadline=None, derandomize=True, phases=[Phase.ge
 def packing(seed: int) -> Network:
     """A small packing of unequal stiffnesses and masses, some contacts missing."""
     random = np.random.default_rng(seed)
-    network = gallery.fcc(2, 5)
+    network = gallery.fcc(cells=(2, 2, 5))
     network = network.with_contacts(random.random(network.n_contacts) > 0.15)
     n, m = network.n_particles, network.n_contacts
     mass = network.mass * random.uniform(0.5, 2, n)

@@ -19,10 +19,10 @@ from modal.packing.contact_law import stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.springs import contact_kinematics, contact_springs
-from modal.theory.fcc import FccCrystal, dispersion
+from modal.theory.fcc import FccLattice, dispersion
 
 
-def slab_frequencies(crystal: FccCrystal, layers: int) -> np.ndarray:
+def slab_frequencies(crystal: FccLattice, layers: int) -> np.ndarray:
     """Planar P modes of the slab from the chain of layers with its wall springs, Hz."""
     wall = float(stiffness_normal(crystal.wall_overlap, crystal.radius, crystal.material))
     diagonal = np.full(layers, 2 * crystal.C)
@@ -32,7 +32,7 @@ def slab_frequencies(crystal: FccCrystal, layers: int) -> np.ndarray:
 
 
 def test_bloch_long_wave_along_z_is_eq_9():
-    crystal = FccCrystal(1e5)
+    crystal = FccLattice(1e5)
     for fraction in (0.01, 0.3, 0.7, 1.0):
         kappa = fraction * np.pi / crystal.layer_distance
         frequency, _ = crystal.bloch([0, 0, kappa])
@@ -44,8 +44,8 @@ def test_bloch_long_wave_along_z_is_eq_9():
 def test_bloch_equals_periodic_supercell():
     """Every mode of a supercell, periodic on all sides, is a Bloch wave of an allowed k."""
     width, layers = 2, 4
-    network = gallery.fcc(width, layers)
-    crystal = FccCrystal(1e5)
+    network = gallery.fcc(cells=(width, width, layers))
+    crystal = FccLattice(1e5)
     # Close the slab: the wall contacts become contacts between last and first layer.
     inside = ~network.with_wall
     first = network.particle_i < width * width
@@ -84,7 +84,7 @@ def _only(network, inside):
 
 
 def test_group_velocity_is_the_slope_of_the_branches():
-    crystal = FccCrystal(1e5)
+    crystal = FccLattice(1e5)
     q = np.array([150.0, 70.0, 600.0])
     exact = crystal.group_velocity(q)
     errors = []
@@ -103,9 +103,9 @@ def test_group_velocity_is_the_slope_of_the_branches():
     ("layers", "stress", "radius"), [(6, 1e5, 1.27e-3), (11, 1e4, 1e-3), (16, 1e7, 5e-3)]
 )
 def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
-    network = gallery.fcc(3, layers, stress, radius)
+    network = gallery.fcc(cells=(stress, stress, (3, 3, layers)), radius=radius)
     found = modes.all_modes(Eigenproblem.of(network))
-    theory = slab_frequencies(FccCrystal(stress, radius), layers)
+    theory = slab_frequencies(FccLattice(stress, radius), layers)
     assert len(found.resonance_frequency) == layers
     assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
     assert np.allclose(
@@ -115,7 +115,7 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
 
 def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch):
     """144 modes at once or in parts of 7: the same, and residuals of dense modes are round-off."""
-    network = gallery.fcc(2, 6)
+    network = gallery.fcc(cells=(2, 2, 6))
     network.stiffness_normal[3] *= 1.5  # no symmetry: dense, all modes in one call
     problem = Eigenproblem.of(network)
     whole = modes.all_modes(problem)
@@ -129,7 +129,7 @@ def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch
 
 
 def test_symmetry_blocks_equal_the_dense_spectrum():
-    problem = Eigenproblem.of(gallery.fcc(4, 5))
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 5)))
     by_symmetry = modes.all_modes(problem)
     assert by_symmetry.attributes["solver"] == "symmetry 4x4"
     dense = np.linalg.eigvalsh(problem.scaled.toarray())
@@ -139,14 +139,14 @@ def test_symmetry_blocks_equal_the_dense_spectrum():
 
 
 def test_broken_symmetry_is_noticed():
-    network = gallery.fcc(3, 5)
+    network = gallery.fcc(cells=(3, 3, 5))
     network.stiffness_normal[7] *= 1.001
     problem = Eigenproblem.of(network)
     assert modes.all_modes(problem).attributes["solver"] == "dense"
 
 
 def test_sparse_solver_and_counts_equal_the_dense_spectrum():
-    problem = Eigenproblem.of(gallery.fcc(4, 10))
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 10)))
     dense = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
     lowest = lowest_modes(problem, 20)
     assert lowest.attributes["certified"]
@@ -165,14 +165,14 @@ def test_sparse_solver_and_counts_equal_the_dense_spectrum():
 
 def test_without_rotations_the_top_is_the_low_pass_frequency():
     """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
-    problem = Eigenproblem.of(gallery.fcc(4, 60), translations_only=True)
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
     top = modes.highest_modes(problem, 1).frequency[0]
-    assert top == pytest.approx(FccCrystal(1e5).low_pass_frequency, rel=5e-3)
+    assert top == pytest.approx(FccLattice(1e5).low_pass_frequency, rel=5e-3)
 
 
 def test_velocity_and_low_pass_grow_with_stress_to_the_power_one_sixth():
     stress = np.array([1e4, 1e5, 1e6, 1e7])
-    velocity = [FccCrystal(s).velocity for s in stress]
+    velocity = [FccLattice(s).velocity for s in stress]
     slope = np.polyfit(np.log(stress), np.log(velocity), 1)[0]
     # The layer distance shrinks by the overlap (0.6 % of R at 10 MPa): a little below 1/6.
     assert slope == pytest.approx(1 / 6, abs=0.002)

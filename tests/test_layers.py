@@ -24,7 +24,7 @@ def test_a_dangling_chain_bears_no_force():
 
 
 def test_means_equal_a_loop():
-    network = gallery.fcc(3, 20)
+    network = gallery.fcc(cells=(3, 3, 20))
     network.position[:, 2] += np.random.default_rng(0).uniform(-1e-4, 1e-4, network.n_particles)
     layers = Layers(network)
     values = np.random.default_rng(1).standard_normal(network.n_particles)
@@ -76,7 +76,7 @@ def test_optional_records_survive_the_file(tmp_path):
 
 def test_particles_on_hardly_loaded_contacts_are_left_out():
     """One sphere of a crystal with a thousandth of the force everywhere: it bears, barely."""
-    crystal = gallery.fcc(4, 6)
+    crystal = gallery.fcc(cells=(4, 4, 6))
     own = (crystal.particle_i == 40) | (crystal.particle_j == 40)
     force = np.where(own, 1e-3, 1.0)
     weak = replace(crystal, force_normal=force)

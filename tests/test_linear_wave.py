@@ -41,7 +41,7 @@ def test_pulse_response_solves_the_oscillator():
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
-@pytest.mark.parametrize("network", [gallery.fcc(2, 8), gallery.column(5)])
+@pytest.mark.parametrize("network", [gallery.fcc(cells=(2, 2, 8)), gallery.column(5)])
 def test_wave_equals_modal_superposition(network):
     wave = propagate(network, 2e-4, tolerance=1e-12)
     problem = Eigenproblem.of(network)
@@ -58,7 +58,7 @@ def test_wave_equals_modal_superposition(network):
 
 def test_work_of_the_source_is_the_energy_of_the_packing():
     """After the pulse the work done at the wall equals kinetic plus elastic energy."""
-    network = gallery.fcc(2, 12)
+    network = gallery.fcc(cells=(2, 2, 12))
     wave = propagate(network, 1.5e-5, interval=1e-9)
     area = network.cell_size[0] * network.cell_size[1]
     signals = wave.signals
@@ -77,7 +77,7 @@ def test_work_of_the_source_is_the_energy_of_the_packing():
 
 
 def test_relative_error_of_1e_8_within_the_known_number_of_products():
-    network, duration = gallery.fcc(2, 30), 3e-4
+    network, duration = gallery.fcc(cells=(2, 2, 30)), 3e-4
     reference = propagate(network, duration, tolerance=1e-13).signals.chain_displacement
     wave = propagate(network, duration)
     error = np.linalg.norm(wave.signals.chain_displacement - reference)
@@ -87,7 +87,9 @@ def test_relative_error_of_1e_8_within_the_known_number_of_products():
     assert wave.products <= 1.15 * omega * duration / 2 + 60
 
 
-@pytest.mark.parametrize("network", [gallery.fcc(2, 30), gallery.column(40), gallery.column(2)])
+@pytest.mark.parametrize(
+    "network", [gallery.fcc(cells=(2, 2, 30)), gallery.column(40), gallery.column(2)]
+)
 def test_top_of_spectrum_is_close(network):
     operator = ContactOperator(network, mass_scaled=True)
     top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
@@ -98,7 +100,7 @@ def test_top_of_spectrum_is_close(network):
 
 def with_one_stiff_contact(contact: int, factor: float) -> Network:
     """A crystal of 144 spheres whose highest mode is a single contact's own."""
-    network = gallery.fcc(3, 16)
+    network = gallery.fcc(cells=(3, 3, 16))
     for name in ("stiffness_normal", "stiffness_tangential"):
         getattr(network, name)[contact] *= factor
     return network
@@ -108,7 +110,7 @@ def with_one_stiff_contact(contact: int, factor: float) -> Network:
 def test_bound_of_spectrum(factor):
     """Never below the top, nor above it by more than the margin, with single stiff contacts too."""
     stiff = [with_one_stiff_contact(contact, factor) for contact in range(3, 800, 160)]
-    for tried in [gallery.column(2), gallery.fcc(2, 30), *stiff]:
+    for tried in [gallery.column(2), gallery.fcc(cells=(2, 2, 30)), *stiff]:
         operator = ContactOperator(tried, mass_scaled=True)
         top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
         bound, products = bound_of_spectrum(operator)
@@ -148,7 +150,7 @@ class EveryMotion:
 @pytest.mark.parametrize("seed", [None, 5])
 def test_energy_is_conserved_once_the_wall_rests(seed):
     """Kinetic plus elastic energy of all degrees of freedom, in a crystal and in disorder."""
-    network = gallery.fcc(2, 12)
+    network = gallery.fcc(cells=(2, 2, 12))
     if seed is not None:
         rng = np.random.default_rng(seed)
         for name in ("stiffness_normal", "stiffness_tangential"):
@@ -203,7 +205,7 @@ def test_motion_from_a_file(tmp_path):
 
 
 def test_leapfrog_approaches_the_exact_wave_at_second_order():
-    network = gallery.fcc(2, 12)
+    network = gallery.fcc(cells=(2, 2, 12))
     errors = []
     for step in (1e-7, 5e-8):
         slow = leapfrog(network, 1e-4, step, every=round(1e-6 / step))
@@ -221,7 +223,7 @@ def test_leapfrog_approaches_the_exact_wave_at_second_order():
 
 def squeezed(times: float) -> Network:
     """A crystal whose contacts press `times` as hard as their springs stand for."""
-    network = gallery.fcc(2, 12)
+    network = gallery.fcc(cells=(2, 2, 12))
     network.force_normal = times * network.force_normal
     return network
 
@@ -289,7 +291,7 @@ def test_full_tangent_of_a_packing_with_friction_though_not_symmetric():
 
 def test_wave_on_the_command_line(tmp_path, capsys):
     path, out = tmp_path / "a.network.h5", tmp_path / "a.signals.h5"
-    write_network(path, gallery.fcc(2, 6))
+    write_network(path, gallery.fcc(cells=(2, 2, 6)))
     base = ["wave", str(path), "--duration", "5e-5", "-o", str(out)]
     assert main(base) == 0
     signals = read_signals(out)
@@ -328,7 +330,7 @@ def test_wave_on_the_command_line(tmp_path, capsys):
 
 def test_leapfrog_records_at_the_interval_asked_for(tmp_path, capsys):
     path, out = tmp_path / "a.network.h5", tmp_path / "a.signals.h5"
-    write_network(path, gallery.fcc(2, 6))
+    write_network(path, gallery.fcc(cells=(2, 2, 6)))
     leap = ["wave", str(path), "--duration", "6e-5", "--method", "leapfrog", "-o", str(out)]
     assert main([*leap, "--time-step", "3e-7", "--interval", "1.2e-6"]) == 0
     assert np.diff(read_signals(out).time) == pytest.approx(1.2e-6, rel=1e-9)
@@ -340,7 +342,7 @@ def test_leapfrog_records_at_the_interval_asked_for(tmp_path, capsys):
 
 def test_long_wave_is_refused_before_it_starts(monkeypatch):
     """1,000 s of 2,000 spheres, by either method; 10 s for their memory alone."""
-    network = gallery.fcc(4, 125)
+    network = gallery.fcc(cells=(4, 4, 125))
     assert network.n_particles == 2000
     for simulate in (propagate, partial(leapfrog, time_step=1e-7, every=10)):
         with pytest.raises(InputError, match="products with K, .* (days|h) here, and .* [TG]B"):
@@ -367,4 +369,4 @@ def test_wave_of_the_study_is_not_refused(monkeypatch):
     monkeypatch.setattr(wave_module, "chebyshev_moments", start)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: 3e9)
     with pytest.raises(StartedError):
-        propagate(gallery.repeat(gallery.fcc(2, 180), 7, 7), 6e-4)
+        propagate(gallery.repeat(gallery.fcc(cells=(2, 2, 180)), 7, 7), 6e-4)

@@ -21,7 +21,7 @@ EPS = np.finfo(float).eps
 
 def crystal_without_symmetry(layers: int) -> Network:
     """A crystal of 4 spheres a layer whose contacts differ by a few per cent."""
-    network = gallery.fcc(2, layers)
+    network = gallery.fcc(cells=(2, 2, layers))
     factor = 1 + 0.1 * np.random.default_rng(5).random(network.n_contacts)
     return replace(
         network,
@@ -47,14 +47,14 @@ def test_an_interval_without_modes_is_an_empty_certified_list(
     """The lowest mode of 6 layers lies at kHz: below 10 Hz there is nothing, and that is known."""
     if path == "sparse":
         monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
-    status, found, written = asked(tmp_path, capsys, gallery.fcc(2, 6), *options)
+    status, found, written = asked(tmp_path, capsys, gallery.fcc(cells=(2, 2, 6)), *options)
     assert status == 0
     assert found["frequency_hz"] == [] and found["certified"] and found["missing"] == 0
     assert len(written.frequency) == 0 and written.attributes["certified"]
 
 
 SHAPES = {
-    "symmetry": (gallery.fcc(4, 4), ["--all"]),
+    "symmetry": (gallery.fcc(cells=(4, 4, 4)), ["--all"]),
     "dense": (crystal_without_symmetry(14), ["--all"]),
     "small": (crystal_without_symmetry(5), ["--lowest", "4"]),
     "lowest": (crystal_without_symmetry(27), ["--lowest", "7"]),
@@ -63,7 +63,7 @@ SHAPES = {
     "dense interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
     "sparse interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
     "slices": (crystal_without_symmetry(27), ["--below", "2e4"]),
-    "translations": (gallery.fcc(3, 5), ["--all", "--translations-only"]),
+    "translations": (gallery.fcc(cells=(3, 3, 5)), ["--all", "--translations-only"]),
 }
 
 
@@ -93,7 +93,7 @@ def test_mode_shapes_are_in_the_file(tmp_path, capsys, monkeypatch, path):
 
 def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monkeypatch):
     """216 modes of 36 spheres take 373 kB: one byte less allowed, they stay out and it is said."""
-    network = gallery.fcc(3, 4)
+    network = gallery.fcc(cells=(3, 3, 4))
     monkeypatch.setattr(eigenproblem, "LARGEST_SHAPES", 8 * 216**2 - 1)
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     write_network(source, network)
@@ -106,7 +106,7 @@ def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monke
     assert read_modes(out).mode_shape.shape == (5, 36, 6)
 
 
-@pytest.mark.parametrize("network", [gallery.fcc(3, 4), crystal_without_symmetry(5)])
+@pytest.mark.parametrize("network", [gallery.fcc(cells=(3, 3, 4)), crystal_without_symmetry(5)])
 def test_without_a_file_no_shapes_are_made(network):
     problem = Eigenproblem.of(network, shapes=False)
     for found in (
@@ -119,7 +119,7 @@ def test_without_a_file_no_shapes_are_made(network):
 
 
 def test_a_subset_leaves_the_whole_as_it_was():
-    whole = modes.all_modes(Eigenproblem.of(gallery.fcc(3, 4)))
+    whole = modes.all_modes(Eigenproblem.of(gallery.fcc(cells=(3, 3, 4))))
     before = replace(whole, attributes=dict(whole.attributes))
     part = subset(whole, slice(10, 20), "ten")
     assert np.array_equal(part.frequency, before.frequency[10:20])
@@ -182,7 +182,7 @@ def test_residuals_are_relative_to_each_mode_s_own_omega_squared():
 @pytest.mark.parametrize("make", ["dense", "symmetry", "lowest", "highest", "interval"])
 def test_every_producer_gives_the_same_residual(monkeypatch, make):
     """Recomputed from the shapes with the matrix, in units of the mode's own omega^2."""
-    network = gallery.fcc(3, 14) if make == "symmetry" else crystal_without_symmetry(27)
+    network = gallery.fcc(cells=(3, 3, 14)) if make == "symmetry" else crystal_without_symmetry(27)
     problem = Eigenproblem.of(network)
     monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
     found = {

@@ -98,7 +98,7 @@ def test_equal_to_the_matrix(translations_only, mass_scaled, pre_stress, seed, w
 
 
 def test_equal_to_a_loop_in_python(slow_K):
-    network = gallery.fcc(2, 3)
+    network = gallery.fcc(cells=(2, 2, 3))
     K = slow_K(network)
     found = ContactOperator(network) @ np.eye(len(K))
     assert abs(found - K).max() <= 1e-13 * abs(K).max()
@@ -123,7 +123,7 @@ def test_accumulate_and_out():
 
 
 def test_symmetric_and_usable_by_arpack():
-    network = gallery.fcc(2, 6)
+    network = gallery.fcc(cells=(2, 2, 6))
     applied = ContactOperator(network, mass_scaled=True)
     assert applied.H is applied
     top = eigsh(applied, k=1, which="LA", return_eigenvectors=False, tol=1e-12)
@@ -174,8 +174,8 @@ def test_complex_vector_does_not_fit_a_real_result():
 
 def test_a_repeated_sample_is_the_larger_crystal():
     """Copies of a crystal of one sphere a layer: the same spectrum as the crystal made at once."""
-    repeated = gallery.repeat(gallery.fcc(1, 3), 3, 2)
-    again = gallery.repeat(gallery.repeat(gallery.fcc(1, 3), 3, 1), 1, 2)
+    repeated = gallery.repeat(gallery.fcc(cells=(1, 1, 3)), 3, 2)
+    again = gallery.repeat(gallery.repeat(gallery.fcc(cells=(1, 1, 3)), 3, 1), 1, 2)
     spectra = []
     for network in (repeated, again):
         validate(network)
@@ -187,8 +187,10 @@ def test_a_repeated_sample_is_the_larger_crystal():
         reach = (network.lever_i - network.lever_j)[pair]
         assert there - network.position[i] == pytest.approx(reach, abs=1e-12)
     assert spectra[0] == pytest.approx(spectra[1], rel=1e-9, abs=1e-9 * spectra[0][-1])
-    square = np.linalg.eigvalsh(stiffness_matrix(gallery.repeat(gallery.fcc(1, 3), 2, 2)).toarray())
-    direct = np.linalg.eigvalsh(stiffness_matrix(gallery.fcc(2, 3)).toarray())
+    square = np.linalg.eigvalsh(
+        stiffness_matrix(gallery.repeat(gallery.fcc(cells=(1, 1, 3)), 2, 2)).toarray()
+    )
+    direct = np.linalg.eigvalsh(stiffness_matrix(gallery.fcc(cells=(2, 2, 3))).toarray())
     assert square == pytest.approx(direct, rel=1e-9, abs=1e-9 * direct[-1])
     with pytest.raises(InputError, match="periodic"):
         gallery.repeat(gallery.column(3), 2, 1)

@@ -10,7 +10,7 @@ from modal.packing.sample import Sample
 
 
 def test_every_sphere_of_the_crystal():
-    assert crystalline(gallery.fcc(4, 8)).all()
+    assert crystalline(gallery.fcc(cells=(4, 4, 8))).all()
 
 
 def test_random_points_have_no_order():
@@ -23,7 +23,7 @@ def test_random_points_have_no_order():
 
 @pytest.mark.parametrize("strength, least, most", [(0.02, 0.99, 1.0), (0.35, 0.0, 0.1)])
 def test_shaken_crystal_loses_its_order(strength, least, most):
-    network = gallery.fcc(5, 10)
+    network = gallery.fcc(cells=(5, 5, 10))
     shake = np.random.default_rng(7).standard_normal(network.position.shape)
     network.position = network.position + strength * 2 * RADIUS * shake
     assert least <= crystalline(network).mean() <= most
@@ -31,7 +31,7 @@ def test_shaken_crystal_loses_its_order(strength, least, most):
 
 def test_turned_crystal_is_as_crystalline():
     """A crystal in the middle of a large cell, along the axes and turned by one radian."""
-    cluster = gallery.fcc(6, 8).position
+    cluster = gallery.fcc(cells=(6, 6, 8)).position
     cluster = cluster - cluster.mean(axis=0)
     c, s = np.cos(1.0), np.sin(1.0)
     turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])

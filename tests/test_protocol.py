@@ -11,7 +11,7 @@ from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.cloud import random_places
 from modal.preparation.protocol import PREPARATION, Servo, Stage, Study, steps_of
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 
 STUDY = Study(spheres=400, width=4.2)
 
@@ -62,7 +62,7 @@ def test_highest_frequency_scales_as_the_crystals():
     for young, density, radius in ((60e9, 2230.0, RADIUS), (200e9, 7800.0, 4e-3)):
         material = Material(young, 0.2, density)
         for stress in (1e3, 1e6):
-            crystal = FccCrystal(stress, radius=radius, material=material)
+            crystal = FccLattice(stress, radius=radius, material=material)
             highest = protocol.highest_frequency(stress, radius, material)
             ratio.append(highest / crystal.low_pass_frequency)
     assert ratio == pytest.approx([ratio[0]] * 4, rel=6e-4)

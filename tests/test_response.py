@@ -20,7 +20,7 @@ from modal.waves.signals import Signals
 from modal.waves.source import Pulse
 
 
-@pytest.mark.parametrize("network", [gallery.column(5), gallery.fcc(2, 6)])
+@pytest.mark.parametrize("network", [gallery.column(5), gallery.fcc(cells=(2, 2, 6))])
 def test_equal_to_dense_solves(network):
     found = frequency_response(network, resolution=5e3, tolerance=1e-10)
     K, mass = stiffness_matrix(network).toarray(), np.diag(mass_diagonal(network))
@@ -40,7 +40,7 @@ def test_equal_to_dense_solves(network):
 
 def test_equal_to_the_transform_of_a_wave():
     """Fourier transform of the damped signals over that of the damped pulse."""
-    network, resolution = gallery.fcc(2, 8), 2e4
+    network, resolution = gallery.fcc(cells=(2, 2, 8)), 2e4
     found = frequency_response(network, highest=1.5e5, resolution=resolution, tolerance=1e-9)
     gamma = np.pi * resolution
     # exp(-gamma t) is 1e-8 at the end; the step resolves 211 kHz 47 times, the trapezium rule on
@@ -78,7 +78,7 @@ def test_gain_of_a_resonant_column():
 
 
 def test_gain_from_signals_equals_gain_from_the_recurrence():
-    network = gallery.fcc(2, 20)
+    network = gallery.fcc(cells=(2, 2, 20))
     duration = 6e-4
     signals = propagate(network, duration, interval=1e-7).signals
     found = gain_factor(signals, duration, highest=3e4)
@@ -95,7 +95,7 @@ def test_gain_from_signals_equals_gain_from_the_recurrence():
 
 def test_response_on_the_command_line(tmp_path, capsys):
     path, out = tmp_path / "a.network.h5", tmp_path / "a.response.h5"
-    write_network(path, gallery.fcc(2, 6))
+    write_network(path, gallery.fcc(cells=(2, 2, 6)))
     assert main(["response", str(path), "--resolution", "5000", "-o", str(out)]) == 0
     with h5py.File(out) as file:
         nf = len(file["frequency"])
@@ -106,10 +106,10 @@ def test_response_on_the_command_line(tmp_path, capsys):
         assert main(["response", str(path), *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     with pytest.raises(InputError):
-        frequency_response(gallery.fcc(2, 3), tolerance=2)
+        frequency_response(gallery.fcc(cells=(2, 2, 3)), tolerance=2)
     # Some 1e12 frequencies: 1e13 bytes for each receiver.
     with pytest.raises(InputError, match="coarser resolution"):
-        frequency_response(gallery.fcc(2, 3), resolution=1e-6)
+        frequency_response(gallery.fcc(cells=(2, 2, 3)), resolution=1e-6)
 
 
 def undamped_column(window: float, travels: float) -> Signals:
@@ -153,7 +153,7 @@ def test_height_of_the_gain_is_the_windows(travels):
 
 def test_report_and_comparison_state_one_gain(tmp_path):
     """The height of case 2 is the same in both, with the resolution and the undamped column's."""
-    network = gallery.fcc(1, 200)
+    network = gallery.fcc(cells=(1, 1, 200))
     write_network(tmp_path / "case02.network.h5", network)
     case = find("2", tmp_path)
     row = next(row for row in compare(case) if row.id == "gain")

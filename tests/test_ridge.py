@@ -9,10 +9,10 @@ from analysis.estimators.exact_chain import Chain, chain_signals
 from analysis.estimators.ridge import ridge
 from analysis.measures import Measures
 from modal.packing.examples import fcc
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
 
-CHAIN = Chain.of_crystal(FccCrystal(1e5))
+CHAIN = Chain.of_crystal(FccLattice(1e5))
 DIAMETER = np.sqrt(2) * CHAIN.distance
 
 
@@ -101,7 +101,7 @@ def test_noise_that_hides_the_edge_gives_none_rather_than_another():
 def test_measured_case_has_no_wavelength_above_its_edge(tmp_path):
     """The linear wave of an FCC column: sqrt 2 measured at its edge, and nothing above."""
     case = Products("case02", tmp_path)
-    case.network = fcc(1, 200)
+    case.network = fcc(cells=(1, 1, 200))
     found = Measures(case)
     assert found.edge_wavelength[0] == pytest.approx(np.sqrt(2), rel=1e-2)
     edge = case.chain.low_pass_frequency

@@ -40,7 +40,7 @@ def _columns(position, side):
 @pytest.mark.parametrize("width", [1, 2, 4])
 def test_network_rebuilt_from_positions(width):
     """The FCC generator knows its contacts by index arithmetic; here they follow from distance."""
-    made = gallery.fcc(width, 10)
+    made = gallery.fcc(cells=(width, width, 10))
     side = made.cell_size[:2]
     position = made.position.copy()
     position[:, :2] %= side
@@ -63,7 +63,7 @@ def test_tangents_form_a_frame():
 
 
 def sample_with_shear() -> Sample:
-    made = gallery.fcc(3, 6)
+    made = gallery.fcc(cells=(3, 3, 6))
     sample = Sample(made.position, made.cell_size[:2], made.wall_position, friction=0.3)
     contacts = len(sample.contacts().overlap)
     sample.shear = np.random.default_rng(3).standard_normal((contacts, 2)) * 1e-3

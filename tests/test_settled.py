@@ -72,7 +72,7 @@ def test_stress_off_its_target_is_not_settled(sample):
 def test_crystal_is_settled_without_its_lateral_stress(tmp_path):
     """Its walls, not its sides, have the stated stress: 4.5 % less between the layers of 20."""
     case = Products("case02", tmp_path)
-    case.network = fcc(2, 20)
+    case.network = fcc(cells=(2, 2, 20))
     assert case.unsettled == "" and "settled" not in case.label
 
 

@@ -154,7 +154,9 @@ class Linear:
 
 def test_a_record_of_its_end_alone_is_as_exact():
     """Two times instead of three hundred: the orders follow the duration, not the record."""
-    long, short = (propagate(gallery.fcc(2, 30), 3e-4, interval=dt) for dt in (1e-6, 3e-4))
+    long, short = (
+        propagate(gallery.fcc(cells=(2, 2, 30)), 3e-4, interval=dt) for dt in (1e-6, 3e-4)
+    )
     end = long.signals.chain_displacement[-1]
     # The tolerance times some hundred coefficients.
     found = short.signals.chain_displacement[-1]
@@ -174,13 +176,13 @@ def test_expansion_of_a_line_has_two_coefficients():
     assert not coefficient.any() and left_out == 0
 
 
-CRYSTAL = gallery.fcc(2, 100)
+CRYSTAL = gallery.fcc(cells=(2, 2, 100))
 TASKS = {
     "wave, many times": (wave, partial(propagate, CRYSTAL, 5e-4, interval=1e-7)),
     "wave, many spheres": (wave, partial(propagate, CRYSTAL, 1e-3, interval=1e-5, particles=True)),
     "density, exact": (
         density,
-        partial(density_of_states, gallery.fcc(2, 40), resolution=100.0, tolerance=1e-4),
+        partial(density_of_states, gallery.fcc(cells=(2, 2, 40)), resolution=100.0, tolerance=1e-4),
     ),
     "density, random": (
         density,

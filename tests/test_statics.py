@@ -17,7 +17,7 @@ from modal.stiffness import static_load as statics
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.static_load import STRAIN_TOLERANCE, spring_motion, static_velocity
 from modal.stiffness.walls import wall_pattern
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 
 
 def test_motion_solves_the_shifted_system():
@@ -48,8 +48,8 @@ def test_column_under_a_wall():
 @pytest.mark.parametrize("stress", [1e4, 1e7])
 def test_velocity_of_the_crystal(stress):
     """Layers of FCC: V = l sqrt(C / m), Eq. 7 of the paper; the layers' strain is uniform."""
-    crystal = FccCrystal(stress)
-    velocity, modulus = static_velocity(gallery.fcc(3, 80, stress))
+    crystal = FccLattice(stress)
+    velocity, modulus = static_velocity(gallery.fcc(cells=(stress, stress, (3, 3, 80))))
     # The edges of the bulk cut the crystal anywhere: up to a layer of some 60 in its density.
     assert velocity == pytest.approx(crystal.velocity, rel=5e-3)
     assert modulus == pytest.approx(
@@ -60,12 +60,12 @@ def test_velocity_of_the_crystal(stress):
 def layer_of(network):
     """Shape (n,): number of each sphere's crystal layer, from the source wall."""
     z = network.position[:, 2]
-    return np.round((z - z.min()) / FccCrystal(1e5).layer_distance).astype(int)
+    return np.round((z - z.min()) / FccLattice(1e5).layer_distance).astype(int)
 
 
 def test_density_is_that_of_the_bulk_by_mass():
     """What lies near the walls has no say, neither heavy spheres nor loose ones."""
-    network, wanted = gallery.fcc(3, 80), FccCrystal(1e5).velocity
+    network, wanted = gallery.fcc(cells=(3, 3, 80)), FccLattice(1e5).velocity
     layer = layer_of(network)
     near = (layer < 5) | (layer >= 75)
     network.mass[near] *= 7
@@ -79,7 +79,7 @@ def test_density_is_that_of_the_bulk_by_mass():
 
 def test_light_loose_spheres_of_the_bulk_leave_its_velocity():
     """A quarter of the mass in every layer, in spheres that touch nothing: no wave moves it."""
-    network = gallery.fcc(3, 80)
+    network = gallery.fcc(cells=(3, 3, 80))
     before = static_velocity(network)[0]
     count = network.n_particles // 3
     loose = np.random.default_rng(2).choice(network.n_particles, count, replace=False)
@@ -95,7 +95,7 @@ def test_light_loose_spheres_of_the_bulk_leave_its_velocity():
 
 def test_velocity_of_spheres_of_several_masses():
     """Every second layer of half the density: V^2 = M / density, the density that of mass."""
-    network = gallery.fcc(3, 80)
+    network = gallery.fcc(cells=(3, 3, 80))
     whole = static_velocity(network)
     network.mass[layer_of(network) % 2 == 0] /= 2
     velocity, modulus = static_velocity(network)
@@ -150,14 +150,14 @@ def test_long_waves_of_a_random_packing_are_those_of_its_static_strain(seed):
 
 
 def test_load_that_is_not_balanced_is_said(monkeypatch):
-    network = gallery.fcc(3, 40)
+    network = gallery.fcc(cells=(3, 3, 40))
     monkeypatch.setattr(statics, "MAX_PRODUCTS", 5)
     with pytest.raises(InputError, match="do not balance the load: .* after"):
         static_velocity(network)
 
 
 def test_packing_that_is_cut_has_no_velocity():
-    network = gallery.fcc(3, 40)
+    network = gallery.fcc(cells=(3, 3, 40))
     z, j = network.position[:, 2], network.particle_j
     upper = z > network.wall_position.mean()
     across = (j >= 0) & (upper[network.particle_i] != upper[j])
@@ -167,4 +167,4 @@ def test_packing_that_is_cut_has_no_velocity():
 
 def test_short_packing_is_refused():
     with pytest.raises(InputError, match="too short"):
-        static_velocity(gallery.fcc(2, 8))
+        static_velocity(gallery.fcc(cells=(2, 2, 8)))

@@ -22,7 +22,7 @@ from modal.packing.state import (
     wall_stress,
 )
 from modal.preparation.random_packing import random_network
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 
 SHEARED = Path(__file__).parent / "data/friction150.sample.h5"
 
@@ -75,7 +75,7 @@ def test_stress_is_the_derivative_of_the_energy():
 
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
 def test_crystal_in_balance(stress):
-    network, crystal = gallery.fcc(3, 20, stress), FccCrystal(stress)
+    network, crystal = gallery.fcc(cells=(stress, stress, (3, 3, 20))), FccLattice(stress)
     assert wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
     layers = profile(network, thickness=0.37 * RADIUS)
     # A plane anywhere carries what the walls carry.
@@ -85,7 +85,9 @@ def test_crystal_in_balance(stress):
     lateral = np.diag(stress_tensor(network))[:2] * network.length
     assert lateral == pytest.approx(np.full(2, (20 + 19) * contact), rel=1e-12)
     assert np.diag(stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
-    assert fabric_tensor(gallery.fcc(3, 400, stress)) == pytest.approx(np.eye(3) / 3, abs=1e-3)
+    assert fabric_tensor(gallery.fcc(cells=(stress, stress, (3, 3, 400)))) == pytest.approx(
+        np.eye(3) / 3, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("thickness", [0.3, 1.0, 2.7, 100.0])
@@ -149,18 +151,18 @@ def test_central_forces_give_a_symmetric_stress_and_scale_with_the_law():
 
 
 def test_wall_layers_are_told_from_the_bulk():
-    network = gallery.fcc(2, 40)
+    network = gallery.fcc(cells=(2, 2, 40))
     layers = profile(network)
     middle = (layers.edges[1:] + layers.edges[:-1]) / 2
     depth = np.minimum(middle, network.length - middle)
     assert (layers.bulk == (depth > 11 * RADIUS * (1 - 1e-9))).all()
     found = summary(network)
-    perfect = FccCrystal(1e5)
+    perfect = FccLattice(1e5)
     cell = perfect.spacing**2 * perfect.layer_distance
     assert found["void_ratio_of_bulk"] == pytest.approx(
         cell / (4 / 3 * np.pi * RADIUS**3) - 1, rel=2e-2
     )
-    assert "void_ratio_of_bulk" not in summary(gallery.fcc(2, 8))
+    assert "void_ratio_of_bulk" not in summary(gallery.fcc(cells=(2, 2, 8)))
 
 
 def test_info_reads_the_compact_form(tmp_path, capsys):
@@ -197,7 +199,7 @@ def test_no_volume_is_one_line(tmp_path, capsys):
 
 def test_layers_are_written_as_a_table(tmp_path, capsys):
     path, table = tmp_path / "x.network.h5", tmp_path / "layers.csv"
-    write_network(path, gallery.fcc(2, 12))
+    write_network(path, gallery.fcc(cells=(2, 2, 12)))
     assert main(["info", str(path), "--layers", str(table)]) == 0
     columns = np.genfromtxt(table, delimiter=",", names=True)
     assert columns["stress_zz_Pa"] == pytest.approx(np.full(len(columns), 1e5), rel=1e-8)

@@ -13,11 +13,11 @@ from modal.packing.contact_law import (
 )
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.springs import contact_stiffness
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 
 
 def test_12x12_is_symmetric_and_positive():
-    local = contact_stiffness(gallery.fcc(2, 4))
+    local = contact_stiffness(gallery.fcc(cells=(2, 2, 4)))
     scale = abs(local).max()
     assert abs(local - local.transpose(0, 2, 1)).max() <= 1e-15 * scale
     # Three springs a contact: rank 3, no negative direction.
@@ -25,7 +25,9 @@ def test_12x12_is_symmetric_and_positive():
     assert values.min() > -1e-14
 
 
-@pytest.mark.parametrize("network", [gallery.fcc(1, 4), gallery.fcc(2, 4), gallery.column(4)])
+@pytest.mark.parametrize(
+    "network", [gallery.fcc(cells=(1, 1, 4)), gallery.fcc(cells=(2, 2, 4)), gallery.column(4)]
+)
 def test_assembly_equals_slow_oracle(network, slow_K):
     K = stiffness_matrix(network).toarray()
     oracle = slow_K(network)
@@ -34,14 +36,14 @@ def test_assembly_equals_slow_oracle(network, slow_K):
 
 
 def test_translations_only_is_the_translational_part_of_K():
-    network = gallery.fcc(2, 4)
+    network = gallery.fcc(cells=(2, 2, 4))
     full = stiffness_matrix(network).toarray().reshape(16, 6, 16, 6)
     part = stiffness_matrix(network, translations_only=True).toarray()
     assert abs(full[:, :3, :, :3].reshape(48, 48) - part).max() <= 1e-15 * abs(part).max()
 
 
 def test_rigid_motions_of_a_free_cluster_cost_nothing():
-    network = gallery.fcc(3, 4)
+    network = gallery.fcc(cells=(3, 3, 4))
     inside = ~network.with_wall & ~network.cell_shift.any(axis=1)
     for name in ("particle_i", "particle_j", "normal", "lever_i", "lever_j"):
         setattr(network, name, getattr(network, name)[inside])
@@ -58,7 +60,7 @@ def test_rigid_motions_of_a_free_cluster_cost_nothing():
 
 
 def test_lateral_translation_of_a_periodic_slab_pulls_on_walls_only():
-    network = gallery.fcc(2, 6)
+    network = gallery.fcc(cells=(2, 2, 6))
     K = stiffness_matrix(network)
     shift = np.zeros((network.n_particles, 6))
     shift[:, 0] = 1.0
@@ -89,7 +91,7 @@ def test_overlap_inverts_force():
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
 def test_fcc_balances_the_stress(stress):
     """Contact forces of the sample give the stress (Love-Weber), and each sphere rests."""
-    network = gallery.fcc(3, 6, stress)
+    network = gallery.fcc(cells=(stress, stress, (3, 3, 6)))
     total = np.zeros((network.n_particles, 3))
     push = network.force_normal[:, None] * network.normal
     pair = ~network.with_wall
@@ -99,7 +101,7 @@ def test_fcc_balances_the_stress(stress):
     area = network.cell_size[0] * network.cell_size[1]
     at_source = network.particle_j == -1
     assert network.force_normal[at_source].sum() / area == pytest.approx(stress, rel=1e-12)
-    crystal = FccCrystal(stress)
+    crystal = FccLattice(stress)
     layer = crystal.layer_distance
     branch = network.lever_i - network.lever_j
     lateral = pair & (abs(branch[:, 0]) > 0)

@@ -167,7 +167,7 @@ def test_asymmetry_is_the_share_of_the_antisymmetric_part():
 
 
 def test_crystal_without_shear_forces_stays_symmetric():
-    network = gallery.fcc(2, 5)
+    network = gallery.fcc(cells=(2, 2, 5))
     normal, full = (stiffness_matrix(network, pre_stress=kind) for kind in ("normal", "full"))
     assert abs(normal - full).max() == 0
     # Round-off of the assembly alone.

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from modal.packing.network import Network
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
 
 FLAT = 1e-3
@@ -60,7 +60,7 @@ class Chain:
     wall_gap: float = 0.0
 
     @classmethod
-    def of_crystal(cls, crystal: FccCrystal, layers: int = 200) -> Chain:
+    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> Chain:
         """The chain of an FCC crystal between flat walls of its own material."""
         material, radius = crystal.material, crystal.radius
         wall = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)

@@ -25,11 +25,11 @@ from analysis.estimators.travel_time import (
     wall_velocity,
 )
 from analysis.table import Table
-from modal.theory.fcc import FccCrystal
+from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
 
 INTERVAL, NOISE, DRAWS, SEED = 4e-7, 0.05, 10, 20170729
-CHAIN = Chain.of_crystal(FccCrystal(1e5))
+CHAIN = Chain.of_crystal(FccLattice(1e5))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity
 DIAMETER = np.sqrt(2) * CHAIN.distance

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import (
     GLASS,
     RADIUS,
@@ -20,6 +21,9 @@ from modal.packing.contact_law import (
     stiffness_tangential,
 )
 
+LARGEST = 1e9
+"""Pa: under more, overlaps of glass are no longer small."""
+
 
 @dataclass(frozen=True)
 class FccPacking:
@@ -28,6 +32,10 @@ class FccPacking:
     stress: float
     radius: float = RADIUS
     material: Material = GLASS
+
+    def __post_init__(self) -> None:
+        if not 0 < self.stress < LARGEST:
+            raise InputError(f"stress {self.stress:g} Pa: outside 0 to {LARGEST:g}; give it in Pa")
 
     @property
     def overlap(self) -> float:

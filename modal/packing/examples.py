@@ -65,36 +65,45 @@ def _network(
 
 
 def fcc(
-    width: int = 4,
-    layers: int = 200,
     stress: float = 1e5,
+    cells: tuple[int, int, int] = (4, 4, 200),
+    *,
     radius: float = RADIUS,
     material: Material = GLASS,
 ) -> Network:
-    """FCC crystal of width x width x layers spheres between flat walls, laterally periodic.
+    """A crystal of equal glass spheres between two flat walls, under the same pressure everywhere.
 
-    Otsubo et al. 2017, section 2: 4 x 4 x 200. `width` may be 1 or 2, where a sphere touches
-    itself or the same neighbour through several periods. Stress in Pa.
+    The face-centred cubic packing of Otsubo et al. 2017, section 2, with [001] along z and periods
+    along x and y: `cells` spheres along x and y, and that many layers along z. One or two spheres
+    across are allowed: a sphere then touches itself, or a neighbour through several periods.
+    `stress` in Pa, `radius` in m. InputError where there is no such crystal.
+
+    >>> net = fcc(stress=1e5, cells=(2, 2, 20))
+    >>> net.n_particles, net.n_contacts
+    (80, 472)
     """
+    if len(cells) != 3 or any(number < 1 or number != int(number) for number in cells):
+        raise InputError(f"cells {cells}: give three whole numbers, along x and y, and layers")
+    nx, ny, layers = (int(number) for number in cells)
     crystal = FccPacking(stress, radius, material)
     d, l_z = crystal.spacing, crystal.layer_distance
     z0 = radius - crystal.wall_overlap
-    layer, y, x = np.meshgrid(np.arange(layers), np.arange(width), np.arange(width), indexing="ij")
+    layer, y, x = np.meshgrid(np.arange(layers), np.arange(ny), np.arange(nx), indexing="ij")
     offset = 0.5 * (layer % 2)
     position = np.column_stack(
         [((x + offset) * d).ravel(), ((y + offset) * d).ravel(), (z0 + layer * l_z).ravel()]
     )
 
     def index(c: int, b: int, a: int) -> tuple[int, tuple[int, int, int]]:
-        inside = (c * width + b % width) * width + a % width
-        return inside, (a // width, b // width, 0)
+        inside = (c * ny + b % ny) * nx + a % nx
+        return inside, (a // nx, b // ny, 0)
 
     up = np.sqrt(0.5)
     contacts = []
     for c in range(layers):
         first = -1 if c % 2 == 0 else 0
-        for b in range(width):
-            for a in range(width):
+        for b in range(ny):
+            for a in range(nx):
                 own, _ = index(c, b, a)
                 for right, normal in (((b, a + 1), (1, 0, 0)), ((b + 1, a), (0, 1, 0))):
                     other, shift = index(c, *right)
@@ -116,7 +125,7 @@ def fcc(
     study = {
         "case": "fcc",
         "stress": stress,
-        "void_ratio": (width * d) ** 2 * height / solid - 1,
+        "void_ratio": (nx * d) * (ny * d) * height / solid - 1,
         "coordination_number": (2 * pairs + len(contacts) - pairs) / len(position),
     }
     return _network(
@@ -124,7 +133,7 @@ def fcc(
         contacts,
         radius,
         material,
-        np.array([width * d, width * d, height]),
+        np.array([nx * d, ny * d, height]),
         np.array([True, True, False]),
         np.array([0.0, height]),
         study,

@@ -35,7 +35,7 @@ def f_low_pass(C: float, m: float) -> float:
 
 
 @dataclass(frozen=True)
-class FccCrystal(FccPacking):
+class FccLattice(FccPacking):
     """Waves in the FCC packing under isotropic stress (Pa): Eqs. 5-10, and all Bloch branches."""
 
     @property
