@@ -94,7 +94,7 @@ def sheared() -> Network:
 
 def deep() -> Network:
     """A crystal whose spheres overlap by 0.1 of their radius."""
-    network = gallery.fcc(cells=(4e8, 4e8, (2, 2, 6)))
+    network = gallery.fcc(4e8, (2, 2, 6))
     assert 0.09 < network.overlap.max() / network.radius[0] < 0.12
     return network
 
@@ -165,7 +165,7 @@ SOUND = {
     "crystal": lambda: gallery.fcc(cells=(2, 2, 8)),
     "crystal one sphere wide": lambda: gallery.fcc(cells=(1, 1, 8)),
     "long crystal": lambda: gallery.fcc(cells=(1, 1, 300)),
-    "hardly pressed": lambda: gallery.fcc(cells=(1e-3, 1e-3, (2, 2, 8))),
+    "hardly pressed": lambda: gallery.fcc(1e-3, (2, 2, 8)),
     "column": lambda: gallery.column(3),
     "copies side by side": lambda: gallery.repeat(gallery.fcc(cells=(1, 1, 5)), 3, 2),
     "sheared": sheared,

@@ -18,7 +18,7 @@ def products(tmp_path_factory):
     """Cases 1 to 3: all products, no modes, only the network."""
     folder = tmp_path_factory.mktemp("products")
     for number, stress in ((1, 1e4), (2, 1e5), (3, 1e6)):
-        network = fcc(cells=(stress, stress, (1, 1, 200)))
+        network = fcc(stress, (1, 1, 200))
         write_network(folder / f"case{number:02d}.network.h5", network)
         chain = Chain.of_network(network)
         if number < 3:

@@ -100,7 +100,7 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
     )
     for network, crystal in (
         (fcc(cells=(1, 1, 200)), True),
-        (fcc(cells=(1e7, 1e7, (2, 2, 12))), True),
+        (fcc(1e7, (2, 2, 12)), True),
         (packing, False),
         (column(9), False),  # layers of equal distance, but of straight springs
         (shaken, False),
@@ -154,7 +154,7 @@ def two_producers(tmp_path_factory):
     folder, cases = tmp_path_factory.mktemp("mixed"), []
     for name, stress in (("case01", 1e4), ("case02", 1e5), ("case03", 1e6)):
         case = Products(name, folder)
-        case.network = fcc(cells=(stress, stress, (1, 1, 200)))
+        case.network = fcc(stress, (1, 1, 200))
         if name == "case02":
             time = np.arange(0, case.network.length / case.chain.velocity, 5e-7)
             slow = replace(case.chain, mass=case.chain.mass / 0.81)

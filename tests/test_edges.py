@@ -65,7 +65,7 @@ def bound(f: np.ndarray, top: float, size: int) -> np.ndarray:
 @pytest.mark.parametrize("stress", [2e-8, 1e-4, 1.0, 1e2, 1e5, 1e8, 6.7e8, 9e8])
 def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
     """P resonances against the chain of layers; stress 2e-8 Pa is an overlap of 1e-12 R."""
-    network = gallery.fcc(cells=(stress, stress, (1, 1, 20)))
+    network = gallery.fcc(stress, (1, 1, 20))
     modes = all_modes(Eigenproblem.of(network))
     omega, _ = Chain.of_network(network).eigenmodes()
     assert modes.resonance_frequency == pytest.approx(omega / 2 / np.pi, rel=1e-11)

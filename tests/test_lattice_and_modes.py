@@ -103,7 +103,7 @@ def test_group_velocity_is_the_slope_of_the_branches():
     ("layers", "stress", "radius"), [(6, 1e5, 1.27e-3), (11, 1e4, 1e-3), (16, 1e7, 5e-3)]
 )
 def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
-    network = gallery.fcc(cells=(stress, stress, (3, 3, layers)), radius=radius)
+    network = gallery.fcc(stress, (3, 3, layers), radius=radius)
     found = modes.all_modes(Eigenproblem.of(network))
     theory = slab_frequencies(FccLattice(stress, radius), layers)
     assert len(found.resonance_frequency) == layers

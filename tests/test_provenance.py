@@ -52,7 +52,7 @@ OTHER = {"modes": "5", "density": "1.5e4", "wave": "2.5e-5", "response": "2.5e4"
 def network(tmp_path) -> Path:
     """A column of 12 spheres."""
     path = tmp_path / "case02.network.h5"
-    write_network(path, gallery.fcc(cells=(1e5, 1e5, (1, 1, 12))))
+    write_network(path, gallery.fcc(1e5, (1, 1, 12)))
     return path
 
 
@@ -104,7 +104,7 @@ def test_current_product_is_kept_and_a_stale_one_made_again(command, network, ca
 def test_changed_source_makes_a_product_stale(network, capsys):
     path = made("wave", network)
     old = hashlib.sha256(network.read_bytes()).hexdigest()
-    write_network(network, gallery.fcc(cells=(2e5, 2e5, (1, 1, 12))))
+    write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     new = hashlib.sha256(network.read_bytes()).hexdigest()
     made("wave", network, "--if-stale")
     told = capsys.readouterr().err
@@ -147,7 +147,7 @@ def test_digest_of_an_earlier_version_is_compared(network):
     with h5py.File(path, "r+") as file:
         del file["provenance"]
     assert require_same_packing(path, packing_of(network)) == ""
-    write_network(network, gallery.fcc(cells=(2e5, 2e5, (1, 1, 12))))
+    write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     with pytest.raises(InputError, match=r"wave\.h5: made from .* not from case02"):
         require_same_packing(path, packing_of(network))
 
@@ -155,7 +155,7 @@ def test_digest_of_an_earlier_version_is_compared(network):
 def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
     """Both ways round; not to another export, nor to the network of another sample."""
     sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
-    packing = gallery.fcc(cells=(1e5, 1e5, (3, 3, 4)))
+    packing = gallery.fcc(1e5, (3, 3, 4))
     column = sample_of_network(
         Sample(packing.position, packing.cell_size[:2], packing.wall_position, 0.1).network(), 0.1
     )
@@ -215,7 +215,7 @@ def made_once(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     for case, stress in (("case02", 1e5), ("case03", 1e6)):
         network = folder / f"{case}.network.h5"
-        write_network(network, gallery.fcc(cells=(stress, stress, (1, 1, 60))))
+        write_network(network, gallery.fcc(stress, (1, 1, 60)))
         assert main(["modes", str(network), "--all", "-o", str(folder / f"{case}.modes.h5")]) == 0
         signals = str(folder / f"{case}.signals.h5")
         assert main(["wave", str(network), "--duration", "2e-4", "-o", signals]) == 0
@@ -268,7 +268,7 @@ def test_status_says_which_product_is_stale_and_why(folder, capsys):
     assert analysis_main(command) == 0
     assert "stale" not in capsys.readouterr().out
     (cases / "fcc.table").write_text(table.format("2e5"))
-    write_network(folder / "case02.network.h5", gallery.fcc(cells=(1.1e5, 1.1e5, (1, 1, 60))))
+    write_network(folder / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
     assert analysis_main(command) == 0
     out = capsys.readouterr().out.splitlines()
     assert out[1].split() == ["case02", "yes", "stale", "-", "stale"]
@@ -281,7 +281,7 @@ def test_status_says_which_product_is_stale_and_why(folder, capsys):
 def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
     tmp_path, capsys, monkeypatch
 ):
-    write_network(tmp_path / "case02.network.h5", gallery.fcc(cells=(1e5, 1e5, (1, 1, 60))))
+    write_network(tmp_path / "case02.network.h5", gallery.fcc(1e5, (1, 1, 60)))
     command = ["prepare", "2", "--products", str(tmp_path)]
     assert analysis_main(command) == 0
     monkeypatch.setattr("analysis.prepare.GAIN_RESOLUTION", 0.5)
@@ -290,7 +290,7 @@ def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
     assert "case02.response.h5: stale, resolution was " in capsys.readouterr().out
     assert analysis_main(command) == 0
     assert capsys.readouterr().out == ""
-    write_network(tmp_path / "case02.network.h5", gallery.fcc(cells=(1.1e5, 1.1e5, (1, 1, 60))))
+    write_network(tmp_path / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
     assert analysis_main(command) == 0
     assert "stale, highest was " in capsys.readouterr().out
 

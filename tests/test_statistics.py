@@ -75,7 +75,7 @@ def test_stress_is_the_derivative_of_the_energy():
 
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
 def test_crystal_in_balance(stress):
-    network, crystal = gallery.fcc(cells=(stress, stress, (3, 3, 20))), FccLattice(stress)
+    network, crystal = gallery.fcc(stress, (3, 3, 20)), FccLattice(stress)
     assert wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
     layers = profile(network, thickness=0.37 * RADIUS)
     # A plane anywhere carries what the walls carry.
@@ -85,9 +85,7 @@ def test_crystal_in_balance(stress):
     lateral = np.diag(stress_tensor(network))[:2] * network.length
     assert lateral == pytest.approx(np.full(2, (20 + 19) * contact), rel=1e-12)
     assert np.diag(stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
-    assert fabric_tensor(gallery.fcc(cells=(stress, stress, (3, 3, 400)))) == pytest.approx(
-        np.eye(3) / 3, abs=1e-3
-    )
+    assert fabric_tensor(gallery.fcc(stress, (3, 3, 400))) == pytest.approx(np.eye(3) / 3, abs=1e-3)
 
 
 @pytest.mark.parametrize("thickness", [0.3, 1.0, 2.7, 100.0])

@@ -91,7 +91,7 @@ def test_overlap_inverts_force():
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
 def test_fcc_balances_the_stress(stress):
     """Contact forces of the sample give the stress (Love-Weber), and each sphere rests."""
-    network = gallery.fcc(cells=(stress, stress, (3, 3, 6)))
+    network = gallery.fcc(stress, (3, 3, 6))
     total = np.zeros((network.n_particles, 3))
     push = network.force_normal[:, None] * network.normal
     pair = ~network.with_wall

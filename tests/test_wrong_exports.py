@@ -60,7 +60,7 @@ def sound(name: str) -> Network:
 def other(name: str) -> Network:
     """Another packing of the same kind, of nearly as many particles and contacts."""
     return {
-        "crystal": lambda: gallery.fcc(cells=(4e6, 4e6, (2, 2, 6))),
+        "crystal": lambda: gallery.fcc(4e6, (2, 2, 6)),
         "sheared": lambda: packings.mirrored(packings.sheared()),
         "mixed": lambda: packings.polydisperse(seed=3),
     }[name]()

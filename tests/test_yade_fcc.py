@@ -62,7 +62,7 @@ def products(tmp_path_factory, yade):
 
 def test_exported_contacts_equal_the_network_made_without_yade(products):
     exported = read_network(products / "case02.network.h5")
-    made = gallery.fcc(cells=(STRESS, STRESS, (WIDTH, WIDTH, LAYERS)))
+    made = gallery.fcc(STRESS, (WIDTH, WIDTH, LAYERS))
     assert exported.n_contacts == made.n_contacts
     # Overlaps are differences of positions: relative error eps * length / overlap = 4e-11.
     for name in ("stiffness_normal", "stiffness_tangential", "force_normal"):
@@ -172,7 +172,7 @@ def test_columns_of_the_table_are_settings_of_the_wave(products, tmp_path):
 def test_highest_modes_of_another_network_are_refused_with_both_names(products, tmp_path):
     shutil.copy(products / "case02.network.h5", tmp_path)
     other = tmp_path / "other.network.h5"
-    write_network(other, gallery.fcc(cells=(STRESS, STRESS, (WIDTH, WIDTH, 4))))
+    write_network(other, gallery.fcc(STRESS, (WIDTH, WIDTH, 4)))
     modes = tmp_path / "case02.highest.modes.h5"
     assert main(["modes", str(other), "--highest", "1", "-o", str(modes)]) == 0
     log = batch("wave", tmp_path, WAVE_DURATION="1.2e-5")
