@@ -16,9 +16,12 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+
+from modal.formats.arrays import Array
 
 CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
@@ -94,12 +97,14 @@ def open_h5(
             if schema is None:
                 yield file
                 return
-            found, found_version = file.attrs.get("schema"), file.attrs.get("schema_version")
+            found: Any = file.attrs.get("schema")
+            found_version: Any = file.attrs.get("schema_version")
             if isinstance(found, bytes):
                 found = found.decode(errors="replace")
             if found != schema:
                 raise InputError(f"{path}: schema is {found!r}, expected {schema!r}; wrong file?")
-            if not np.isscalar(found_version) or int(found_version) != version:
+            single = found_version is not None and np.shape(found_version) == ()
+            if not single or int(found_version) != version:
                 raise InputError(
                     f"{path}: schema_version is {found_version}, this program reads {version}; "
                     "convert the file or update the program"
@@ -137,7 +142,7 @@ def _refuse_endless_heap(path: Path) -> None:
             at = raw.find(_HEAP, at + 8)
 
 
-def put(file: h5py.File | h5py.Group, name: str, data: np.ndarray, units: str) -> None:
+def put(file: h5py.File | h5py.Group, name: str, data: Array, units: str) -> None:
     """Write one dataset with its units.
 
     Compressed even where it is small: fletcher32 takes 0xFFFF for zero, zlib's Adler-32 does not.
@@ -147,7 +152,7 @@ def put(file: h5py.File | h5py.Group, name: str, data: np.ndarray, units: str) -
     file.create_dataset(name, data=data, **options).attrs["units"] = units
 
 
-def get(file: h5py.File, name: str, kind: str, shape: tuple[int | None, ...]) -> np.ndarray:
+def get(file: h5py.File, name: str, kind: str, shape: tuple[int | None, ...]) -> Array:
     """Read one dataset as float ("f"), integer ("i") or boolean ("b"); None is any length."""
     node = file.get(name)
     if not isinstance(node, h5py.Dataset):
@@ -161,7 +166,8 @@ def get(file: h5py.File, name: str, kind: str, shape: tuple[int | None, ...]) ->
     allowed = {"f": "fiu", "i": "iu", "b": "biu"}[kind]
     if node.dtype.kind not in allowed:
         raise InputError(f"{file.filename}: {name} has type {node.dtype}, which is not numeric")
-    return node[()].astype({"f": np.float64, "i": np.int64, "b": bool}[kind])
+    data: Array = node[()].astype({"f": np.float64, "i": np.int64, "b": bool}[kind])
+    return data
 
 
 def sha256(path: str | Path) -> str:

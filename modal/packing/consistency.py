@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import SOURCE_WALL, Network, refuse
 
@@ -99,12 +100,12 @@ def _check_particles(network: Network, name: str) -> None:
         )
 
 
-def density_of(network: Network) -> np.ndarray:
+def density_of(network: Network) -> Floats:
     """Shape (n,), kg/m^3: mass over volume of each sphere."""
     return network.mass / (4 / 3 * np.pi * network.radius**3)
 
 
-def branches(network: Network) -> np.ndarray:
+def branches(network: Network) -> Floats:
     """Shape (m, 3), m: from the centre of i to that of j, or straight to the wall.
 
     Where `cell_shift` is absent, through as many periods as bring it nearest to the levers.
@@ -196,7 +197,7 @@ def _check_pairs(network: Network, name: str) -> None:
         step += 1
 
 
-def force_ratio(network: Network) -> np.ndarray:
+def force_ratio(network: Network) -> Floats:
     """Force over stiffness times overlap of the contacts that push, or empty where unknown."""
     if network.force_normal is None or network.overlap is None:
         return np.empty(0)

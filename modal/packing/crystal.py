@@ -8,8 +8,7 @@ equal normal force. Its waves are in `modal.theory.fcc`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from math import pi, sqrt
 
 from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import (
@@ -47,7 +46,7 @@ class FccPacking:
         overlap, last = 0.0, -1.0
         while abs(overlap - last) > 1e-15 * self.radius:
             last = overlap
-            force = self.stress * (2 * self.radius - overlap) ** 2 / (2 * np.sqrt(2))
+            force = self.stress * (2 * self.radius - overlap) ** 2 / (2 * sqrt(2))
             overlap = float(overlap_of_force(force, self.radius / 2, self.material))
         return overlap
 
@@ -58,13 +57,13 @@ class FccPacking:
 
     @property
     def layer_distance(self) -> float:
-        """l = d / sqrt(2), m."""
-        return self.spacing / np.sqrt(2)
+        """Distance of neighbouring layers along z, l = d / sqrt(2), m."""
+        return self.spacing / sqrt(2)
 
     @property
     def contact_force(self) -> float:
         """Normal force of each contact, N."""
-        return self.stress * self.spacing**2 / (2 * np.sqrt(2))
+        return self.stress * self.spacing**2 / (2 * sqrt(2))
 
     @property
     def wall_overlap(self) -> float:
@@ -75,7 +74,7 @@ class FccPacking:
     @property
     def mass(self) -> float:
         """Mass of a sphere, kg."""
-        return self.material.density * 4 / 3 * np.pi * self.radius**3
+        return self.material.density * 4 / 3 * pi * self.radius**3
 
     @property
     def kn(self) -> float:

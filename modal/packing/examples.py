@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import sqrt
+from typing import Any
 
 import numpy as np
 
+from modal.formats.arrays import Bools, Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import (
     GLASS,
@@ -18,16 +21,19 @@ from modal.packing.contact_law import (
 from modal.packing.crystal import FccPacking
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 
+Row = tuple[int, int, tuple[float, float, float], float, tuple[int, int, int]]
+"""A contact: i, j, normal, overlap (m), periods that are added to j."""
+
 
 def _network(
-    position: np.ndarray,
-    contacts: list[tuple],
+    position: Floats,
+    contacts: list[Row],
     crystal_radius: float,
     material: Material,
-    cell: np.ndarray,
-    periodic: np.ndarray,
-    walls: np.ndarray,
-    study: dict,
+    cell: Floats,
+    periodic: Bools,
+    walls: Floats,
+    study: dict[str, Any],
 ) -> Network:
     """Complete a network of equal spheres from (i, j, normal, overlap, shift) rows."""
     i, j, normal, overlap, shift = (np.array(column) for column in zip(*contacts, strict=True))
@@ -98,8 +104,8 @@ def fcc(
         inside = (c * ny + b % ny) * nx + a % nx
         return inside, (a // nx, b // ny, 0)
 
-    up = np.sqrt(0.5)
-    contacts = []
+    up = sqrt(0.5)
+    contacts: list[Row] = []
     for c in range(layers):
         first = -1 if c % 2 == 0 else 0
         for b in range(ny):
@@ -148,7 +154,7 @@ def column(
     at_wall = float(overlap_of_force(force, radius, material))
     z = radius - at_wall + np.arange(particles) * (2 * radius - overlap)
     position = np.column_stack([np.zeros(particles), np.zeros(particles), z])
-    contacts = [(0, SOURCE_WALL, (0, 0, -1), at_wall, (0, 0, 0))]
+    contacts: list[Row] = [(0, SOURCE_WALL, (0, 0, -1), at_wall, (0, 0, 0))]
     contacts += [(k, k + 1, (0, 0, 1), overlap, (0, 0, 0)) for k in range(particles - 1)]
     contacts += [(particles - 1, RECEIVER_WALL, (0, 0, 1), at_wall, (0, 0, 0))]
     height = z[-1] + radius - at_wall

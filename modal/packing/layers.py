@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.rattlers import firmly_held
@@ -39,7 +40,7 @@ class Layers:
         self._size = np.bincount(layer, minlength=len(filled))
         self.position = self.means(z)
 
-    def means(self, values: np.ndarray) -> np.ndarray:
+    def means(self, values: Floats) -> Floats:
         """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
         # Particles that are not held fall into an extra bin in front, which is dropped.
         return np.bincount(self.layer + 1, values, len(self._size) + 1)[1:] / self._size

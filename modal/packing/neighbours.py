@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
 
@@ -17,21 +18,19 @@ class Touching:
     periods that are added to j; normal (m, 3) from i towards j or the wall; overlap (m,), m.
     """
 
-    particle_i: np.ndarray
-    particle_j: np.ndarray
-    cell_shift: np.ndarray
-    normal: np.ndarray
-    overlap: np.ndarray
+    particle_i: Ints
+    particle_j: Ints
+    cell_shift: Ints
+    normal: Floats
+    overlap: Floats
 
 
-def canonical_order(i: np.ndarray, j: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def canonical_order(i: Ints, j: Ints, shift: Ints) -> Ints:
     """Shape (m,): the order of contacts by i, then j, then periods."""
     return np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
 
 
-def periodic_pairs(
-    position: np.ndarray, side: np.ndarray, distance: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Ints, Ints, Ints]:
     """Pairs (i, j, shift) of points at most `distance` apart, each pair of images once.
 
     `position` (n, 3) with x and y inside the periodic cell of `side` (2,); z is not periodic.
@@ -68,12 +67,13 @@ def periodic_pairs(
     return first[keep], owners[second][keep], shift[keep]
 
 
-def touching(position: np.ndarray, side: np.ndarray, walls: np.ndarray, radius: float) -> Touching:
+def touching(position: Floats, side: Floats, walls: Floats, radius: float) -> Touching:
     """All overlapping contacts of equal spheres between flat walls at z = `walls` (2,), m."""
     i, j, shift = periodic_pairs(position, side, 2 * radius)
     period = np.array([side[0], side[1], 0.0])
     branch = position[j] + shift * period - position[i]
     distance = np.linalg.norm(branch, axis=1)
+    parts: list[tuple[Array, ...]]
     parts = [(i, j, shift, branch / distance[:, None], 2 * radius - distance)]
     for wall, z, direction in ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1)):
         overlap = radius - direction * (z - position[:, 2])
@@ -87,7 +87,7 @@ def touching(position: np.ndarray, side: np.ndarray, walls: np.ndarray, radius: 
     return Touching(i[order], j[order], shift[order], normal[order], overlap[order])
 
 
-def tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tangents(normal: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors (m, 3) that form a right-handed frame with each unit `normal` (m, 3)."""
     axis = np.eye(3)[np.argmin(abs(normal), axis=1)]
     first = np.cross(normal, axis)

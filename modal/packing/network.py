@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from modal.formats.arrays import Array, Bools, Floats, Ints
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 
 SCHEMA = "granular-contact-network"
@@ -55,25 +56,25 @@ class Network:
     `cell_shift` (m, 3), the periods that are added to j.
     """
 
-    position: np.ndarray
-    radius: np.ndarray
-    mass: np.ndarray
-    inertia: np.ndarray
-    particle_i: np.ndarray
-    particle_j: np.ndarray
-    normal: np.ndarray
-    lever_i: np.ndarray
-    lever_j: np.ndarray
-    stiffness_normal: np.ndarray
-    stiffness_tangential: np.ndarray
-    cell_size: np.ndarray
-    cell_periodic: np.ndarray
-    wall_position: np.ndarray
-    force_normal: np.ndarray | None = None
-    force_tangential: np.ndarray | None = None
-    overlap: np.ndarray | None = None
-    sliding: np.ndarray | None = None
-    cell_shift: np.ndarray | None = None
+    position: Floats
+    radius: Floats
+    mass: Floats
+    inertia: Floats
+    particle_i: Ints
+    particle_j: Ints
+    normal: Floats
+    lever_i: Floats
+    lever_j: Floats
+    stiffness_normal: Floats
+    stiffness_tangential: Floats
+    cell_size: Floats
+    cell_periodic: Bools
+    wall_position: Floats
+    force_normal: Floats | None = None
+    force_tangential: Floats | None = None
+    overlap: Floats | None = None
+    sliding: Bools | None = None
+    cell_shift: Ints | None = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -93,12 +94,12 @@ class Network:
         return float(self.wall_position[1] - self.wall_position[0])
 
     @property
-    def with_wall(self) -> np.ndarray:
+    def with_wall(self) -> Bools:
         """Shape (m,) bool: contacts between a particle and a wall."""
         return self.particle_j < 0
 
     @property
-    def partner(self) -> np.ndarray:
+    def partner(self) -> Ints:
         """Shape (m,): index of the contact's second particle; 0, for none, at a wall."""
         return np.where(self.with_wall, 0, self.particle_j)
 
@@ -118,9 +119,9 @@ class Network:
         """Names of the optional data of contacts that are not known."""
         return [name for name in _OPTIONAL if getattr(self, name) is None]
 
-    def known(self, name: str, purpose: str) -> np.ndarray:
+    def known(self, name: str, purpose: str) -> Array:
         """Optional data of the contacts; InputError, with the `purpose`, where they are absent."""
-        data = getattr(self, name)
+        data: Array | None = getattr(self, name)
         if data is None:
             raise InputError(
                 f"the network has no contacts/{name}, without which there is no {purpose}; "
@@ -135,7 +136,7 @@ class Network:
             return float(said)
         return None
 
-    def with_contacts(self, kept: np.ndarray) -> Network:
+    def with_contacts(self, kept: Bools | Ints) -> Network:
         """The same particles with the contacts that `kept` selects: (m,) bool, or indices."""
         columns = {name: getattr(self, name) for name in _CONTACTS}
         return replace(
@@ -241,7 +242,7 @@ def validate(network: Network, name: str = "network") -> None:
     check_consistency(network, name)
 
 
-def refuse(wrong: np.ndarray, name: str, kind: str, fault: str) -> None:
+def refuse(wrong: Bools, name: str, kind: str, fault: str) -> None:
     """InputError about the first of the particles or contacts that are `wrong` (m,) bool."""
     if wrong.any():
         raise InputError(f"{name}: {kind} {int(np.argmax(wrong))} {fault}; mend the export")

@@ -13,6 +13,7 @@ from math import factorial
 import numpy as np
 from numpy.polynomial.legendre import Legendre
 
+from modal.formats.arrays import Bools
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
 
@@ -24,7 +25,7 @@ SOLID_BONDS = 7
 """Solid bonds from which a sphere is crystalline; an inner sphere of a crystal has 12."""
 
 
-def crystalline(network: Network) -> np.ndarray:
+def crystalline(network: Network) -> Bools:
     """Shape (n,) bool: spheres in crystalline surroundings, in a cell with periods along x and y.
 
     The walls count for nothing: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.packing.consistency import branches, density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
@@ -155,7 +156,7 @@ def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
     return told
 
 
-def _law(ratio: np.ndarray) -> str:
+def _law(ratio: Floats) -> str:
     low, high = np.percentile(ratio, [5, 95])
     for law, wanted in LAWS.items():
         if wanted * (1 - LAW_TOLERANCE) < low and high < wanted * (1 + LAW_TOLERANCE):
@@ -163,9 +164,10 @@ def _law(ratio: np.ndarray) -> str:
     return "unknown"
 
 
-def _size(vector: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vector, axis=1)
+def _size(vector: Floats) -> Floats:
+    size: Floats = np.linalg.norm(vector, axis=1)
+    return size
 
 
-def _spread(values: np.ndarray) -> list[float]:
+def _spread(values: Floats) -> list[float]:
     return [float(values.min()), float(np.median(values)), float(values.max())]

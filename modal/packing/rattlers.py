@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Bools, Floats
 from modal.packing.network import Network
 
 HELD = 0.05
 """Largest contact force, over the mean one, from which a particle counts as firmly held."""
 
 
-def keeping_contacts(network: Network, least: int) -> np.ndarray:
+def keeping_contacts(network: Network, least: int) -> Bools:
     """Shape (n,) bool: particles left when those with fewer than `least` contacts are removed.
 
     Removing a particle removes its contacts, so this repeats until all that are left have at least
@@ -27,7 +28,7 @@ def keeping_contacts(network: Network, least: int) -> np.ndarray:
         kept = remaining
 
 
-def force_bearing(network: Network) -> np.ndarray:
+def force_bearing(network: Network) -> Bools:
     """Shape (n,) bool: particles that keep two contacts or more once those with fewer are gone.
 
     A particle with a single contact cannot be in balance under a force.
@@ -35,7 +36,7 @@ def force_bearing(network: Network) -> np.ndarray:
     return keeping_contacts(network, 2)
 
 
-def strongest_force(network: Network) -> np.ndarray:
+def strongest_force(network: Network) -> Floats:
     """Shape (n,), N: the largest push or pull on each particle, 0 for one without contacts."""
     force = abs(network.known("force_normal", "strongest force"))
     strongest = np.zeros(network.n_particles)
@@ -45,7 +46,7 @@ def strongest_force(network: Network) -> np.ndarray:
     return strongest
 
 
-def firmly_held(network: Network) -> np.ndarray:
+def firmly_held(network: Network) -> Bools:
     """Shape (n,) bool: force-bearing particles that do not hang on contacts of hardly any force.
 
     The others, some in a thousand, wander about in their cages by more than a wave moves them. A
@@ -54,4 +55,5 @@ def firmly_held(network: Network) -> np.ndarray:
     if network.force_normal is None or network.n_contacts == 0:
         return force_bearing(network)
     mean = abs(network.force_normal).mean()
-    return force_bearing(network) & (strongest_force(network) >= HELD * mean)
+    strong: Bools = strongest_force(network) >= HELD * mean
+    return force_bearing(network) & strong

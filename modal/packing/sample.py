@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.packing.contact_law import (
     GLASS,
@@ -36,19 +37,19 @@ class Sample:
 
     position (n, 3), x and y inside the cell; side (2,) of the lateral cell; walls (2,) z of source
     and receiver wall; shear (m, 2) shear force on i of each contact in canonical order along
-    `geometry.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
+    `neighbours.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
     strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
     contacts; `study` and `provenance` are free attributes.
     """
 
-    position: np.ndarray
-    side: np.ndarray
-    walls: np.ndarray
+    position: Floats
+    side: Floats
+    walls: Floats
     friction: float
-    shear: np.ndarray | None = None
-    velocity: np.ndarray | None = None
-    angular_velocity: np.ndarray | None = None
-    strain_rate: np.ndarray | None = None
+    shear: Floats | None = None
+    velocity: Floats | None = None
+    angular_velocity: Floats | None = None
+    strain_rate: Floats | None = None
     radius: float = RADIUS
     material: Material = GLASS
     study: dict[str, Any] = field(default_factory=dict)
@@ -114,7 +115,7 @@ class Sample:
         )
 
 
-def void_ratio(n: int, radius: float, side: np.ndarray, length: float) -> float:
+def void_ratio(n: int, radius: float, side: Floats, length: float) -> float:
     """Volume of voids over volume of n spheres, wall to wall."""
     return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * radius**3) - 1)
 
@@ -151,8 +152,8 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     return sample
 
 
-def shear_components(network: Network) -> np.ndarray:
-    """Shape (m, 2), N: tangential forces on i along `geometry.tangents` of each normal."""
+def shear_components(network: Network) -> Floats:
+    """Shape (m, 2), N: tangential forces on i along `neighbours.tangents` of each normal."""
     first, second = tangents(network.normal)
     force = network.known("force_tangential", "sample with its history")
     return np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
@@ -199,14 +200,14 @@ def read_sample(path: str | Path) -> Sample:
             if dataset in file:
                 columns[name] = get(file, dataset, "f", shapes.get(name, (n, 3)))
         try:
-            numbers = {name: float(file.attrs[name]) for name in ("radius", "friction")}
+            columns |= {name: float(file.attrs[name]) for name in ("radius", "friction")}
             material = Material(
                 *(float(file.attrs[name]) for name in ("young", "poisson", "density"))
             )
             study, provenance = dict(file["study"].attrs), dict(file["provenance"].attrs)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: {error}; the sample is incomplete, make it again") from error
-    sample = Sample(**columns, **numbers, material=material, study=study, provenance=provenance)
+    sample = Sample(**columns, material=material, study=study, provenance=provenance)
     validate(sample, str(path))
     return sample
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.formats.arrays import Array, Bools, Floats, Ints
 from modal.formats.hdf5 import InputError, write_whole
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.order import crystalline
@@ -34,12 +35,12 @@ class Profile:
     bulk (k,) bool, further than `WALL_ZONE` from both walls.
     """
 
-    edges: np.ndarray
-    stress: np.ndarray | None
-    void_ratio: np.ndarray
-    coordination: np.ndarray
-    particles: np.ndarray
-    bulk: np.ndarray
+    edges: Floats
+    stress: Floats | None
+    void_ratio: Floats
+    coordination: Floats
+    particles: Ints
+    bulk: Bools
 
 
 def _volume(network: Network) -> float:
@@ -50,7 +51,7 @@ def _volume(network: Network) -> float:
     return network.area * network.length
 
 
-def _virials(network: Network) -> tuple[np.ndarray, np.ndarray]:
+def _virials(network: Network) -> tuple[Floats, Floats]:
     """Force times branch (m, 3, 3), N m, compression positive, and the branch's z (m,), m.
 
     A wall's branch ends on the wall's plane, so that the walls' work is counted to the last bit.
@@ -64,26 +65,27 @@ def _virials(network: Network) -> tuple[np.ndarray, np.ndarray]:
     return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
 
 
-def stress_tensor(network: Network) -> np.ndarray:
+def stress_tensor(network: Network) -> Floats:
     """Shape (3, 3), Pa: mean stress between the walls from the contact forces."""
     virial, _ = _virials(network)
-    return virial.sum(axis=0) / _volume(network)
+    stress: Floats = virial.sum(axis=0) / _volume(network)
+    return stress
 
 
-def wall_stress(network: Network) -> np.ndarray:
+def wall_stress(network: Network) -> Floats:
     """Shape (2,), Pa: normal force on source and receiver wall over their area."""
     force = network.known("force_normal", "stress on the walls")
     push = [force[network.particle_j == wall].sum() for wall in (SOURCE_WALL, RECEIVER_WALL)]
     return np.array(push) / network.area
 
 
-def contacts_per_particle(network: Network) -> np.ndarray:
+def contacts_per_particle(network: Network) -> Ints:
     """Shape (n,): number of contacts, walls included."""
     n, j = network.n_particles, network.particle_j
     return np.bincount(network.particle_i, minlength=n) + np.bincount(j[j >= 0], minlength=n)
 
 
-def fabric_tensor(network: Network) -> np.ndarray:
+def fabric_tensor(network: Network) -> Floats:
     """Shape (3, 3): mean of n n^T over contacts of particles; 1/3 of unity if isotropic."""
     normal = network.normal[~network.with_wall]
     return normal.T @ normal / max(len(normal), 1)
@@ -99,11 +101,12 @@ def coordination_without_rattlers(network: Network) -> tuple[float, int]:
     return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
 
 
-def friction_used(network: Network, friction: float) -> np.ndarray:
+def friction_used(network: Network, friction: float) -> Floats:
     """Shape (m,): shear force over friction times normal force; 1 at the limit, 0 without shear."""
     limit = friction * network.known("force_normal", "share of friction")
     shear = np.linalg.norm(network.known("force_tangential", "share of friction"), axis=1)
-    return shear / np.where(shear > 0, limit, 1.0)
+    share: Floats = shear / np.where(shear > 0, limit, 1.0)
+    return share
 
 
 def profile(network: Network, thickness: float | None = None) -> Profile:
@@ -114,7 +117,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     """
     diameter = 2 * float(network.radius.mean())
     count = max(1, round(network.length / (thickness or diameter)))
-    edges = np.linspace(*network.wall_position, count + 1)
+    edges = np.linspace(network.wall_position[0], network.wall_position[1], count + 1)
     volume = _volume(network) / count
     z, radius = network.position[:, 2], network.radius
     solid = np.zeros(count + 1)
@@ -140,7 +143,7 @@ def _has_forces(network: Network) -> bool:
     return all(getattr(network, name) is not None for name in FORCES)
 
 
-def _stress_along_z(network: Network, edges: np.ndarray) -> np.ndarray:
+def _stress_along_z(network: Network, edges: Floats) -> Floats:
     """Shape (k, 3), N m: what each layer has of force times branch, compression positive."""
     virial, rise = _virials(network)
     virial = np.einsum("caa->ca", virial)
@@ -186,7 +189,8 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     if network.sliding is not None:
         result["sliding_contacts"] = int(network.sliding.sum())
     # A contact without friction, or one that pulls, has no limit that its shear could share in.
-    if friction and network.n_contacts > 0 and forces and network.force_normal.min() > 0:
+    force = network.force_normal if forces else None
+    if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
         result["largest_share_of_friction"] = float(friction_used(network, friction).max())
     return result if volume is None else result | _along_z(network)
 
@@ -218,7 +222,7 @@ def _along_z(network: Network) -> dict[str, Any]:
 
 def write_profile(path: str | Path, layers: Profile) -> None:
     """Write the layers as a table, *.csv: the middle of each, then what `Profile` has."""
-    columns = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
+    columns: dict[str, Array] = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
     if layers.stress is not None:
         columns |= zip(
             ("stress_xx_Pa", "stress_yy_Pa", "stress_zz_Pa"), layers.stress.T, strict=True
@@ -234,7 +238,7 @@ def write_profile(path: str | Path, layers: Profile) -> None:
     write_whole(path, text.getvalue().encode())
 
 
-def net_forces(network: Network) -> np.ndarray:
+def net_forces(network: Network) -> Floats:
     """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
     n, pair = network.n_particles, ~network.with_wall
     along, across = (network.known(name, "balance") for name in FORCES)

@@ -1,0 +1,13 @@
+"""Types of arrays by what they hold; shapes and units stand in the docstrings that use them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.integer[Any]]
+"""Indices and counts, of any width: files hold 4 bytes, numpy counts with 8."""
+Bools = NDArray[np.bool_]
+Array = NDArray[Any]
+"""Numbers of a kind that is known at run time only, such as a dataset read by its name."""
