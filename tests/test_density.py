@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from scipy.special import ndtr
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
+from modal.formats.hdf5 import InputError, sha256
 from modal.modes.density import DensityOfStates, density_of_states
 from modal.packing import examples as gallery
 from modal.packing.network import write_network
@@ -167,6 +167,17 @@ def test_crystal_is_isotropic_across_its_square_cell():
         assert (abs(value[:, a] - value[:, b]) < 5 * spread + 1e-6).all()
 
 
+@pytest.mark.parametrize("count", [1, 2, 7, 40])
+def test_damping_is_jacksons(count):
+    """His kernel is the square of a polynomial: g_k is the autocorrelation of sin(pi v / (N + 1)),
+    v = 1 ... N. N orders, even ones of which belong to a density that is even."""
+    N = 2 * count
+    states = DensityOfStates(np.ones((1, 6, count)), 1.0, np.zeros(6), 0.0, 0)
+    wave = np.sin(np.pi * np.arange(1, N + 1) / (N + 1))
+    expected = [wave[: N - k] @ wave[k:] / (wave @ wave) for k in range(0, N, 2)]
+    assert states._jackson() == pytest.approx(expected, abs=1e-13)
+
+
 def test_command_and_file(tmp_path, capsys):
     network = gallery.fcc(cells=(2, 2, 6))
     path, output = tmp_path / "a.network.h5", tmp_path / "a.density.h5"
@@ -186,6 +197,10 @@ def test_command_and_file(tmp_path, capsys):
         parts += file["rotation/count_below"][:].sum(axis=1)
         assert file["all/count_below"][:] == pytest.approx(parts, rel=1e-12)
         assert file["frequency"].attrs["units"] == "Hz"
+        assert file.attrs["schema"] == "granular-density-of-states"
+        assert file.attrs["schema_version"] == 1
+        assert file.attrs["network_sha256"] == sha256(path)
+        assert file.attrs["resolution"] == 5e3
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])
@@ -237,6 +252,7 @@ def test_bad_input():
     for wrong in (
         {"resolution": 0},
         {"resolution": np.nan},
+        {"resolution": np.inf},
         {"tolerance": 2},
         {"tolerance": 1.0},
         {"tolerance": 0.0},

@@ -241,7 +241,8 @@ def test_a_mode_at_the_frequency_asked_is_refused(solver):
 def test_layers_of_contacts_of_a_crystal_are_its_planes(contacts_apart):
     """Contacts join neighbouring layers only, and none is thicker than a plane of the crystal.
 
-    Two clusters, one far above the other, are each counted from their own lowest plane.
+    Two clusters, one far above the other, are each counted from their own lowest plane, whose
+    spheres need not be equally low.
     """
     crystal = gallery.fcc(cells=(3, 3, 12))
     plane = np.unique(crystal.position[:, 2].round(9), return_inverse=True)[1]
@@ -249,8 +250,10 @@ def test_layers_of_contacts_of_a_crystal_are_its_planes(contacts_apart):
     i, j = crystal.particle_i, crystal.particle_j
     network = with_contacts(crystal, (j < 0) | (cut[i] == cut[j]))
     matrix = stiffness_matrix(network)
-    layer = layers_of_contacts(matrix, 6, network.position[:, 2])
+    uneven = 0.2 * network.length / 12 * np.random.default_rng(1).random(network.n_particles)
+    layer = layers_of_contacts(matrix, 6, network.position[:, 2] + uneven)
     assert np.array_equal(layer, np.where(cut, plane, plane - cut.sum() // 9))
+    assert not layers_of_contacts(matrix, 6, np.zeros(network.n_particles)).any()
 
 
 @pytest.mark.parametrize("size", [1e-30, 1e-9, 1.0, 1e30])

@@ -104,7 +104,8 @@ def test_bound_takes_the_products_of_its_theorem():
 def grown(square, share: float, orders: int) -> tuple[Diagonal, GrowthError, float]:
     """A recurrence that left the interval from zero to a share of the top."""
     operator, size = Diagonal(square), len(square)
-    start, top = np.ones(size), share * max(square)
+    # Tiny: growth is relative to the start.
+    start, top = np.full(size, 1e-9), share * max(square)
     with pytest.raises(GrowthError) as caught:
         chebyshev_moments(operator, start, np.ones(size), top, orders, Everything(size))
     return operator, caught.value, top
@@ -113,6 +114,32 @@ def grown(square, share: float, orders: int) -> tuple[Diagonal, GrowthError, flo
 def test_growth_is_seen_in_the_last_product_too():
     """T_1 of what lies at 1.1 times the interval is 1.2: there are no more products than that."""
     grown(np.full(4, 1.1), 1 / 1.1, 2)
+
+
+@pytest.mark.parametrize("orders", [10, 100, 3000])
+def test_growth_is_told_from_round_off_at_every_order(orders):
+    """cosh(2 k sqrt(d)) is 1 + 2 k^2 d for a mode that lies a share d beyond the interval.
+
+    The recurrence's round-off grows as k^2, too: the same shares are seen, or not, at every order.
+    """
+    grown(np.full(4, 1 + 1e-12), 1 / (1 + 1e-12), orders)
+    operator, start = Diagonal(np.full(4, 1 + 1e-15)), np.ones(4)
+    chebyshev_moments(operator, start, start, 1.0, orders, Everything(4))
+
+
+@pytest.mark.parametrize("share", [1.1, 0.9, 0.3])
+def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
+    """Those of an attempt that grew are told as well, and only as many as were made."""
+    square = np.linspace(0, 3, 400)
+    operator, start = Diagonal(square), np.ones(400)
+    monkeypatch.setattr(wave, "top_of_spectrum", lambda _: (share * 3.0, 0))
+    rows, top, products = wave.moments_within_spectrum(
+        operator, start, start, Everything(400), lambda top: 300
+    )
+    assert products == operator.products
+    assert top >= 3
+    expected = np.cos(np.arange(300)[:, None] * np.arccos(2 * square / top - 1))
+    assert rows == pytest.approx(expected, abs=300**2 * 1e-15)
 
 
 @pytest.mark.parametrize("share", [0.999, 0.5, 0.1])
@@ -212,6 +239,7 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     "wrong",
     [
         {"duration": 0.0},
+        {"duration": -1e-4},
         {"duration": np.inf},
         {"interval": 0.0},
         {"interval": 2e-4},

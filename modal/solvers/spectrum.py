@@ -42,14 +42,17 @@ class ScaledOperator(Protocol):
 
 
 class GrowthError(InputError):
-    """A recurrence that has grown; `vector`, its last state, is where it has grown most."""
+    """A recurrence that has grown, after so many `products`.
 
-    def __init__(self, vector: np.ndarray) -> None:
+    Its last state, `vector`, is where it has grown most.
+    """
+
+    def __init__(self, vector: np.ndarray, products: int) -> None:
         super().__init__(
             "the recurrence grows: the network is unstable (strong pre-stress or negative "
             "stiffness); take pre-stress none"
         )
-        self.vector = vector
+        self.vector, self.products = vector, products
 
 
 def largest_growth(operator: ScaledOperator, order: int) -> float:

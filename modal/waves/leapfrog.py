@@ -83,7 +83,7 @@ def leapfrog(
             kinetic = 0.5 * float(np.einsum("i,i,i", mass, velocity, velocity))
             stretch = np.sqrt(receivers.source_stiffness / 8) * abs(after - now)
             if not kinetic <= EXCESS**2 * _most_kinetic(work, time_step / limit, stretch):
-                raise GrowthError(velocity)
+                raise GrowthError(velocity, k + 1)
         np.multiply(velocity, time_step, out=force)
         u += force
     return receivers.signals(

@@ -76,7 +76,7 @@ def chebyshev_moments(
         if k % LOOK == LOOK - 1 or k == count - 1:
             growth = np.linalg.norm(now) / first if first > 0 else 0.0
             if not growth <= largest_growth(operator, k):
-                raise GrowthError(now)
+                raise GrowthError(now, k)
     return rows
 
 
@@ -103,7 +103,7 @@ def moments_within_spectrum(
             rows = chebyshev_moments(operator, start, scale, top, count, receivers)
         except GrowthError as found:
             top, more = wider_top(operator, found, top)
-            products += more + count - 1
+            products += more + found.products
         else:
             return rows, top, products + count - 1
 
@@ -154,7 +154,7 @@ def propagate(
     study. The tolerance bounds the dropped coefficients relative to the largest one. `pre_stress`
     as in `modal.stiffness.pre_stress`; `particles` records u_z of every particle.
     """
-    if not (0 < duration < np.inf and 0 < interval <= duration and 0 < tolerance < 1):
+    if not (0 < interval <= duration < np.inf and 0 < tolerance < 1):
         raise InputError(
             "duration and interval must be positive, the interval no longer than the duration, "
             "the tolerance between 0 and 1"
