@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Ints = NDArray[np.integer[Any]]
 """Indices and counts, of any width: files hold 4 bytes, numpy counts with 8."""
 Bools = NDArray[np.bool_]

@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.effort import factorisation, refuse_endless_search
 from modal.modes.problem import SMALL, Eigenproblem
@@ -20,7 +21,8 @@ from modal.progress import progress
 from modal.solvers.factor import SingularError, available, factorise
 
 BEYOND = 4.0
-"""Times A's largest diagonal entry, above which one looks whether there can be modes at all."""
+"""Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is
+computed, since there may be no modes above it at all."""
 GROWTH = 1e7
 """Growth of a layer's entries up to which its signs count: round-off has then moved the eigenvalues
 by 2e-9 of the largest one."""
@@ -29,10 +31,11 @@ BESIDE = 1e-6
 UNCERTAIN = "K - sigma M is singular, or a part of it, at this frequency; ask for a different one"
 
 
-def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> np.ndarray:
+def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: Floats) -> Ints:
     """Shape (n,): distance of each particle, in contacts, from the lowest one of its cluster.
 
-    `height` (n,) is the coordination along the long axis; `dof` rows a particle.
+    `height` (n,), m, is the coordinate along the long axis; `dof` rows of the matrix belong to each
+    particle. Particles within a thin slab at the bottom of their cluster all have distance 0.
     """
     coo = matrix.tocoo()
     n = len(height)
@@ -49,7 +52,7 @@ def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> n
     return distance.astype(int)
 
 
-def count_negative(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> int:
+def count_negative(matrix: sp.csr_matrix, dof: int, height: Floats) -> int:
     """Number of negative eigenvalues of a symmetric matrix, shape (dof n, dof n).
 
     `dof` consecutive rows belong to each of the n particles; `height` (n,) orders the particles
@@ -82,7 +85,7 @@ def count_negative(matrix: sp.csr_matrix, dof: int, height: np.ndarray) -> int:
     return negative
 
 
-def _negative_of_pivots(factor: np.ndarray, pivots: np.ndarray) -> int:
+def _negative_of_pivots(factor: Floats, pivots: Ints) -> int:
     """Negative eigenvalues of the block-diagonal D of LAPACK's lower L D L^T.
 
     A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.

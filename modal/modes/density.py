@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, put
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
@@ -46,18 +47,19 @@ LARGEST_DENSE = 3000
 
 @dataclass(frozen=True)
 class DensityOfStates:
-    """What the random vectors have found; evaluate with `density` and `count_below`.
+    """The density of states as a series; evaluate it with `density` and `count_below`.
 
     moments (vectors, 6, N): estimated traces of P_c T_2k(omega / omega_max), k < N, where P_c
     keeps one component, u_x, u_y, u_z, theta_x, theta_y, theta_z; a single row where the traces
-    are exact. highest: f of x = 1, Hz.
-    zero_modes (6,): what was split off exactly, at zero. resolution: Hz, the full width at half
+    are exact. highest: the frequency of x = 1, Hz. zero_modes (6,): how much of the zero modes,
+    which were split off exactly, is in each component. resolution: Hz, the full width at half
     height that a single mode has at low frequency; it falls as sqrt(1 - x^2) towards the top.
+    products: how many products with A were spent.
     """
 
-    moments: np.ndarray
+    moments: Floats
     highest: float
-    zero_modes: np.ndarray
+    zero_modes: Floats
     resolution: float
     products: int
 
@@ -66,7 +68,7 @@ class DensityOfStates:
         """How many random vectors the estimates come from; none where the traces are exact."""
         return 0 if len(self.moments) == 1 else len(self.moments)
 
-    def density(self, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def density(self, frequency: Floats) -> tuple[Floats, Floats]:
         """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.
 
         Returns values and standard errors (nf, 7): the six components, then their sum.
@@ -74,20 +76,20 @@ class DensityOfStates:
         weight = self._jackson()
         weight[1:] *= 2
 
-        def terms(theta: np.ndarray) -> np.ndarray:
+        def terms(theta: Floats) -> Floats:
             wave = np.cos(2 * theta[:, None] * np.arange(len(weight))) * weight
             return wave * (2 / (np.pi * self.highest * np.sin(theta)))[:, None]
 
         return self._mean_and_error(frequency, terms)
 
-    def count_below(self, frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def count_below(self, frequency: Floats) -> tuple[Floats, Floats]:
         """Number of modes below frequencies (nf,) in Hz, zero modes included: the integral.
 
         Returns values and standard errors (nf, 7), as `density`.
         """
         order, weight = np.arange(self.moments.shape[2]), 2 / np.pi * self._jackson()
 
-        def terms(theta: np.ndarray) -> np.ndarray:
+        def terms(theta: Floats) -> Floats:
             wave = np.empty((len(theta), len(order)))
             wave[:, 0] = np.pi / 2 - theta
             wave[:, 1:] = -np.sin(2 * theta[:, None] * order[1:]) / order[1:]
@@ -96,11 +98,11 @@ class DensityOfStates:
         value, error = self._mean_and_error(frequency, terms)
         return value + np.append(self.zero_modes, self.zero_modes.sum()), error
 
-    def grid(self) -> np.ndarray:
+    def grid(self) -> Floats:
         """Frequencies, Hz, four to a resolution, from zero to just below `highest`."""
         return np.arange(0, self.highest, self.resolution / 4)
 
-    def _jackson(self) -> np.ndarray:
+    def _jackson(self) -> Floats:
         """Shape (N,): damping of the even orders 0, 2, ..., 2N - 2."""
         orders = 2 * self.moments.shape[2]
         k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
@@ -108,8 +110,8 @@ class DensityOfStates:
         return turn / (orders + 1)
 
     def _mean_and_error(
-        self, frequency: np.ndarray, terms: Callable[[np.ndarray], np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, frequency: Floats, terms: Callable[[Floats], Floats]
+    ) -> tuple[Floats, Floats]:
         """Values and errors (nf, 7) of the series with `terms` (nf, N) at angles theta (nf,)."""
         theta = np.arccos(np.clip(np.asarray(frequency, float) / self.highest, 0, 1 - 1e-12))
         with_sum = np.concatenate([self.moments, self.moments.sum(axis=1, keepdims=True)], axis=1)
@@ -170,7 +172,7 @@ def density_of_states(
     moments = np.empty((vectors, 6, count))
     for first in range(0, vectors, BLOCK):
         part = slice(first, min(first + BLOCK, vectors))
-        start = signs.integers(0, 2, (size, part.stop - first)) * 2.0 - 1.0
+        start = signs.integers(0, 2, (size, part.stop - first)).astype(float) * 2 - 1
         start -= zero @ (zero.T @ start)
         label = f"density {first // BLOCK + 1}/{-(-vectors // BLOCK)}"
         moments[part] = _moments(operator, start, top, count, label)
@@ -179,9 +181,7 @@ def density_of_states(
     )
 
 
-def _exact_moments(
-    operator: ContactOperator, at_zero: np.ndarray, top: float, count: int
-) -> np.ndarray:
+def _exact_moments(operator: ContactOperator, at_zero: Floats, top: float, count: int) -> Floats:
     """Shape (1, 6, count): the traces themselves, less those of the zero modes (6,)."""
     square, vector = eigh(operator @ np.eye(operator.shape[0]))
     if square[0] < -1e-9 * top:  # far beyond the round-off of a zero mode
@@ -193,8 +193,8 @@ def _exact_moments(
 
 
 def _moments(
-    operator: ContactOperator, start: np.ndarray, top: float, count: int, label: str
-) -> np.ndarray:
+    operator: ContactOperator, start: Floats, top: float, count: int, label: str
+) -> Floats:
     """Shape (vectors, 6, count): <r| P_c T_k(X) |r> for start vectors r (6n, vectors).
 
     One product gives two moments: tr P_c T_j T_k = tr T_j P_c T_k, and
@@ -202,7 +202,7 @@ def _moments(
     """
     shape = (-1, 6, start.shape[1])
 
-    def by_component(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def by_component(a: Floats, b: Floats) -> Floats:
         return np.einsum("ncv,ncv->vc", a.reshape(shape), b.reshape(shape))
 
     moments = np.empty((start.shape[1], 6, count + 2))

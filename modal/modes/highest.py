@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
+from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below
 from modal.modes.effort import from_the_top, of_blocks, refuse_endless_search
@@ -40,10 +41,12 @@ def all_modes(problem: Eigenproblem) -> ModeSet:
     return dense_modes(problem, lambda frequency: slice(0, problem.size), "all")
 
 
-def dense_modes(
-    problem: Eigenproblem, chosen: Callable[[np.ndarray], slice], interval: str
-) -> ModeSet:
-    """Those modes that are `chosen` from the ascending frequencies (size,) of all of them."""
+def dense_modes(problem: Eigenproblem, chosen: Callable[[Floats], slice], interval: str) -> ModeSet:
+    """A part of all modes, from dense eigenproblems.
+
+    `chosen` takes the ascending frequencies (size,) of all modes, Hz, and gives the slice of those
+    that are wanted; `interval` describes them in words. InputError where the network is too large.
+    """
     group = _group_of(problem)
     if not group.trivial:
         return _dense_by_symmetry(problem, group, chosen, interval)
@@ -55,7 +58,10 @@ def dense_modes(
 
 
 def _group_of(problem: Eigenproblem) -> LateralTranslations:
-    """Its lateral translations; InputError where its whole spectrum is out of reach."""
+    """The lateral translations of a network, which cut its eigenproblem into blocks.
+
+    InputError where all modes would take too much memory or time.
+    """
     group = lateral_translations(problem.network, problem.scaled, problem.dof)
     if group.trivial and problem.size > DENSE_LIMIT:
         raise InputError(
@@ -81,7 +87,7 @@ def memory_of_all(problem: Eigenproblem) -> str:
 def _dense_by_symmetry(
     problem: Eigenproblem,
     group: LateralTranslations,
-    chosen: Callable[[np.ndarray], slice],
+    chosen: Callable[[Floats], slice],
     interval: str,
 ) -> ModeSet:
     """Modes of one symmetry block after the other, each block a dense eigenproblem.
@@ -96,17 +102,16 @@ def _dense_by_symmetry(
     for image in group.orbit:
         in_column[image] = np.arange(len(column))
     chain = problem.chain()
-    column_chain = in_column[chain] if chain is not None else None
     parts, waves = [], []
-    resonances: tuple[np.ndarray, ...] | None = None
+    resonances: tuple[Floats, ...] | None = None
     blocks = symmetry_blocks(problem.scaled, group, problem.dof)
     for block, U, multiplicity in blocks:
         square, inner = eigh(block, check_finite=False, driver="evd")
         shape = particle_motion(inner, column_mass, problem.dof)
         rotations = rotation_share(inner, problem.dof)
         chain_chi = np.full(len(square), np.nan)
-        if column_chain is not None:
-            chain_chi = chi_z(shape, column_chain)
+        if chain is not None:
+            chain_chi = chi_z(shape, in_column[chain])
             if resonances is None:
                 uniform = particle_motion(U @ inner, problem.mass, problem.dof)
                 resonances = planar_resonances(
@@ -136,8 +141,8 @@ def _dense_by_symmetry(
 
 
 def _shapes_of_waves(
-    problem: Eigenproblem, waves: list[tuple[sp.csr_matrix, np.ndarray]], wanted: np.ndarray
-) -> np.ndarray:
+    problem: Eigenproblem, waves: list[tuple[sp.csr_matrix, Array]], wanted: Ints
+) -> Floats:
     """Shape (k, n, 6): those mode shapes of the Bloch waves U w that are `wanted` (k,).
 
     The waves of q and -q are each other's conjugates: sqrt(2) times real and imaginary part are

@@ -6,8 +6,11 @@ Floppy modes are held out, so that the list is that of the elastic ones, and the
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below
 from modal.modes.effort import near_a_shift, refuse_endless_search
@@ -73,7 +76,7 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
     low = max(low, 0.0)
     if problem.size <= DENSE_LIMIT:
 
-        def inside(frequency: np.ndarray) -> slice:
+        def inside(frequency: Floats) -> slice:
             first = max(int((frequency < low).sum()), problem.floppy.total)
             return slice(first, max(first, int((frequency < high).sum())))
 
@@ -139,14 +142,14 @@ def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
 
 
 def _joined(parts: list[ModeSet], interval: str) -> ModeSet:
-    """Slices in ascending order as one set."""
+    """One list from the lists of ascending intervals; complete if each of them is."""
     if not parts:
         empty = np.empty(0)
         attributes = {"interval": interval, "solver": "count"} | certificate(0)
         return ModeSet(empty, empty, empty, empty, empty, attributes=attributes)
     whole = parts[0]
     if len(parts) > 1:
-        arrays = {}
+        arrays: dict[str, Any] = {}
         for name in vars(whole):
             columns = [getattr(part, name) for part in parts]
             if name != "attributes" and all(column is not None for column in columns):

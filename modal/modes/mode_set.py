@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.formats.provenance import Provenance
 
@@ -40,15 +41,15 @@ class ModeSet:
     floppy modes; shapes_left_out, why there are none although they were asked for.
     """
 
-    frequency: np.ndarray
-    residual: np.ndarray
-    chi_z: np.ndarray
-    chi_z_chain: np.ndarray
-    rotation_share: np.ndarray
-    mode_shape: np.ndarray | None = None
-    resonance_frequency: np.ndarray | None = None
-    resonance_wavenumber: np.ndarray | None = None
-    resonance_shape: np.ndarray | None = None
+    frequency: Floats
+    residual: Floats
+    chi_z: Floats
+    chi_z_chain: Floats
+    rotation_share: Floats
+    mode_shape: Floats | None = None
+    resonance_frequency: Floats | None = None
+    resonance_wavenumber: Floats | None = None
+    resonance_shape: Floats | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
 
 PLANAR = 0.999
 """chi_z above which a mode moves along z only."""
 
 
-def particle_motion(vector: np.ndarray, mass: np.ndarray, dof: int) -> np.ndarray:
+def particle_motion(vector: Array, mass: Floats, dof: int) -> Array:
     """Shape (k, n, 6): mass-normalised shapes from unit vectors of the scaled problem.
 
     `vector` (n * dof, k) solves M^-1/2 K M^-1/2 v = omega^2 v with |v| = 1; the shape is
@@ -22,7 +23,7 @@ def particle_motion(vector: np.ndarray, mass: np.ndarray, dof: int) -> np.ndarra
     return shape
 
 
-def chi_z(shape: np.ndarray, particles: np.ndarray | slice = slice(None)) -> np.ndarray:
+def chi_z(shape: Array, particles: Ints | slice = slice(None)) -> Floats:
     """Shape (k,): Eq. 2, the mean over particles of u_z^2 / |u|^2 (translations only).
 
     Each particle's displacement is normalised by its own size, so that 1 means that every
@@ -37,7 +38,7 @@ def chi_z(shape: np.ndarray, particles: np.ndarray | slice = slice(None)) -> np.
     return share.sum(axis=1) / np.maximum(moving.sum(axis=1), 1)
 
 
-def rotation_share(vector: np.ndarray, dof: int) -> np.ndarray:
+def rotation_share(vector: Array, dof: int) -> Floats:
     """Shape (k,): part of the kinetic energy in rotations, from unit vectors (n * dof, k)."""
     if dof == 3:
         return np.zeros(vector.shape[1])
@@ -45,7 +46,7 @@ def rotation_share(vector: np.ndarray, dof: int) -> np.ndarray:
     return energy[:, :, 3:].sum(axis=(1, 2)) / energy.sum(axis=(1, 2))
 
 
-def resonance_order(shape_z: np.ndarray) -> np.ndarray:
+def resonance_order(shape_z: Floats) -> Ints:
     """Shape (k,): r = 1 + sign changes of the z-shape along the chain (k, nc).
 
     Exact for planar modes of a layered crystal: they are the eigenvectors of a Jacobi matrix,
@@ -56,13 +57,14 @@ def resonance_order(shape_z: np.ndarray) -> np.ndarray:
 
 
 def planar_resonances(
-    frequency: np.ndarray, shape: np.ndarray, rotations: np.ndarray, chain: np.ndarray, net: Network
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    frequency: Floats, shape: Array, rotations: Floats, chain: Ints, net: Network
+) -> tuple[Floats, Floats, Floats]:
     """The pure P-wave modes r = 1, 2, ...: frequency (R,), wave number (R,), z-shape (R, nc).
 
-    A mode is taken where chi_z > `PLANAR` over all particles and less than 1e-6 of its energy
-    rotates; of modes with the same r the one with the larger chain amplitude is kept. The wave
-    number is pi r / L (Eqs. 3 and 4).
+    `frequency` (k,) Hz, `shape` (k, n, 6) and `rotations` (k,), the rotation share, belong to k
+    modes; `chain` (nc,) are particles. A mode is taken where chi_z > `PLANAR` over all particles
+    and less than 1e-6 of its energy rotates; of modes with the same r the one with the larger
+    amplitude along the chain is kept. The wave number is pi r / L (Eqs. 3 and 4).
     """
     pure = (chi_z(shape) > PLANAR) & (rotations < 1e-6)
     frequency, z = frequency[pure], shape[pure][:, chain, 2].real

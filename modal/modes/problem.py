@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import ModeSet
 from modal.modes.observables import (
@@ -76,12 +77,12 @@ class Eigenproblem:
         return self.dof * self.network.n_particles
 
     @cached_property
-    def mass(self) -> np.ndarray:
+    def mass(self) -> Floats:
         """Shape (size,): M's diagonal."""
         return mass_diagonal(self.network, translations_only=self.dof == 3)
 
     @cached_property
-    def diagonal(self) -> np.ndarray:
+    def diagonal(self) -> Floats:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
         return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
 
@@ -132,7 +133,7 @@ class Eigenproblem:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
         return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
 
-    def chain(self) -> np.ndarray | None:
+    def chain(self) -> Ints | None:
         """Indices of the particles of the wall-to-wall chain, or None if there is none."""
         try:
             return wall_to_wall_chain(self.network)
@@ -147,12 +148,12 @@ def slipping(network: Network) -> Network:
     return replace(network, stiffness_tangential=tangential)
 
 
-def frequency_of(square: np.ndarray) -> np.ndarray:
+def frequency_of(square: Floats) -> Floats:
     """f = omega / 2 pi in Hz; negative omega^2 (unstable or round-off) gives negative f."""
     return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)
 
 
-def relative_residual(difference: np.ndarray, square: np.ndarray, resolution: float) -> np.ndarray:
+def relative_residual(difference: Array, square: Floats, resolution: float) -> Floats:
     """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (size, k) and omega^2 (k,).
 
     Where |omega^2| is smaller than `resolution`, which means that it is round-off, the difference
@@ -164,9 +165,9 @@ def relative_residual(difference: np.ndarray, square: np.ndarray, resolution: fl
 
 def measure(
     problem: Eigenproblem,
-    square: np.ndarray,
-    vector: np.ndarray,
-    chain: np.ndarray | None,
+    square: Floats,
+    vector: Floats,
+    chain: Ints | None,
     *,
     keep_shapes: bool = False,
 ) -> ModeSet:
@@ -178,7 +179,7 @@ def measure(
     are converted to shapes at a time, which bounds the memory.
     """
     count = len(square)
-    columns = {name: np.full(count, np.nan) for name in _OBSERVABLES}
+    columns: dict[str, Any] = {name: np.full(count, np.nan) for name in _OBSERVABLES}
     kept = np.empty((count, problem.network.n_particles, 6)) if keep_shapes else None
     pure = [np.empty((0, problem.network.n_particles, 6))]
     for first in range(0, count, TOGETHER):
@@ -225,8 +226,8 @@ def shapes_left_out(problem: Eigenproblem, count: int) -> str:
 
 def found_modes(
     problem: Eigenproblem,
-    square: np.ndarray,
-    vector: np.ndarray,
+    square: Floats,
+    vector: Floats,
     interval: str,
     solver: str,
     of: int = 0,
@@ -263,8 +264,10 @@ def subset(modes: ModeSet, chosen: slice, interval: str) -> ModeSet:
 
     `interval` is the text that describes the new list in its attributes.
     """
-    arrays = {name: getattr(modes, name) for name in ("frequency", *_OBSERVABLES, "mode_shape")}
-    arrays = {name: None if data is None else data[chosen] for name, data in arrays.items()}
+    arrays: dict[str, Any] = {}
+    for name in ("frequency", *_OBSERVABLES, "mode_shape"):
+        data = getattr(modes, name)
+        arrays[name] = None if data is None else data[chosen]
     resonance = modes.resonance_frequency
     if resonance is not None:
         inside = np.isin(resonance, arrays["frequency"])

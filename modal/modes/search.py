@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
+from modal.formats.arrays import Bools, Floats
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem, found_modes, frequency_of
 from modal.solvers.factor import Factor, SingularError, factorise
@@ -36,7 +37,7 @@ class Search:
         self.vector = np.empty((problem.size, 0))
         self.solves = 0
 
-    def gather(self, wanted: int, inside: Callable[[np.ndarray], np.ndarray] = np.isfinite) -> int:
+    def gather(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
         """Search until `wanted` modes are found, or until a round finds none that converges.
 
         Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and gives bool (k,).
@@ -64,7 +65,7 @@ class Search:
             last = direction * np.sort(direction * self.square)[count - 1]
             edge = float(frequency_of(last)) * (1 - direction * self.problem.blur(last))
 
-            def beyond(square: np.ndarray, edge: float = edge) -> np.ndarray:
+            def beyond(square: Floats, edge: float = edge) -> Bools:
                 return direction * frequency_of(square) < direction * edge
 
             wanted = counted(edge)
@@ -189,7 +190,9 @@ class SearchFromTop(Search):
                 self.reach *= 4
                 self.sigma += self.reach
                 continue
-            return replace(factor, solve=lambda rhs, solve=factor.solve: -solve(rhs))
+            break
+        solve = factor.solve
+        return replace(factor, solve=lambda rhs: -solve(rhs))
 
     def description(self) -> str:
         """The solver and what it has spent."""

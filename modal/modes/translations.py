@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
 
 COMMUTE_TOLERANCE = 1e-9
@@ -22,10 +23,14 @@ COMMUTE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class LateralTranslations:
-    """cells (2,) along x and y; orbit (cells, n / cells): particle of each cell and column row."""
+    """Translations that map a crystal on itself, and which particles they map on each other.
+
+    `cells`: number of cells along x and y. `orbit` (nx ny, n / (nx ny)): its first row holds the
+    particles of one column of cells, row c their images in cell c = x + nx y.
+    """
 
     cells: tuple[int, int]
-    orbit: np.ndarray
+    orbit: Ints
 
     @property
     def trivial(self) -> bool:
@@ -33,7 +38,7 @@ class LateralTranslations:
         return self.cells == (1, 1)
 
 
-def _mapping(network: Network, shift: np.ndarray) -> np.ndarray | None:
+def _mapping(network: Network, shift: Floats) -> Ints | None:
     """Permutation (n,) that the shift makes of the particles, or None where it is no symmetry."""
     from scipy.spatial import cKDTree  # a tenth of a second that only crystals are worth
 
@@ -55,7 +60,7 @@ def _mapping(network: Network, shift: np.ndarray) -> np.ndarray | None:
     return target
 
 
-def _commutes(K: sp.csr_matrix, mapping: np.ndarray, dof: int) -> bool:
+def _commutes(K: sp.csr_matrix, mapping: Ints, dof: int) -> bool:
     rows = (dof * mapping[:, None] + np.arange(dof)).ravel()
     difference = K[rows][:, rows] - K
     return abs(difference).max() <= COMMUTE_TOLERANCE * abs(K).max()
@@ -66,7 +71,8 @@ def lateral_translations(network: Network, K: sp.csr_matrix, dof: int) -> Latera
     n = network.n_particles
     maps, cells = [], []
     for axis in (0, 1):
-        found, count = np.arange(n), 1
+        found: Ints = np.arange(n)
+        count = 1
         if network.cell_periodic[axis]:
             for trial in range(min(64, n), 1, -1):
                 if n % trial:
@@ -79,7 +85,7 @@ def lateral_translations(network: Network, K: sp.csr_matrix, dof: int) -> Latera
                     break
         maps.append(found)
         cells.append(count)
-    identity = np.arange(n)
+    identity: Ints = np.arange(n)
     powers_x = [identity]
     for _ in range(cells[0] - 1):
         powers_x.append(maps[0][powers_x[-1]])
@@ -96,7 +102,7 @@ def lateral_translations(network: Network, K: sp.csr_matrix, dof: int) -> Latera
 
 def symmetry_blocks(
     scaled: sp.csr_matrix, group: LateralTranslations, dof: int
-) -> Iterator[tuple[np.ndarray, sp.csr_matrix, int]]:
+) -> Iterator[tuple[Array, sp.csr_matrix, int]]:
     """Yield (block (b, b), U (dof n, b), multiplicity) for each pair of wavevectors q, -q.
 
     `scaled` is M^-1/2 K M^-1/2. An eigenvector w of the block is the Bloch wave U w of the whole

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from modal.formats.arrays import Bools, Floats, Ints
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
 from modal.stiffness.matrices import stiffness_matrix
@@ -59,7 +60,7 @@ class FloppyModes:
         return {kind: getattr(self, kind) for kind in kinds}
 
 
-def clusters(network: Network) -> tuple[np.ndarray, np.ndarray]:
+def clusters(network: Network) -> tuple[Ints, Bools]:
     """Connected cluster of each sphere (n,), and whether each cluster touches a wall (c,)."""
     i, j = network.particle_i, network.particle_j
     n, pair = network.n_particles, network.particle_j >= 0
@@ -71,7 +72,7 @@ def clusters(network: Network) -> tuple[np.ndarray, np.ndarray]:
 
 
 def floppy_modes(
-    network: Network, operator: ContactOperator, mass: np.ndarray, diagonal: np.ndarray
+    network: Network, operator: ContactOperator, mass: Floats, diagonal: Floats
 ) -> FloppyModes:
     """Zero modes of A = M^-1/2 K M^-1/2, (size, size): `operator`, its `diagonal` and M's `mass`.
 
@@ -118,20 +119,18 @@ def floppy_modes(
     return FloppyModes(basis, **kinds, spinning=len(spins))
 
 
-def _degrees_of_freedom(spheres: np.ndarray, dof: int) -> np.ndarray:
+def _degrees_of_freedom(spheres: Ints, dof: int) -> Ints:
     """Shape (dof k,): the rows of k spheres."""
     return (spheres[:, None] * dof + np.arange(dof)).ravel()
 
 
-def _unit_columns(rows: np.ndarray, size: int) -> sp.coo_matrix:
+def _unit_columns(rows: Ints, size: int) -> sp.coo_matrix:
     """Shape (size, k): one column for each of k rows, with a one in it."""
     ones = np.ones(len(rows))
     return sp.coo_matrix((ones, (rows, np.arange(len(rows)))), shape=(size, len(rows)))
 
 
-def _stiffness_among(
-    network: Network, spheres: np.ndarray, mass: np.ndarray, dof: int
-) -> sp.csr_matrix:
+def _stiffness_among(network: Network, spheres: Ints, mass: Floats, dof: int) -> sp.csr_matrix:
     """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
@@ -142,7 +141,7 @@ def _stiffness_among(
     return (scale @ K @ scale).tocsr()
 
 
-def _loose_parts(network: Network, loose: np.ndarray) -> list[np.ndarray]:
+def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
     """Connected parts of the loose spheres, as arrays of particle indices."""
     spheres = np.flatnonzero(loose)
     place = np.full(network.n_particles, -1)
@@ -162,10 +161,10 @@ def _loose_parts(network: Network, loose: np.ndarray) -> list[np.ndarray]:
 def _rigid_motions(
     network: Network,
     operator: ContactOperator,
-    mass: np.ndarray,
+    mass: Floats,
     scale: float,
-    members: np.ndarray,
-) -> np.ndarray:
+    members: Bools,
+) -> Floats:
     """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
 
     Rotations are about the cluster as its contacts join it, across periods; those that a cluster
@@ -188,7 +187,7 @@ def _rigid_motions(
     return vector[:, abs(operator @ vector).max(axis=0) <= NULL * scale]
 
 
-def _unwrapped(network: Network, members: np.ndarray) -> np.ndarray:
+def _unwrapped(network: Network, members: Bools) -> Floats:
     """Shape (n, 3), m: places of a cluster's spheres, followed from contact to contact."""
     pair = ~network.with_wall
     i, j = network.particle_i[pair], network.particle_j[pair]
@@ -210,7 +209,7 @@ def _unwrapped(network: Network, members: np.ndarray) -> np.ndarray:
     return place
 
 
-def _null_space(matrix: np.ndarray) -> np.ndarray:
+def _null_space(matrix: Floats) -> Floats:
     """Orthonormal columns that span the null space of a small positive semidefinite matrix."""
     square, vector = eigh(matrix, check_finite=False)
     return vector[:, square <= NULL * max(square[-1], np.finfo(float).tiny)]

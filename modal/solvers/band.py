@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from modal.formats.arrays import Floats
 from modal.progress import progress
 
 FEWEST = 200
@@ -52,7 +53,7 @@ class BandCholesky:
 
     def __init__(self, band: Band) -> None:
         self.order, self.blocks = band.order, band.blocks()
-        self.factors: list[np.ndarray] = []
+        self.factors: list[Floats] = []
         self.beside: list[sp.csc_matrix] = []
         for k in progress(len(self.blocks), "band factor"):
             here = self.blocks[k]
@@ -71,7 +72,7 @@ class BandCholesky:
                 schur[np.ix_(used, used)] -= half.T @ half
             self.factors.append(cholesky(schur, lower=True, overwrite_a=True, check_finite=False))
 
-    def solve(self, rhs: np.ndarray) -> np.ndarray:
+    def solve(self, rhs: Floats) -> Floats:
         """x of A x = rhs, shape (size,) or (size, k)."""
         x = rhs[self.order]
         for k, here in enumerate(self.blocks):
@@ -84,5 +85,5 @@ class BandCholesky:
         result[self.order] = x
         return result
 
-    def _solve_block(self, k: int, rhs: np.ndarray) -> np.ndarray:
+    def _solve_block(self, k: int, rhs: Floats) -> Floats:
         return cho_solve((self.factors[k], True), rhs, check_finite=False)

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.solvers.band import Band, BandCholesky
 from modal.workload import memory_at_hand
@@ -28,10 +29,8 @@ PARDISO = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1}
 1 and 2, a factorisation for two cores, and no refinement of solutions unless a pivot was perturbed.
 By default every solution is refined twice, which takes three times as long: from a residual of
 4e-12, which Lanczos does not notice, to 1e-13."""
-
-
 PARDISO_WITHOUT_MEMORY = -2
-"""Its error code."""
+"""PARDISO's error code where it found too little memory."""
 
 
 class SingularError(InputError):
@@ -53,7 +52,7 @@ class Factor:
     `release` gives back memory that a back end holds outside of Python; no solve after it.
     """
 
-    solve: Callable[[np.ndarray], np.ndarray]
+    solve: Callable[[Floats], Floats]
     negative: int | None
     solver: str
     release: Callable[[], None] = lambda: None
@@ -121,7 +120,7 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
             raise InputError("PARDISO found too little memory; take a smaller packing") from error
         raise SingularError(_singular(definite)) from error
 
-    def solve(rhs: np.ndarray) -> np.ndarray:
+    def solve(rhs: Floats) -> Floats:
         return solver.solve(upper, np.asfortranarray(rhs))
 
     def release() -> None:
@@ -135,7 +134,7 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
 
 
 def _certain(
-    negative: int | None, solve: Callable[[np.ndarray], np.ndarray], matrix: sp.csr_matrix
+    negative: int | None, solve: Callable[[Floats], Floats], matrix: sp.csr_matrix
 ) -> int | None:
     """The number of negative pivots if the factor is accurate, tried on one right-hand side."""
     if negative is None:

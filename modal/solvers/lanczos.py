@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh, qr
 
+from modal.formats.arrays import Bools, Floats
 from modal.progress import progress
 
 BLOCK = 12
@@ -34,7 +35,7 @@ SEED = 20170729
 """The same start every time, so that the same network gives the same digits."""
 
 
-def start_block(size: int, width: int, round: int = 0) -> np.ndarray:
+def start_block(size: int, width: int, round: int = 0) -> Floats:
     """Shape (size, width): random columns from which an iteration starts.
 
     Of the modes of one frequency an iteration finds only combinations that its start block is not
@@ -44,8 +45,8 @@ def start_block(size: int, width: int, round: int = 0) -> np.ndarray:
 
 
 def _orthonormal(
-    block: np.ndarray, basis: np.ndarray, held: Held, *, anew: bool = False
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    block: Floats, basis: Floats, held: Held, *, anew: bool = False
+) -> tuple[Floats, Floats, Floats]:
     """Make a block orthogonal to the basis V and to the held-out modes.
 
     Shapes: block (size, w), basis (size, k). Returns Q (size, w), with orthonormal columns that
@@ -81,9 +82,9 @@ class Held:
     """
 
     null: sp.csc_matrix
-    found: np.ndarray
+    found: Floats
 
-    def take_out_of(self, block: np.ndarray) -> None:
+    def take_out_of(self, block: Floats) -> None:
         """Subtract from the block (size, k), in place, its components along the held modes."""
         block -= self.null @ (self.null.T @ block)
         block -= self.found @ (self.found.T @ block)
@@ -102,14 +103,14 @@ class Nearest:
     with A, spent on single vectors.
     """
 
-    square: np.ndarray
-    vector: np.ndarray
-    converged: np.ndarray
+    square: Floats
+    vector: Floats
+    converged: Bools
     products: int
 
 
 def modes_nearest(
-    solve: Callable[[np.ndarray], np.ndarray],
+    solve: Callable[[Floats], Floats],
     size: int,
     count: int,
     sigma: float,
@@ -157,7 +158,7 @@ def modes_nearest(
 
 
 def modes_from_top(
-    apply: Callable[[np.ndarray], np.ndarray], size: int, count: int, held: Held, most: int
+    apply: Callable[[Floats], Floats], size: int, count: int, held: Held, most: int
 ) -> Nearest:
     """The `count` largest eigenpairs of A, of which those that converged are marked.
 
@@ -200,7 +201,7 @@ def modes_from_top(
     return Nearest(best, basis[:, :count].copy(order="F"), converged, spent)
 
 
-def _combine(basis: np.ndarray, mixing: np.ndarray) -> None:
+def _combine(basis: Floats, mixing: Floats) -> None:
     """Replace the first columns of `basis` (size, k) by basis @ `mixing`, `mixing` (k, c), c <= k.
 
     The other columns keep no meaning. It is done in place, `ROWS` rows at a time, so that basis

@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 
 MARGIN = 0.02
@@ -37,17 +38,17 @@ class ScaledOperator(Protocol):
     shape: tuple[int, int]
     pre_stress: str
 
-    def apply(self, u: np.ndarray) -> np.ndarray:
+    def apply(self, u: Floats) -> Floats:
         """A u, shape (size,)."""
 
 
 class GrowthError(InputError):
-    """A recurrence that has grown, after so many `products`.
+    """A recurrence grew although it should not: the interval is too small or K is unstable.
 
-    Its last state, `vector`, is where it has grown most.
+    `vector`: its last state, mostly of the modes outside the interval; `products`: those made.
     """
 
-    def __init__(self, vector: np.ndarray, products: int) -> None:
+    def __init__(self, vector: Floats, products: int) -> None:
         super().__init__(
             "the recurrence grows: the network is unstable (strong pre-stress or negative "
             "stiffness); take pre-stress none"
@@ -102,19 +103,17 @@ def wider_top(operator: ScaledOperator, found: GrowthError, top: float) -> tuple
     return float(ritz[-1]) / (1 - MARGIN), len(ritz)
 
 
-def _random(operator: ScaledOperator) -> np.ndarray:
+def _random(operator: ScaledOperator) -> Floats:
     return np.random.default_rng(20170729).standard_normal(operator.shape[0])
 
 
-def _ritz_values(operator: ScaledOperator, start: np.ndarray, steps: int) -> np.ndarray:
+def _ritz_values(operator: ScaledOperator, start: Floats, steps: int) -> Floats:
     """Shape (k,), ascending: Ritz values of at most `steps` steps of Lanczos."""
     *_, (diagonal, off) = islice(_lanczos(operator, start), steps)
     return eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]), eigvals_only=True)
 
 
-def _lanczos(
-    operator: ScaledOperator, start: np.ndarray
-) -> Iterator[tuple[list[float], list[float]]]:
+def _lanczos(operator: ScaledOperator, start: Floats) -> Iterator[tuple[list[float], list[float]]]:
     """Yield diagonal and off-diagonal (both k) of the tridiagonal matrix after each step k.
 
     The last off-diagonal number couples it to the next vector; zero where there is none.

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from modal.formats.arrays import Floats
 from modal.packing.network import Network
 from modal.stiffness.pre_stress import contact_tangent
 
 
-def mass_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
+def mass_diagonal(network: Network, *, translations_only: bool = False) -> Floats:
     """Shape (6n,) or (3n,): m, m, m, I, I, I of each particle; kg and kg m^2."""
     columns = [network.mass] * 3 + ([] if translations_only else [network.inertia] * 3)
     return np.column_stack(columns).ravel()
@@ -20,10 +21,9 @@ def stiffness_matrix(
 ) -> sp.csr_matrix:
     """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
 
-    `pre_stress` as in `modal.stiffness.pre_stress`: with "full" K is not symmetric.
-
-    A particle that touches itself through a period has both sides of the contact on one block;
-    repeated pairs add up.
+    `pre_stress` as in `modal.stiffness.pre_stress`: with "full" K is not symmetric. A particle
+    that touches itself through a period has both sides of the contact on one block; repeated pairs
+    add up.
     """
     size = 3 if translations_only else 6
     n = network.n_particles
@@ -36,7 +36,7 @@ def stiffness_matrix(
         blocks.append(local[pair, a : a + size, b : b + size])
         rows.append(row[pair])
         columns.append(column[pair])
-    block, row, column = (np.concatenate(parts) for parts in (blocks, rows, columns))
+    block, row, column = np.concatenate(blocks), np.concatenate(rows), np.concatenate(columns)
     inner = np.arange(size)
     shape = block.shape
     row_index = np.broadcast_to((size * row)[:, None, None] + inner[:, None], shape)
@@ -46,7 +46,7 @@ def stiffness_matrix(
     ).tocsr()
 
 
-def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> np.ndarray:
+def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> Floats:
     """Shape (6n,) or (3n,): diagonal of K without pre-stress, straight from the contacts.
 
     A unit motion e moves the contact point by b, which costs kt b^2 + (kn - kt) (n.b)^2: b = e

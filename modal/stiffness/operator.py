@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
+from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
@@ -22,7 +23,7 @@ except ImportError:
     numba = None
 
 
-def pack_contacts(network: Network, pre_stress: str) -> tuple[np.ndarray, np.ndarray]:
+def pack_contacts(network: Network, pre_stress: str) -> tuple[Floats, Ints]:
     """Contacts in the order of the loop: numbers (m, 12) or (m, 16) float64, ends (m, 2) int32.
 
     A row holds the normal, kn - kt, kt, -N/l, lever_i and lever_j, and for the full tangent the
@@ -47,8 +48,14 @@ def pack_contacts(network: Network, pre_stress: str) -> tuple[np.ndarray, np.nda
     return packed, ends
 
 
-def _add_spring_forces(x, y, factor, packed, ends, scale):
-    """y += factor S K S x for x, y of shape (n, dof, k); S holds `scale` (n, 2) twice thrice."""
+def _add_spring_forces(
+    x: Floats, y: Floats, factor: float, packed: Floats, ends: Ints, scale: Floats
+) -> None:
+    """y += factor S K S x for x, y of shape (n, dof, k).
+
+    S is diagonal: `scale` (n, 2) holds its value for the translations of a particle and that for
+    its rotations. `packed` and `ends` as `pack_contacts` gives them.
+    """
     rotating = x.shape[1] == 6
     for c in range(len(packed)):
         i, j = ends[c, 0], ends[c, 1]
@@ -103,8 +110,13 @@ def _add_spring_forces(x, y, factor, packed, ends, scale):
                 y[j, 2, v] += tj * fz
 
 
-def _add_turning_shear(x, y, factor, packed, ends, scale):
-    """The same for the terms of the shear force: formulas in `modal.stiffness.pre_stress`."""
+def _add_turning_shear(
+    x: Floats, y: Floats, factor: float, packed: Floats, ends: Ints, scale: Floats
+) -> None:
+    """Add to y what the shear forces contribute; arguments as for `_add_spring_forces`.
+
+    The formulas are in `modal.stiffness.pre_stress`.
+    """
     rotating = x.shape[1] == 6
     for c in range(len(packed)):
         i, j = ends[c, 0], ends[c, 1]
@@ -200,7 +212,7 @@ class ContactOperator(LinearOperator):
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
 
-    def accumulate(self, u: np.ndarray, out: np.ndarray, factor: float = 1.0) -> np.ndarray:
+    def accumulate(self, u: Array, out: Array, factor: float = 1.0) -> Array:
         """out += factor K u in place; u and out of shape (6n,) or (6n, k), out in C order.
 
         Both real, or both complex.
@@ -225,7 +237,7 @@ class ContactOperator(LinearOperator):
             _add_turning_shear(source, target, *contacts)
         return out
 
-    def apply(self, u: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+    def apply(self, u: Array, out: Array | None = None) -> Array:
         """K u for u of shape (6n,) or (6n, k); written into `out` where it is given."""
         if out is None:
             out = np.zeros(u.shape, complex if np.iscomplexobj(u) else float)

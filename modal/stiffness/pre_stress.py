@@ -17,7 +17,9 @@ term in N is symmetric, those in s are not: the law is path-dependent and has no
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.stiffness.springs import contact_stiffness, cross_matrix
@@ -26,13 +28,13 @@ PRE_STRESS = ("none", "normal", "full")
 """Springs alone; with the normal force's term (symmetric); with the shear force's terms too."""
 
 
-def centre_distance(network: Network) -> np.ndarray:
+def centre_distance(network: Network) -> Floats:
     """Shape (m,), m: between the centres of a contact; infinite at a wall (its normal is fixed)."""
     distance = np.linalg.norm(network.lever_i - network.lever_j, axis=1)
     return np.where(network.with_wall, np.inf, distance)
 
 
-def forces_of(network: Network, pre_stress: str) -> tuple[np.ndarray | None, np.ndarray | None]:
+def forces_of(network: Network, pre_stress: str) -> tuple[Floats | None, Floats | None]:
     """Normal (m,) and tangential forces (m, 3) that `pre_stress` asks for, N, or None."""
     purpose = f"pre-stress {pre_stress!r} (there is 'none')"
     normal = None if pre_stress == "none" else network.known("force_normal", purpose)
@@ -40,7 +42,7 @@ def forces_of(network: Network, pre_stress: str) -> tuple[np.ndarray | None, np.
     return normal, shear
 
 
-def contact_tangent(network: Network, pre_stress: str = "none") -> np.ndarray:
+def contact_tangent(network: Network, pre_stress: str = "none") -> Floats:
     """Shape (m, 12, 12), N/m, N and N m: minus the forces per motion (u_i, theta_i, u_j, theta_j).
 
     Zero in a wall's rows and columns. `pre_stress` is one of `PRE_STRESS`.
@@ -48,7 +50,8 @@ def contact_tangent(network: Network, pre_stress: str = "none") -> np.ndarray:
     if pre_stress not in PRE_STRESS:
         raise InputError(f"pre-stress {pre_stress!r}: choose one of {', '.join(PRE_STRESS)}")
     K = contact_stiffness(network)
-    if pre_stress == "none":
+    pressed, sheared = forces_of(network, pre_stress)
+    if pressed is None:
         return K
     m, n, pair = network.n_contacts, network.normal, ~network.with_wall
     w = np.zeros((m, 3, 12))
@@ -56,7 +59,6 @@ def contact_tangent(network: Network, pre_stress: str = "none") -> np.ndarray:
     w[pair, :, 6:9] = np.eye(3)
     across = np.eye(3) - n[:, :, None] * n[:, None, :]
     dn = across @ w / centre_distance(network)[:, None, None]
-    pressed, sheared = forces_of(network, pre_stress)
     force = -pressed[:, None, None] * dn
     if sheared is not None:
         s = -sheared
@@ -77,7 +79,7 @@ def contact_tangent(network: Network, pre_stress: str = "none") -> np.ndarray:
     return K
 
 
-def asymmetry(matrix) -> float:
-    """Frobenius norm of the antisymmetric part over that of the sparse matrix."""
+def asymmetry(matrix: sp.csr_matrix) -> float:
+    """Frobenius norm of a matrix's antisymmetric part over its own: 0 where it is symmetric."""
     difference = (matrix - matrix.T) / 2
     return float(np.sqrt((difference.data**2).sum() / (matrix.data**2).sum()))

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.packing.network import Network
 
 
-def cross_matrix(vector: np.ndarray) -> np.ndarray:
+def cross_matrix(vector: Floats) -> Floats:
     """Shape (m, 3, 3): [a]x with [a]x b = a x b, for `vector` of shape (m, 3)."""
     matrix = np.zeros((len(vector), 3, 3))
     x, y, z = vector.T
@@ -22,7 +23,7 @@ def cross_matrix(vector: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def contact_springs(network: Network) -> np.ndarray:
+def contact_springs(network: Network) -> Floats:
     """Shape (m, 3, 3), N/m: kn n n^T + kt (1 - n n^T) of each contact."""
     n = network.normal
     kn, kt = network.stiffness_normal, network.stiffness_tangential
@@ -31,7 +32,7 @@ def contact_springs(network: Network) -> np.ndarray:
     return springs
 
 
-def contact_kinematics(network: Network) -> np.ndarray:
+def contact_kinematics(network: Network) -> Floats:
     """Shape (m, 3, 12): B, from (u_i, theta_i, u_j, theta_j) to the relative displacement, m."""
     B = np.zeros((network.n_contacts, 3, 12))
     B[:, :, 0:3] = -np.eye(3)
@@ -42,7 +43,7 @@ def contact_kinematics(network: Network) -> np.ndarray:
     return B
 
 
-def contact_stiffness(network: Network) -> np.ndarray:
+def contact_stiffness(network: Network) -> Floats:
     """Shape (m, 12, 12), N/m, N and N m: B^T k B, zero in the wall's rows and columns."""
     B = contact_kinematics(network)
     return B.transpose(0, 2, 1) @ (contact_springs(network) @ B)

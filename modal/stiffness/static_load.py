@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
@@ -26,8 +27,8 @@ STRAIN_TOLERANCE, STRAIN_SHIFT = 1e-6, 1e-12
 
 
 def spring_motion(
-    network: Network, load: np.ndarray, tolerance: float, shift: float
-) -> tuple[np.ndarray, int]:
+    network: Network, load: Floats, tolerance: float, shift: float
+) -> tuple[Floats, int]:
     """The motion (n, 6) that the springs balance `load` (n, 6) with, and the products K u spent.
 
     `tolerance`: what is left of the load over the load, root mean squares in N, torques over the
@@ -43,7 +44,7 @@ def spring_motion(
     operator, held = ContactOperator(network), shift * mean
     products = 0
 
-    def resist(motion: np.ndarray) -> np.ndarray:
+    def resist(motion: Floats) -> Floats:
         nonlocal products
         products += 1
         arcs = motion.reshape(load.shape)
@@ -51,7 +52,7 @@ def spring_motion(
             operator.apply((arcs / arm).ravel()).reshape(load.shape) / arm + held * arcs
         ).ravel()
 
-    def ease(rest: np.ndarray) -> np.ndarray:
+    def ease(rest: Floats) -> Floats:
         return np.einsum("nij,nj->ni", inverse, rest.reshape(load.shape)).ravel()
 
     size = operator.shape
@@ -71,7 +72,7 @@ def spring_motion(
     return motion.reshape(load.shape) / arm, products
 
 
-def _own_blocks(network: Network) -> np.ndarray:
+def _own_blocks(network: Network) -> Floats:
     """Shape (n, 6, 6): K's block of each sphere with itself."""
     local, n = contact_stiffness(network), network.n_particles
     j, pair = network.particle_j, ~network.with_wall
@@ -114,7 +115,7 @@ def _mass_between(network: Network, low: float, high: float) -> float:
     """Mass, kg, of the force-bearing spheres between two heights, m, cut where these cut them."""
     z, radius = network.position[:, 2], network.radius
 
-    def share_below(height: float) -> np.ndarray:
+    def share_below(height: float) -> Floats:
         cap = np.clip(height - z + radius, 0, 2 * radius) / radius
         return cap**2 * (3 - cap) / 4
 

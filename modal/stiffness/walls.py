@@ -1,21 +1,23 @@
-"""How a wall and the particles that touch it pull at each other."""
+"""Forces between a wall and the particles that touch it, as the packing moves."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.packing.network import Network
 from modal.stiffness.pre_stress import contact_tangent
 
 
 def wall_pattern(
     network: Network, wall: int, pre_stress: str = "none"
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """How a wall and the particles pull at each other along z.
+) -> tuple[Floats, Floats, float]:
+    """What couples a wall's motion along z to that of the particles; `wall` is its code in j.
 
-    Forces on the particles (6n,) for a unit displacement of the wall; the row (6n,) that gives the
-    force on the resting wall from the particles' motion; and the force that pushes the wall back
-    for its own unit displacement, N/m. Pattern and row are equal where the tangent is symmetric.
+    Three results. The pattern (6n,), N/m and N: forces and torques on the particles for a unit
+    displacement of the wall. The row (6n,), whose product with the particles' motion is the force
+    along z on the wall at rest, N. The force that holds the wall at its own unit displacement,
+    with all particles at rest, N/m. Pattern and row are equal where the tangent is symmetric.
     """
     touching = network.with_contacts(network.particle_j == wall)
     local = contact_tangent(touching, pre_stress)

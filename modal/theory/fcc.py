@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.formats.arrays import Complex, Floats
 from modal.packing.crystal import FccPacking
 from modal.stiffness.springs import cross_matrix
 
@@ -19,7 +20,7 @@ def layer_stiffness(kn: float, kt: float) -> float:
     return 2 * (kn + kt)
 
 
-def dispersion(kappa: np.ndarray, C: float, m: float, distance: float) -> np.ndarray:
+def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
     """omega(kappa) = 2 sqrt(C/m) |sin(l kappa / 2)|, rad/s (Eqs. 5 and 9)."""
     return 2 * np.sqrt(C / m) * np.abs(np.sin(distance * np.asarray(kappa) / 2))
 
@@ -53,14 +54,14 @@ class FccLattice(FccPacking):
         """Long-wave P velocity along z, m/s (Eq. 6)."""
         return long_wave_velocity(self.C, self.mass, self.layer_distance)
 
-    def neighbours(self) -> np.ndarray:
+    def neighbours(self) -> Floats:
         """Shape (12, 3): unit vectors towards the neighbours."""
         half = np.sqrt(0.5)
         in_layer = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]
         between = [(a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-half, half)]
         return np.array(in_layer + between)
 
-    def _halves(self, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _halves(self, normals: Floats) -> tuple[Floats, Floats, Floats]:
         k = (self.kn - self.kt) * normals[:, :, None] * normals[:, None, :] + self.kt * np.eye(3)
         turn = cross_matrix(self.spacing / 2 * normals)
         identity = np.broadcast_to(np.eye(3), turn.shape)
@@ -68,7 +69,7 @@ class FccLattice(FccPacking):
         other = np.concatenate([identity, turn], axis=2)
         return k, own, other
 
-    def bloch_matrix(self, wavevector: np.ndarray) -> np.ndarray:
+    def bloch_matrix(self, wavevector: Floats) -> Complex:
         """Shape (6, 6), complex Hermitian, 1/s^2: M^-1/2 K(k) M^-1/2 for `wavevector` (3,) 1/m."""
         n = self.neighbours()
         k, own, other = self._halves(n)
@@ -77,16 +78,16 @@ class FccLattice(FccPacking):
         matrix += np.einsum("cai,cab,cbj,c->ij", own, k, other, phase)
         return self._mass_normalised(matrix)
 
-    def _mass_normalised(self, matrix: np.ndarray) -> np.ndarray:
+    def _mass_normalised(self, matrix: Complex) -> Complex:
         scale = 1 / np.sqrt(np.repeat([self.mass, 0.4 * self.mass * self.radius**2], 3))
         return matrix * scale[:, None] * scale
 
-    def bloch(self, wavevector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def bloch(self, wavevector: Floats) -> tuple[Floats, Complex]:
         """Branches at one wavevector: frequencies (6,) Hz ascending, vectors (6, 6) in columns."""
         square, vectors = np.linalg.eigh(self.bloch_matrix(wavevector))
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors
 
-    def group_velocity(self, wavevector: np.ndarray) -> np.ndarray:
+    def group_velocity(self, wavevector: Floats) -> Floats:
         """Shape (6, 3), m/s: d omega / d k of each branch, from the eigenvectors.
 
         Hellmann-Feynman: d(omega^2)/dk = v^H (dD/dk) v, valid for simple branches. Branches of

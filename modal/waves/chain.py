@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
+from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 
@@ -13,7 +14,7 @@ TIE = 1e-9
 """Relative difference of path costs below which they count as equal."""
 
 
-def wall_to_wall_chain(network: Network) -> np.ndarray:
+def wall_to_wall_chain(network: Network) -> Ints:
     """Shape (nc,): particles from the source wall to the receiver wall, each touching the next.
 
     The path through the contacts that stays closest to a vertical line: a step costs its length
@@ -70,6 +71,6 @@ def wall_to_wall_chain(network: Network) -> np.ndarray:
     return np.array(path[::-1])
 
 
-def _rounded(distance: np.ndarray, scale: float) -> np.ndarray:
+def _rounded(distance: Floats, scale: float) -> Floats:
     """Distances in units in which those that differ by round-off only are equal."""
     return np.round(distance / (scale * TIE)) if scale > 0 else distance

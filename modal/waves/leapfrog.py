@@ -26,8 +26,8 @@ from modal.workload import refuse_endless
 LOOK = 50
 """Steps between two looks at the energy."""
 EXCESS = 1.5
-"""Largest velocity, over what the wall's work allows: round-off, and the full tangent, which is not
-symmetric and so does not conserve energy to the last digit."""
+"""Largest velocity over what the wall's work allows; above 1 because of round-off, and because the
+full tangent is not symmetric and conserves energy only nearly."""
 
 
 def leapfrog(
@@ -41,7 +41,14 @@ def leapfrog(
     particles: bool = False,
     network_sha256: str = "",
 ) -> Signals:
-    """Signals at every `every`-th step; duration and time step in s. InputError if unstable."""
+    """The wave by leapfrog; its signals are recorded at every `every`-th step.
+
+    `duration` and `time_step` in s; `motion` of the source wall, by default the pulse of the study;
+    `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records u_z of every particle;
+    `network_sha256` is noted in the signals. InputError where the time step exceeds the stability
+    limit 2 / omega_max. GrowthError where the network is unstable: its velocities then exceed what
+    the work of the wall allows.
+    """
     if not (0 < time_step <= duration < np.inf and every >= 1):
         raise InputError("the time step must be positive and no longer than the duration")
     started = clock.perf_counter()
@@ -66,7 +73,7 @@ def leapfrog(
     mass = mass_diagonal(network)
     per_mass = time_step / mass
     steps = round(duration / time_step)
-    wall = motion.displacement(time_step * np.arange(-1, steps + 2))
+    wall = motion.displacement(time_step * np.arange(-1, steps + 2, dtype=float))
     work = 0.0
     u, velocity, force = (np.zeros(operator.shape[0]) for _ in range(3))
     rows = np.empty((steps // every + 1, receivers.count))
@@ -87,7 +94,7 @@ def leapfrog(
         np.multiply(velocity, time_step, out=force)
         u += force
     return receivers.signals(
-        time_step * every * np.arange(len(rows)),
+        time_step * every * np.arange(len(rows), dtype=float),
         rows,
         motion,
         time_step=time_step,

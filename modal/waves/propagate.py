@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.progress import progress
@@ -45,12 +46,12 @@ class LinearWave:
 
 def chebyshev_moments(
     operator: ContactOperator,
-    start: np.ndarray,
-    scale: np.ndarray,
+    start: Floats,
+    scale: Floats,
     top: float,
     count: int,
     receivers: Receivers,
-) -> np.ndarray:
+) -> Floats:
     """Shape (count, receivers.count): the receivers' rows of M^-1/2 T_k(2 A / top - 1) start.
 
     `operator` is A, `start` (6n,); `scale` is M^-1/2. GrowthError where it grows.
@@ -82,11 +83,11 @@ def chebyshev_moments(
 
 def moments_within_spectrum(
     operator: ContactOperator,
-    start: np.ndarray,
-    scale: np.ndarray,
+    start: Floats,
+    scale: Floats,
     receivers: Receivers,
     count_for: Callable[[float], int],
-) -> tuple[np.ndarray, float, int]:
+) -> tuple[Floats, float, int]:
     """The moments of `chebyshev_moments`, the top of their interval and the products with K spent.
 
     `count_for` tells how many moments a top needs. Where the recurrence leaves an estimate that is
@@ -113,9 +114,7 @@ def _orders(top: float, duration: float) -> int:
     return int(1.1 * np.sqrt(top) * duration / 2) + 60
 
 
-def expansion(
-    motion: Motion, time: np.ndarray, top: float, tolerance: float
-) -> tuple[np.ndarray, float]:
+def expansion(motion: Motion, time: Floats, top: float, tolerance: float) -> tuple[Floats, float]:
     """Chebyshev coefficients (count, nt) of y(top (1 + x) / 2, t), and what they leave out.
 
     Orders are dropped from where all are below `tolerance` times the largest; the second result is
@@ -165,7 +164,7 @@ def propagate(
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     scale = 1 / np.sqrt(mass_diagonal(network))
     start = receivers.source * scale
-    planned: dict[float, tuple[np.ndarray, np.ndarray, float]] = {}
+    planned: dict[float, tuple[Floats, Floats, float]] = {}
 
     def count_for(top: float) -> int:
         orders, times = _orders(top, duration), duration / interval + 1

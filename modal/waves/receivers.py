@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.stiffness.walls import wall_pattern
@@ -35,12 +36,12 @@ class Receivers:
         self.count = 2 + len(self.chain) + len(self.layers.position)
         self.count += network.n_particles if particles else 0
 
-    def source_force(self, u: np.ndarray, displacement: float) -> float:
+    def source_force(self, u: Floats, displacement: float) -> float:
         """The force, N, that moves the source wall at its `displacement` and the motion u (6n,)."""
         at, row = self._near_walls[0]
         return self.source_stiffness * displacement - float(row @ u[at])
 
-    def observe(self, u: np.ndarray, out: np.ndarray) -> None:
+    def observe(self, u: Floats, out: Floats) -> None:
         """Write the row (count,) for the motion u (6n,), m and rad."""
         along = u[2::6]
         for k, (at, row) in enumerate(self._near_walls):
@@ -53,8 +54,8 @@ class Receivers:
 
     def signals(
         self,
-        time: np.ndarray,
-        rows: np.ndarray,
+        time: Floats,
+        rows: Floats,
         motion: Motion,
         *,
         time_step: float,

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from modal.formats.arrays import Complex, Floats, Ints
 from modal.formats.hdf5 import InputError, atomic_h5, put
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
@@ -42,23 +43,26 @@ class Response:
     full width at half height of a single resonance in power; `products` with K.
     """
 
-    frequency: np.ndarray
-    source_stress: np.ndarray
-    receiver_stress: np.ndarray
-    chain_particle: np.ndarray
-    chain_displacement: np.ndarray
-    layer_position: np.ndarray
-    layer_displacement: np.ndarray
+    frequency: Floats
+    source_stress: Complex
+    receiver_stress: Complex
+    chain_particle: Ints
+    chain_displacement: Complex
+    layer_position: Floats
+    layer_displacement: Complex
     resolution: float
     products: int
 
     @property
-    def gain(self) -> np.ndarray:
+    def gain(self) -> Floats:
         """Shape (nf,): receiver stress over source stress (Otsubo et al. 2017, Fig. 19)."""
         return abs(self.receiver_stress) / abs(self.source_stress)
 
-    def gain_maxima(self) -> np.ndarray:
-        """Frequencies of the local maxima of the gain, Hz, refined by a parabola."""
+    def gain_maxima(self) -> Floats:
+        """Shape (number of maxima,), Hz: where the gain has a local maximum.
+
+        Found between the frequencies of the response by a parabola through the logarithm of three.
+        """
         g = np.log(self.gain)
         k = 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
         bend = g[k - 1] - 2 * g[k] + g[k + 1]
@@ -86,7 +90,7 @@ def frequency_response(
     scale = 1 / np.sqrt(mass_diagonal(network))
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
-    planned: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+    planned: dict[float, tuple[Floats, Complex]] = {}
 
     def count_for(top: float) -> int:
         end = np.sqrt(top) / (2 * np.pi) if highest is None else highest
@@ -115,10 +119,10 @@ def frequency_response(
     rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
     frequency, w = planned[top]
     rows[0] /= 2
-    value = np.empty((len(frequency), receivers.count), complex)
+    value: Complex = np.empty((len(frequency), receivers.count), complex)
     order = np.arange(len(rows))
-    for start in range(0, len(frequency), CHUNK):
-        part = slice(start, start + CHUNK)
+    for first in range(0, len(frequency), CHUNK):
+        part = slice(first, first + CHUNK)
         power = np.exp(-np.log(w[part])[:, None] * order)
         # A - s = top / 2 (X - z), hence the sign.
         value[part] = (-8 / top / (w[part] - 1 / w[part]))[:, None] * (power @ rows)

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.formats.provenance import Provenance
 from modal.waves.energy_balance import EnergyBalance
@@ -46,13 +48,13 @@ class Signals:
     energy of a DEM run.
     """
 
-    time: np.ndarray
-    chain_particle: np.ndarray
-    chain_position: np.ndarray
-    chain_displacement: np.ndarray
-    source_displacement: np.ndarray
-    source_stress: np.ndarray
-    receiver_stress: np.ndarray
+    time: Floats
+    chain_particle: Ints
+    chain_position: Floats
+    chain_displacement: Floats
+    source_displacement: Floats
+    source_stress: Floats
+    receiver_stress: Floats
     producer: str
     case: str
     amplitude: float
@@ -60,13 +62,13 @@ class Signals:
     time_step: float
     run_time: float
     network_sha256: str
-    layer_position: np.ndarray | None = None
-    layer_displacement: np.ndarray | None = None
-    particle_displacement: np.ndarray | None = None
+    layer_position: Floats | None = None
+    layer_displacement: Floats | None = None
+    particle_displacement: Floats | None = None
     balance: EnergyBalance | None = None
 
 
-def source_pulse(time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
+def source_pulse(time: Floats, amplitude: float, frequency: float) -> Floats:
     """Wall displacement u = A (1 - cos 2 pi f t) for one period, zero elsewhere; m.
 
     A sine period with its phase shifted by 270 degrees (Otsubo et al. 2017, Fig. 2a).
@@ -93,8 +95,8 @@ def write_signals(path: str | Path, signals: Signals, made: Provenance | None = 
         if made:
             made.write(file)
         file.attrs.update(schema=SCHEMA, schema_version=VERSION)
-        for name, kind in _ATTRIBUTES.items():
-            file.attrs[name] = kind(getattr(signals, name))
+        for name, convert in _ATTRIBUTES.items():
+            file.attrs[name] = convert(getattr(signals, name))
         for name, (dataset, kind, _, units) in _DATASETS.items():
             value = getattr(signals, name)
             if value is None and name in _OPTIONAL:
@@ -109,7 +111,7 @@ def read_signals(path: str | Path) -> Signals:
     """Read and validate signals; raises InputError with one line for anything wrong."""
     with open_h5(path, SCHEMA, VERSION) as file:
         lengths: dict[str, int] = {}
-        columns = {}
+        columns: dict[str, Any] = {}
         for name, (dataset, kind, shape, _) in _DATASETS.items():
             if name in _OPTIONAL and dataset not in file:
                 continue
@@ -121,16 +123,17 @@ def read_signals(path: str | Path) -> Signals:
         missing = [name for name in _ATTRIBUTES if name not in file.attrs]
         if missing:
             raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")
-        attributes = {name: kind(file.attrs[name]) for name, kind in _ATTRIBUTES.items()}
+        for name, convert in _ATTRIBUTES.items():
+            columns[name] = convert(file.attrs[name])
         said = file["balance"].attrs if "balance" in file else {}
         balance = EnergyBalance.of_attributes(said)
-    signals = Signals(**columns, **attributes, balance=balance)
+    signals = Signals(**columns, balance=balance)
     _validate(signals, str(path))
     return signals
 
 
 def _validate(signals: Signals, name: str) -> None:
-    """Refuse what no run records; every estimator takes the times for evenly spaced."""
+    """Refuse signals that no run records; all estimators rely on evenly spaced times."""
     time = signals.time
     if len(time) < 2 or len(signals.chain_particle) == 0:
         raise InputError(f"{name}: fewer than two times or no chain; record more")

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.waves.signals import source_pulse
 
@@ -24,17 +25,22 @@ INPUT_FREQUENCY = 1e5
 class Motion(Protocol):
     """A motion of the source wall along z, at rest at zero until t = 0."""
 
-    amplitude: float
-    frequency: float
+    @property
+    def amplitude(self) -> float:
+        """Size of the displacement, m."""
 
-    def displacement(self, time: np.ndarray) -> np.ndarray:
-        """d (nt,), m, at the times (nt,), s."""
+    @property
+    def frequency(self) -> float:
+        """Nominal frequency, Hz."""
 
-    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """y (nw, nt), m s^2, for omega^2 (nw,) and increasing times (nt,)."""
+    def displacement(self, time: Floats) -> Floats:
+        """Shape (nt,), m: displacement d of the wall at the times (nt,), s."""
+
+    def response(self, square: Floats, time: Floats) -> Floats:
+        """Shape (nw, nt), m s^2: y(omega^2, t) for omega^2 (nw,) 1/s^2, ascending times (nt,) s."""
 
 
-def _driven_from_rest(square: np.ndarray, time: np.ndarray, frequency: float) -> np.ndarray:
+def _driven_from_rest(square: Floats, time: Floats, frequency: float) -> Floats:
     """Shape (nw, nt): response to 1 - cos(Omega t) switched on at t = 0, unit A.
 
     (1 - cos wt)/w^2 - (cos Omega t - cos wt)/(w^2 - Omega^2), written with sin(x)/x, which is
@@ -44,7 +50,7 @@ def _driven_from_rest(square: np.ndarray, time: np.ndarray, frequency: float) ->
     drive = 2 * np.pi * frequency
     t = np.maximum(time, 0)[None, :]
 
-    def half_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def half_product(a: Floats, b: Floats) -> Floats:
         # 2 sin(a t) sin(b t) / (4 a b) with a or b allowed to vanish.
         return 0.5 * t**2 * np.sinc(a * t / np.pi) * np.sinc(b * t / np.pi)
 
@@ -64,14 +70,14 @@ class Pulse:
         if not (np.isfinite(self.amplitude) and 0 < self.frequency < np.inf):
             raise InputError("amplitude and input frequency must be numbers, the frequency above 0")
 
-    def displacement(self, time: np.ndarray) -> np.ndarray:
+    def displacement(self, time: Floats) -> Floats:
         """d (nt,), m."""
         return source_pulse(time, self.amplitude, self.frequency)
 
-    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """While the pulse lasts, and then the free motion that it leaves behind.
+    def response(self, square: Floats, time: Floats) -> Floats:
+        """Shape (nw, nt), m s^2: y in closed form, during the pulse and after it.
 
-        With the period T and Omega T = 2 pi the latter is, in closed form,
+        What the pulse leaves behind is a free oscillation. With the period T and Omega T = 2 pi,
         y = 2 Omega^2 / (Omega^2 - w^2) sin(w T / 2) / w sin(w (t - T / 2)) / w.
         """
         period, drive = 1 / self.frequency, 2 * np.pi * self.frequency
@@ -95,12 +101,11 @@ class Pulse:
 class SampledMotion:
     """A motion given at times (nt,), s, as displacements (nt,), m; straight lines in between.
 
-    It starts from rest at t = 0 with d = 0 and keeps its last value. `frequency` is where the
-    spectrum of its velocity has its mean, `amplitude` half of its range.
+    It starts from rest at t = 0 with d = 0, and keeps its last value afterwards.
     """
 
-    time: np.ndarray
-    value: np.ndarray
+    time: Floats
+    value: Floats
 
     def __post_init__(self) -> None:
         good = len(self.time) == len(self.value) > 1
@@ -119,19 +124,26 @@ class SampledMotion:
 
     @property
     def frequency(self) -> float:
-        """Root mean square of velocity over that of displacement, as a frequency in Hz."""
+        """Root mean square of the velocity over that of the displacement, over 2 pi; Hz.
+
+        For a sine it is the sine's own frequency; 0 where the wall does not move.
+        """
         step = np.diff(self.time)
         speed = ((np.diff(self.value) / step) ** 2 * step).sum()
         left, right = self.value[:-1], self.value[1:]
         size = ((left**2 + left * right + right**2) / 3 * step).sum()
         return float(np.sqrt(speed / size)) / (2 * np.pi) if size > 0 else 0.0
 
-    def displacement(self, time: np.ndarray) -> np.ndarray:
+    def displacement(self, time: Floats) -> Floats:
         """d (nt,), m."""
         return np.interp(time, self.time, self.value)
 
-    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Marched exactly from one corner of d or time of interest to the next."""
+    def response(self, square: Floats, time: Floats) -> Floats:
+        """Shape (nw, nt), m s^2: y, exact for a displacement of straight lines.
+
+        It is computed from one corner of d, or one of the times asked for, to the next, in closed
+        form for the straight line between them.
+        """
         nodes = np.union1d(self.time[self.time < time[-1]], time)
         d = self.displacement(nodes)
         omega = np.sqrt(np.maximum(square, 0))
@@ -156,7 +168,7 @@ class SampledMotion:
         return result
 
 
-def _lag(x: np.ndarray) -> np.ndarray:
+def _lag(x: Floats) -> Floats:
     """(x - sin x) / x^3, by its series where the difference would cancel."""
     small = np.where(abs(x) < 0.5, x, 0.0) ** 2
     series = 1 / 6 - small / 120 + small**2 / 5040 - small**3 / 362880 + small**4 / 39916800
