@@ -10,12 +10,12 @@ from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.modes import counts as inertia
 from modal.modes import search
-from modal.modes.highest import highest_modes
+from modal.modes.highest import all_modes, highest_modes
 from modal.modes.mode_set import read_modes
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.network import Network, write_network
-from modal.solvers.factor import available
+from modal.solvers.factor import SingularError, available, factorise
 
 
 def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
@@ -173,3 +173,27 @@ def test_the_highest_short_of_their_count_are_said(tmp_path, capsys, monkeypatch
     assert found["frequency_hz"] == pytest.approx(exact[-4:], rel=1e-9)
     assert found["missing"] == 2 and not found["certified"]
     assert "2 modes are missing" in printed.err
+
+
+def test_one_highest_mode_where_products_stop_below_the_top():
+    """A column of FCC has a dense bunch at the top: a shift taken below it is noticed and raised.
+
+    Its matrix sigma - A is not definite, which a Cholesky factorisation may only say by NaN.
+    """
+    network = gallery.fcc(cells=(1, 1, 200))
+    found = highest_modes(Eigenproblem.of(network), 1, certify=False)
+    exact = all_modes(Eigenproblem.of(network)).frequency[-1]
+    # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
+    assert found.frequency == pytest.approx([exact], rel=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["banded", "pardiso"])
+def test_a_matrix_that_is_not_definite_is_noticed(solver):
+    """sigma - A with sigma between the two highest modes: one negative pivot, by little."""
+    if not available(solver):
+        pytest.skip(f"{solver} is not installed")
+    problem = Eigenproblem.of(gallery.fcc(cells=(1, 1, 200)))
+    square = (2 * np.pi * all_modes(problem).frequency) ** 2
+    sigma = 0.5 * (square[-1] + square[-2])
+    with pytest.raises(SingularError):
+        factorise(-problem.shifted(sigma), definite=True, solver=solver)

@@ -123,6 +123,11 @@ def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
     def solve(rhs: Floats) -> Floats:
         return solver.solve(upper, np.asfortranarray(rhs))
 
+    # With two levels a negative pivot may pass unnoticed: its root is NaN, and so are solutions.
+    if definite and not np.isfinite(solve(np.ones(matrix.shape[0]))).all():
+        solver.free_memory(everything=True)
+        raise SingularError(_singular(definite))
+
     def release() -> None:
         solver.free_memory(everything=True)
 
