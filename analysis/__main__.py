@@ -11,8 +11,8 @@ import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.case import Products, find
-from analysis.crystal import as_text, compare, write_table
-from analysis.estimators.power_law import power_law, stress_rows
+from analysis.crystal import compare, comparison_table, stress_rows
+from analysis.estimators.power_law import power_law
 from analysis.estimators.trial import trial
 from analysis.figures import FIGURES, draw
 from analysis.figures.picture import read_picture
@@ -110,9 +110,9 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
 
 def _crystal(case: Products, output: Path) -> list[Path]:
     """Theory, modes, linear wave and YADE side by side."""
-    rows = compare(case)
-    print(as_text(rows))
-    return write_table(rows, output / f"{case.name}.comparison")
+    found = comparison_table(compare(case))
+    print(found.text())
+    return found.write(output / f"{case.name}.comparison")
 
 
 def _random(case: Products, output: Path) -> list[Path]:
@@ -171,7 +171,8 @@ def _agreement(arguments: argparse.Namespace) -> None:
     for path in (arguments.signals, *filter(None, paths.values())):
         if note := require_same_packing(path, packing):
             print(f"note: {note}", file=sys.stderr)
-    _show(report(Agreement(network, run, within), **others), arguments.output)
+    found = report(Agreement(network, run, within), **others)
+    _show("\n".join(table_.markdown() for table_ in found), arguments.output)
 
 
 def _show(text: str, output: str | None) -> None:

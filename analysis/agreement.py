@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.estimators.fk import frequency_wavenumber
+from analysis.table import Table
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import Network
@@ -193,25 +195,6 @@ def over_time(found: Motion, reference: Motion, windows: int = 8) -> np.ndarray:
     return np.array([np.linalg.norm((found.chain - reference.chain)[p]) / size for p in parts])
 
 
-def frequency_wavenumber(
-    motion: np.ndarray, time: np.ndarray, position: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, and |U| (nf, nk) of motion (nt, nl).
-
-    Hann windows in time and space; positions equally spaced to half of their distance.
-    """
-    spacing = np.diff(position)
-    if abs(spacing - spacing.mean()).max() > 0.5 * spacing.mean():
-        raise InputError("layers are too unequally spaced for a spectrum in space")
-    nt, nl = motion.shape
-    taper = np.hanning(nt + 2)[1:-1, None] * np.hanning(nl + 2)[None, 1:-1]
-    spectrum = np.fft.fft(np.fft.rfft(motion * taper, axis=0), axis=1)
-    frequency = np.fft.rfftfreq(nt, time[1] - time[0])
-    wavenumber = 2 * np.pi * np.fft.fftfreq(nl, spacing.mean())
-    order = np.argsort(wavenumber)
-    return frequency, wavenumber[order], abs(spectrum[:, order])
-
-
 def by_frequency(
     found: np.ndarray,
     reference: np.ndarray,
@@ -232,30 +215,28 @@ def by_frequency(
     return rows
 
 
-def as_table(rows: list[Difference]) -> str:
-    """Markdown table, per cent."""
-    lines = [
-        "| cause | chain % | layer means % | particles % | median particle % |",
-        "|---|---|---|---|---|",
-    ]
-    for row in rows:
-        values = (row.chain, row.layers, row.particles, row.median)
-        cells = ["" if v is None else f"{100 * v:.4g}" for v in values]
-        lines.append(f"| {row.cause} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+def table_of_causes(rows: list[Difference]) -> Table:
+    """A row a cause, per cent."""
+    header = ["cause", "chain %", "layer means %", "particles %", "median particle %"]
+    values = [(row.chain, row.layers, row.particles, row.median) for row in rows]
+    cells = [["" if v is None else f"{100 * v:.4g}" for v in row] for row in values]
+    lines = [[row.cause, *line] for row, line in zip(rows, cells, strict=True)]
+    return Table("The difference by cause", header, lines)
 
 
-def report(pair: Agreement, **others: Signals) -> str:
-    """Three Markdown tables: by cause, over time, and over frequency (f-k spectra of the chain).
+def report(pair: Agreement, **others: Signals) -> list[Table]:
+    """Three tables: by cause, over time, and over frequency (f-k spectra of the chain).
 
     The f-k table takes the layer means where the run has them: in a random packing they carry the
     coherent wave.
     """
     found, linear = pair.measured(pair.run), pair.linear("full")
-    lines = [as_table(split_by_cause(pair, **others)), ""]
-    lines += ["| part of the record | chain, difference % of its mean size |", "|---|---|"]
     parts = over_time(found, linear)
-    lines += [f"| {k + 1} of {len(parts)} | {100 * part:.4g} |" for k, part in enumerate(parts)]
+    of_time = Table(
+        "The difference over time",
+        ["part of the record", "chain, difference % of its mean size"],
+        [[f"{k + 1} of {len(parts)}", f"{100 * part:.4g}"] for k, part in enumerate(parts)],
+    )
     field, position = "chain", pair.chain_position
     if found.layers is not None:
         field, position = "layers", pair.layer_position
@@ -264,9 +245,12 @@ def report(pair: Agreement, **others: Signals) -> str:
     order = np.argsort(position)
     spectra = [getattr(motion, field)[:, order] for motion in (found, linear)]
     rows = by_frequency(*spectra, pair.run.time, position[order], bands)
-    lines += ["", f"| band, kHz | share of the energy % | difference in f-k ({field}) % |"]
-    lines.append("|---|---|---|")
-    for low, high, share, apart in rows:
-        band = f"{low / 1e3:g} to {high / 1e3:g}"
-        lines.append(f"| {band} | {100 * share:.3g} | {100 * apart:.4g} |")
-    return "\n".join(lines) + "\n"
+    of_frequency = Table(
+        "The difference over frequency",
+        ["band, kHz", "share of the energy %", f"difference in f-k ({field}) %"],
+        [
+            [f"{low / 1e3:g} to {high / 1e3:g}", f"{100 * share:.3g}", f"{100 * apart:.4g}"]
+            for low, high, share, apart in rows
+        ],
+    )
+    return [table_of_causes(split_by_cause(pair, **others)), of_time, of_frequency]

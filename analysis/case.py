@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.exact_chain import Chain, is_fcc
+from analysis.estimators.low_pass import RECORD
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.paper import matching_case
 from analysis.settled import MARK, why_unsettled
@@ -29,10 +30,8 @@ from modal.waves.source import Pulse
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
-EXTRA_KINDS = ("sample", "band.modes", "structure", "density", "response")
-"""Read where they are there: compact sample, a band of higher modes, and what the names say."""
-PASSAGES = 1.3
-"""Record of the linear wave, in passages from wall to wall of the affine wave."""
+EXTRA_KINDS = ("sample", "highest.modes", "band.modes", "structure", "density", "response")
+"""Read where they are there: compact sample, highest modes, those of a band, what names say."""
 
 
 def case_name(text: str) -> str:
@@ -165,6 +164,11 @@ class Products:
         return read_modes(self.product("band.modes")) if self.has("band.modes") else None
 
     @cached_property
+    def highest(self) -> ModeSet | None:
+        """The highest modes, from which a run's time step was taken."""
+        return read_modes(self.product("highest.modes")) if self.has("highest.modes") else None
+
+    @cached_property
     def signals(self) -> Signals | None:
         """Signals of the wave run."""
         if not self.has("signals"):
@@ -227,7 +231,7 @@ class Products:
         """
         return propagate(
             self.network,
-            1.5 * PASSAGES * self.passage,
+            RECORD * self.passage,
             motion=self._motion,
             interval=self.interval,
             particles=True,

@@ -6,33 +6,29 @@ what that changes of V_P has a row of its own.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from analysis.case import Products
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.exact_chain import chain_signals, exact_twin
-from analysis.estimators.low_pass import (
-    plateau,
-    spectrum_with_distance,
-    threshold_frequency,
-    wavelength,
-)
+from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves, wavelength
+from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.ridge import ridge
-from analysis.estimators.transfer import TRAVELS, gain_factor, network_gain
-from analysis.estimators.travel_time import (
-    arrival_times,
+from analysis.estimators.transfer import (
+    TRAVELS,
     at_frequency,
-    first_peak_times,
-    mode_velocities,
-    travel_velocity,
+    gain_factor,
+    network_gain,
     wall_velocity,
 )
+from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
 from analysis.paper import stated
+from analysis.table import Table
+from modal.formats.hdf5 import InputError
+from modal.packing.state import void_ratio
 from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade", "paper")
@@ -95,15 +91,8 @@ def compare(case: Products) -> list[Row]:
     lam = wavelength(chain.velocity, f_theory) / case.diameter
     note = "theory Eq. 7; modal: last resonance; others: where the waves turn round"
     put("lambda_edge", "lambda_low-pass / D, band edge", "1", note, theory=lam)
-    void = network.area * network.length
-    solid = float((4 / 3 * np.pi * network.radius**3).sum())
-    put(
-        "void_ratio",
-        "void ratio, wall to wall",
-        "1",
-        "of the contact network",
-        modal=void / solid - 1,
-    )
+    text = "void ratio, wall to wall"
+    put("void_ratio", text, "1", "of the contact network", modal=void_ratio(network))
     _modal_rows(case, put)
     _signal_rows(case, case.linear(), "linear", put)
     if case.signals is not None:
@@ -177,22 +166,25 @@ def _signal_rows(case: Products, signals: Signals, producer: str, put) -> None:
         put(name, f"{name} velocity at 50 kHz", "m/s", theory=exact, **{producer: value})
     twin = exact_twin(signals, chain)
     biased = "paper's rule; theory: the rule on exact signals"
-    for column, record in (("theory", twin), (producer, signals)):
-        peak = travel_velocity(record, first_peak_times(record))
-        put("first_peak", "V_P, first peaks, layers 50-150", "m/s", biased, **{column: peak})
-        arrival = travel_velocity(record, arrival_times(record))
-        put("arrival", "V_P, 5 % arrival, layers 50-150", "m/s", biased, **{column: arrival})
-        frequency, amplitude = spectrum_with_distance(record)
-        for percent in (2, 1):
-            values = threshold_frequency(frequency, amplitude, percent / 100)
-            text = f"f_low-pass, {percent} % rule, layers 10-40"
-            key = f"threshold_{percent}"
-            put(key, text, "kHz", biased, **{column: plateau(values) / 1e3})
+    length, wall = case.network.length, float(case.network.wall_position[0])
+    for column, record, origin in (("theory", twin, 0.0), (producer, signals, wall)):
+        peak, _ = first_peak_velocity(record, origin, length)
+        put("first_peak", "V_P, first peaks, middle half", "m/s", biased, **{column: peak})
+        arrival, _ = arrival_velocity(record, origin, length)
+        put("arrival", "V_P, 5 % arrival, middle half", "m/s", biased, **{column: arrival})
+        time, u = record.time, record.chain_displacement
+        highest = REACH[True] * chain.velocity / case.diameter
+        distance, reach = record.chain_position - origin, (1 - FADE) * time[-1] * chain.velocity
+        curves = threshold_curves(time, u, (0.02, 0.01), highest)
+        for percent, values in zip((2, 1), curves, strict=True):
+            key, text = f"threshold_{percent}", f"f_low-pass, {percent} % rule"
+            found = plateau(distance, values, reach, length, case.diameter).value
+            put(key, f"{text}, plateau", "kHz", biased, **{column: found / 1e3})
             for layer in (100, 150):
                 if layer < len(values):
-                    text = f"f_low-pass, {percent} % rule, layer {layer}"
-                    put(f"{key}_{layer}", text, "kHz", biased, **{column: values[layer] / 1e3})
-        walls = wall_velocity(record, case.network.length)
+                    at, value = f"{text}, layer {layer}", {column: values[layer] / 1e3}
+                    put(f"{key}_{layer}", at, "kHz", biased, **value)
+        walls = wall_velocity(record, length)
         if walls is not None:
             value = at_frequency(walls[0], walls[1], 5e4)
             put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: value})
@@ -213,29 +205,30 @@ def _gain_rows(case: Products, put) -> None:
             put("gain", "gain factor at its first maximum", "1", note, **{column: height})
 
 
-def as_text(rows: Iterable[Row]) -> str:
-    """Aligned table for a terminal."""
-    table = [list(HEADER), *(row.cells() for row in rows)]
-    width = [max(len(line[k]) for line in table) for k in range(len(HEADER))]
-    lines = []
-    for line in table:
-        cells = [
-            cell.ljust(w) if k < 2 or k == len(HEADER) - 1 else cell.rjust(w)
-            for k, (cell, w) in enumerate(zip(line, width, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
+def comparison_table(rows: Iterable[Row]) -> Table:
+    """The rows as a table of text."""
+    return Table("Comparison", HEADER, [row.cells() for row in rows])
 
 
-def write_table(rows: Iterable[Row], stem: Path) -> list[Path]:
-    """Write stem.csv and stem.md; returns their paths."""
-    rows = list(rows)
-    table, text = (stem.with_name(stem.name + end) for end in (".csv", ".md"))
-    with open(table, "w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEADER)
-        writer.writerows(row.cells() for row in rows)
-    lines = ["| " + " | ".join(HEADER) + " |", "|" + "---|" * len(HEADER)]
-    lines += ["| " + " | ".join(row.cells()) + " |" for row in rows]
-    text.write_text("\n".join(lines) + "\n")
-    return [table, text]
+def stress_rows(cases: list[Products]) -> dict[str, np.ndarray]:
+    """Stress (Pa), V_P (m/s) and f_low-pass (Hz) of each case by theory, modes and signals."""
+    for case in cases:
+        if not float(case.network.study.get("stress", 0)) > 0:
+            raise InputError(f"{case.path('network')}: study has no stress; export it again")
+    columns = {"stress_Pa": np.array([float(case.network.study["stress"]) for case in cases])}
+    table = {"theory": [], "modal": [], "yade": []}
+    for case in cases:
+        chain, modes = case.chain, case.modes
+        table["theory"].append((chain.velocity, chain.low_pass_frequency))
+        found = None
+        if modes is not None and modes.resonance_shape is not None:
+            found = disp.mode_dispersion(
+                modes.resonance_frequency, modes.resonance_shape, chain.distance
+            )
+        seen = None if case.signals is None else disp.chain_dispersion(case.signals)
+        for name, result in (("modal", found), ("yade", seen)):
+            pair = (result.velocity, result.low_pass_frequency) if result else (np.nan, np.nan)
+            table[name].append(pair)
+    for name, pairs in table.items():
+        columns[f"velocity_{name}_m_per_s"], columns[f"f_low_pass_{name}_Hz"] = np.array(pairs).T
+    return columns

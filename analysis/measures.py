@@ -6,22 +6,26 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse.linalg import eigsh
 
 from analysis.case import Products
 from analysis.estimators.coherent import Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion, mode_dispersion
 from analysis.estimators.effective_medium import of_contacts, of_means
-from analysis.estimators.low_pass import Plateau
-from analysis.estimators.passband import Passband
+from analysis.estimators.low_pass import Passband, Plateau
 from analysis.estimators.resonances import Standing, standing_modes
 from analysis.estimators.ridge import Ridge, ridge
-from analysis.estimators.transfer import Gain, network_gain
-from analysis.estimators.travel_time import at_frequency, first_peak_times, wall_velocity
+from analysis.estimators.transfer import Gain, at_frequency, network_gain, wall_velocity
+from analysis.estimators.travel_time import (
+    first_peak_times,
+    first_peak_velocity,
+    middle,
+    travel_velocity,
+)
 from modal.formats.hdf5 import InputError
+from modal.modes.highest import highest_modes
+from modal.modes.problem import Eigenproblem
 from modal.packing.rattlers import force_bearing
-from modal.packing.state import contacts_per_particle, coordination_without_rattlers
-from modal.stiffness.operator import ContactOperator
+from modal.packing.state import contacts_per_particle, coordination_without_rattlers, void_ratio
 from modal.stiffness.static_load import static_velocity
 from modal.waves.signals import Signals
 
@@ -46,9 +50,7 @@ class Measures:
     @cached_property
     def void_ratio(self) -> float:
         """Wall to wall."""
-        network = self.case.network
-        solid = float((4 / 3 * np.pi * network.radius**3).sum())
-        return network.area * network.length / solid - 1
+        return void_ratio(self.case.network)
 
     @cached_property
     def coordination(self) -> tuple[float, float]:
@@ -71,13 +73,10 @@ class Measures:
 
     def _first_peak(self, record: Signals) -> Estimate:
         """Slope over the chain; the error is the fit's."""
-        z, times = record.chain_position, first_peak_times(record)
-        depth = (z - self.case.network.wall_position[0]) / self.case.network.length
-        known = np.isfinite(times) & (depth > 0.25) & (depth < 0.75)
-        if known.sum() < 5:
-            return Estimate(np.nan)
-        (slope, _), spread = np.polyfit(z[known], times[known], 1, cov=True)
-        return Estimate(float(1 / slope), float(np.sqrt(spread[0, 0]) / slope**2))
+        network = self.case.network
+        return Estimate(
+            *first_peak_velocity(record, float(network.wall_position[0]), network.length)
+        )
 
     @cached_property
     def columns(self) -> Estimate:
@@ -87,21 +86,23 @@ class Measures:
         """
         case, network = self.case, self.case.network
         bearing = np.flatnonzero(force_bearing(network))
-        depth = (network.position[bearing, 2] - network.wall_position[0]) / network.length
-        bearing = bearing[(depth > 0.25) & (depth < 0.75)]
+        distance = network.position[bearing, 2] - network.wall_position[0]
+        inside = middle(distance, network.length)
+        bearing, distance = bearing[inside], distance[inside]
         wave = case.wave
         times = first_peak_times(
             replace(wave, chain_displacement=wave.particle_displacement[:, bearing])
         )
-        bearing, times = bearing[np.isfinite(times)], times[np.isfinite(times)]
+        known = np.isfinite(times)
+        bearing, distance, times = bearing[known], distance[known], times[known]
         cells = np.maximum(1, (network.cell_size[:2] / case.diameter).astype(int))
         place = (network.position[bearing, :2] / network.cell_size[:2] % 1 * cells).astype(int)
-        column, z = place[:, 0] * cells[1] + place[:, 1], network.position[bearing, 2]
+        column = place[:, 0] * cells[1] + place[:, 1]
         members = [np.flatnonzero(column == c) for c in np.unique(column)]
-        slopes = [np.polyfit(z[m], times[m], 1)[0] for m in members if len(m) > 9]
-        if not slopes:
+        speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
+        if not speeds:
             return Estimate(np.nan)
-        return Estimate(float(np.mean(1 / np.array(slopes))), float(np.std(1 / np.array(slopes))))
+        return Estimate(float(np.mean(speeds)), float(np.std(speeds)))
 
     def of_balance(self, name: str) -> float:
         """A number of the energy balance of the YADE run; NaN without one."""
@@ -225,7 +226,15 @@ class Measures:
     @cached_property
     def passband(self) -> Passband:
         """The threshold rule on the records of the case."""
-        return Passband(self.case, self.long_wave.value)
+        case = self.case
+        return Passband(
+            case.network,
+            case.wave,
+            case.signals,
+            velocity=self.long_wave.value,
+            passage=case.passage,
+            crystal=case.is_crystal,
+        )
 
     @cached_property
     def low_pass(self) -> list[Plateau]:
@@ -293,14 +302,14 @@ class Measures:
 
     @cached_property
     def f_max(self) -> float:
-        """Highest natural frequency, Hz: of a full spectrum in the files, else by Lanczos."""
+        """Highest natural frequency, Hz: of the files, else by `modal.modes.highest`."""
         modes, network = self.case.modes, self.case.network
         if modes is not None and len(modes.frequency) == 6 * network.n_particles:
             return float(modes.frequency[-1])
-        operator = ContactOperator(network, mass_scaled=True)
-        start = np.random.default_rng(1).standard_normal(operator.shape[0])
-        square = eigsh(operator, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
-        return float(np.sqrt(square[0]) / (2 * np.pi))
+        found = self.case.highest
+        if found is None:
+            found = highest_modes(Eigenproblem.of(network), 1, certify=False)
+        return float(found.frequency[-1])
 
     @cached_property
     def free_path(self) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.estimators.exact_chain import is_fcc
 from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
 from analysis.settled import MARK, why_unsettled
+from analysis.table import Table
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import read_provenance
 from modal.packing.network import Network, read_network
@@ -136,17 +137,12 @@ def stages(path: str | Path) -> list[list[str]]:
 
 def table(paths: list[str]) -> str:
     """Markdown table of all samples, in the order given, and of the longest chain's stages."""
-    text = _markdown(HEADER, [row(path) for path in paths])
+    text = Table("Samples", HEADER, [row(path) for path in paths]).markdown()
     longest = max((stages(path) for path in paths), key=len, default=[])
     if longest:
         header = "stage", "steps", "seconds", "contacts", "steps a second"
-        text += "\n" + _markdown(header, longest)
+        text += "\n" + Table("Stages", header, longest).markdown()
     return text
-
-
-def _markdown(header: tuple[str, ...], rows: list[list[str]]) -> str:
-    rows = [header, ["---"] * len(header), *rows]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
 
 
 def _number(value: float | None, form: str) -> str:

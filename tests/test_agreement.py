@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from analysis.__main__ import main
-from analysis.agreement import Agreement, frequency_wavenumber, over_time, split_by_cause
+from analysis.agreement import Agreement, over_time, split_by_cause
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import write_network
@@ -75,17 +74,6 @@ def test_runs_that_do_not_belong_together_are_refused():
         Agreement(NETWORK, replace(run, time=run.time**1.1))
     with pytest.raises(InputError, match="different times"):
         Agreement(NETWORK, run).measured(replace(run, time=run.time[:-1]))
-
-
-def test_spectrum_of_a_plane_wave_peaks_at_its_place():
-    time, position = 1e-6 * np.arange(200), 2e-3 * np.arange(100)
-    f, k = 5e4, 2 * np.pi * 10 / (100 * 2e-3)
-    wave = np.cos(2 * np.pi * f * time[:, None] - k * position)
-    frequency, wavenumber, size = frequency_wavenumber(wave, time, position)
-    at = np.unravel_index(size.argmax(), size.shape)
-    assert frequency[at[0]] == pytest.approx(f)
-    # A wave towards larger z, exp(i (w t - k z)), lies at -k of the transform.
-    assert wavenumber[at[1]] == pytest.approx(-k)
 
 
 def test_agreement_on_the_command_line(tmp_path, capsys):

@@ -8,7 +8,7 @@ import pytest
 from analysis.case import Products
 from analysis.deviations import deviations
 from analysis.estimators.exact_chain import chain_signals
-from analysis.estimators.passband import THRESHOLDS
+from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
 from analysis.measures import Estimate, Measures

@@ -112,3 +112,60 @@ def test_what_is_installed_is_the_whole_of_modal_and_says_that_it_is_typed(tmp_p
     assert built == {path.relative_to(ROOT) for path in wanted}
     assert (tmp_path / "lib/modal/py.typed").exists()
     assert (tmp_path / "lib/analysis/figures/paper.mplstyle").exists()
+
+
+ANALYSIS_BELOW = {
+    "estimators": {"estimators", "table"},
+    "table": set(),
+    "paper": set(),
+    "settled": set(),
+    "case": {"estimators", "paper", "settled"},
+    "measures": {"case", "estimators"},
+    "agreement": {"estimators", "table"},
+    "samples": {"estimators", "paper", "settled", "table"},
+}
+"""Room or module of analysis: what of analysis it may import from; the others are free to."""
+FIGURES_BELOW = {"case", "crystal", "estimators", "figures", "measures", "paper"}
+
+
+def of_analysis(path: Path) -> set[str]:
+    """Rooms and modules of analysis that a file imports from."""
+    return {name.split(".")[1] for name in imports(path) if name.startswith("analysis.")}
+
+
+def files_of(room: str) -> list[Path]:
+    folder = ROOT / "analysis" / room
+    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+
+
+@pytest.mark.parametrize("room", [*ANALYSIS_BELOW, "figures"])
+def test_arrows_of_analysis_run_one_way(room):
+    """Estimators know signals and networks, no case; measures know no figure, figures no report."""
+    allowed = (ANALYSIS_BELOW | {"figures": FIGURES_BELOW})[room]
+    for path in files_of(room):
+        above = of_analysis(path) - allowed
+        assert not above, f"{path.relative_to(ROOT)} imports from {above}"
+
+
+def test_analysis_imports_no_script():
+    """What runs in YADE or measures run times may use analysis, never the other way round."""
+    for path in (ROOT / "analysis").rglob("*.py"):
+        others = {name.split(".")[0] for name in imports(path)}
+        assert not others & {"yade_scripts", "benchmarks", "tests", "yade"}, path
+
+
+def test_modules_of_analysis_stand_in_no_circle():
+    """Over all modules: a module is loaded after those that it imports."""
+    modules = {}
+    for path in (ROOT / "analysis").rglob("*.py"):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        modules[".".join(parts).removesuffix(".__init__")] = imports(path)
+    left = {name: (found & set(modules)) - {name} for name, found in modules.items()}
+    for name in left:  # a package is loaded before what stands in it
+        left[name] -= {other for other in left if name.startswith(f"{other}.")}
+    done: set[str] = set()
+    while left:
+        ground = {name for name, below in left.items() if below <= done}
+        assert ground, f"a circle among {sorted(left)}"
+        done |= ground
+        left = {name: below for name, below in left.items() if name not in ground}

@@ -1,12 +1,11 @@
 """Stress-controlled compression: stresses of a scene, and its strain rates from a control."""
 
-import math
-
 import numpy as np
 from yade import Matrix3, O
 from yade.utils import getStress, unbalancedForce
 
 from modal.packing.contact_law import RADIUS
+from modal.packing.sample import void_ratio as void_ratio_of_spheres
 from yade_scripts.scene import cell_side, wall_faces
 
 
@@ -44,7 +43,7 @@ def wall_stresses(n):
 def void_ratio(n):
     """Volume of voids over volume of spheres, wall to wall."""
     (side_x, side_y), (low, high) = cell_side(), wall_faces(n)
-    return side_x * side_y * (high - low) / (n * 4 / 3 * math.pi * RADIUS**3) - 1
+    return void_ratio_of_spheres(n, RADIUS, np.array([side_x, side_y]), high - low)
 
 
 def deform(n, rates):

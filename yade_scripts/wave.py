@@ -37,6 +37,7 @@ from modal.formats.provenance import (
     versions,
 )
 from modal.modes.mode_set import read_modes
+from modal.packing.affine import affine_velocity
 from modal.packing.layers import Layers
 from modal.packing.network import read_network
 from modal.packing.sample import sample_of_network
@@ -85,19 +86,6 @@ def setting(name):
         return None if value is None else float(value)
     except ValueError:
         raise InputError(f"{name} {value!r}: not a number") from None
-
-
-def affine_velocity(network):
-    """P-wave velocity along z if all spheres followed the mean strain, m/s: an upper bound.
-
-    Exact for a crystal whose spheres are all centres of symmetry.
-    """
-    pair = ~network.with_wall
-    branch = network.lever_i[pair] - network.lever_j[pair]
-    nz = network.normal[pair, 2]
-    kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
-    modulus = ((branch**2).sum(axis=1) * nz**2 * (kn * nz**2 + kt * (1 - nz**2))).sum()
-    return math.sqrt(modulus / network.mass.sum())
 
 
 def momenta():

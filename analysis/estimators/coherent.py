@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.estimators.travel_time import first_peak_times
+from analysis.estimators.travel_time import first_peak_times, travel_velocity
 from modal.waves.signals import Signals
 
 DECAY = 4.0
@@ -104,12 +104,8 @@ def coherent_wave(
 def _before_reflection(signals: Signals, z: np.ndarray, u: np.ndarray, length: float) -> float:
     """Time, s, of `PASSAGES` at the speed at which first peaks go through z (n,), m; u (nt, n)."""
     outward = replace(signals, chain_displacement=u * np.sign(signals.amplitude))
-    times = first_peak_times(outward)
-    known = np.isfinite(times)
-    if known.sum() < 3:
-        return np.inf
-    slowness = float(np.polyfit(z[known], times[known], 1)[0])
-    return PASSAGES * length * slowness if slowness > 0 else np.inf
+    speed, _ = travel_velocity(z, first_peak_times(outward))
+    return PASSAGES * length / speed if speed > 0 else np.inf
 
 
 def longest_waves(wave: Coherent) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Dispersion relation of the chain: an f-k map to look at, and a nearly unbiased estimator.
+"""Dispersion relation of the chain by a nearly unbiased estimator: the damped transform.
 
 The record ends before the reflection returns, so a Fourier transform in time truncates the slow,
 high frequencies and biases whatever is read from it. A damped transform (Laplace, s = eta + i
@@ -185,24 +185,3 @@ def rms_deviation(
     kappa = np.linspace(0.02, reach, 200) * np.pi / distance
     exact = 2 * np.pi * f_low_pass * np.sin(kappa * distance / 2)
     return float(np.sqrt(np.mean((measured.omega(kappa) / exact - 1) ** 2)))
-
-
-def fk_map(signals: Signals, padding: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Amplitude of the double Fourier transform, to look at.
-
-    Returns frequency (nf,) Hz, wavenumber (nk,) rad/m (both positive, wave towards high z) and
-    amplitude (nf, nk) relative to its maximum. Cosine tapers end both records smoothly.
-    """
-    u = signals.chain_displacement
-    nt, nc = u.shape
-    fade_t = np.where(np.arange(nt) < 0.8 * nt, 1, np.cos(np.linspace(-4, 1, nt) * np.pi / 2) ** 2)
-    fade_z = np.where(np.arange(nc) < 0.8 * nc, 1, np.cos(np.linspace(-4, 1, nc) * np.pi / 2) ** 2)
-    step = float(np.mean(np.diff(signals.time)))
-    frequency = np.fft.rfftfreq(padding * nt, step)
-    keep = frequency < 4 * signals.input_frequency
-    spectrum = np.fft.rfft(u * fade_t[:, None] * fade_z, padding * nt, axis=0)[keep]
-    spectrum = np.fft.ifft(spectrum, padding * nc, axis=1)[:, : padding * nc // 2 + 1]
-    distance = layer_distance(signals)
-    wavenumber = 2 * np.pi * np.arange(spectrum.shape[1]) / (padding * nc * distance)
-    amplitude = np.abs(spectrum)
-    return frequency[keep], wavenumber, amplitude / amplitude.max()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.formats.hdf5 import InputError
+from modal.packing.affine import affine_stiffness
 from modal.packing.contact_law import GLASS, Material, overlap_of_force, stiffness_normal
 from modal.packing.contact_law import stiffness_tangential as tangential
 from modal.packing.network import Network
@@ -33,10 +34,10 @@ class EffectiveMedium:
 def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     """Mean strain imposed on the very contacts of a packing, `margin` diameters from the walls.
 
-    With spheres that neither relax nor turn, M = sum over contacts of
-    (kn n_z^4 + kt (n_z^2 - n_z^4)) l^2 over the volume, a contact counting by the part of its
-    branch that lies inside. The density is that of the force-bearing spheres, from the slope of
-    their number over z, which a crystal's layers do not disturb. InputError if nothing is inside.
+    With spheres that neither relax nor turn, M is the sum of `affine_stiffness` over the volume, a
+    contact counting by the part of its branch that lies inside. The density is that of the
+    force-bearing spheres, from the slope of their number over z, which a crystal's layers do not
+    disturb. InputError if nothing is inside.
     """
     zone = margin * 2 * float(network.radius.mean())
     low, high = network.wall_position + np.array([zone, -zone])
@@ -51,13 +52,12 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     part = np.clip(np.minimum(ends[:, 1], high) - np.maximum(ends[:, 0], low), 0, None) / span
     if inside.sum() < 2 or not part.any():
         raise InputError("the packing is too short for its bulk; take a longer one")
-    nz2 = network.normal[pair, 2] ** 2
-    kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
-    local = (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
     area = network.area
     per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
     density = float(network.mass.mean()) * per_length / area
-    return EffectiveMedium(float(part @ local / (area * (high - low))), float(density))
+    return EffectiveMedium(
+        float(part @ affine_stiffness(network) / (area * (high - low))), float(density)
+    )
 
 
 def of_means(

@@ -41,3 +41,9 @@ def standing_modes(modes: ModeSet, network: Network) -> Standing:
     lost = np.flatnonzero(largest < LEAST_SHARE)
     kept = slice(0, lost[0] if len(lost) else len(orders))
     return Standing(modes.frequency[row[kept]], largest[kept], row[kept])
+
+
+def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Phase and group velocity (k,) m/s of resonances: frequency (k,) Hz, kappa (k,) rad/m."""
+    omega = 2 * np.pi * np.asarray(frequency)
+    return omega / wavenumber, np.gradient(omega, wavenumber)

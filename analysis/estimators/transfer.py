@@ -1,4 +1,6 @@
-"""Gain factor: spectrum of the stress at the receiver wall over that at the source wall (Fig. 19).
+"""From one wall to the other: the gain factor (Fig. 19), and velocities by the cross spectrum.
+
+The gain is the spectrum of the stress at the receiver wall over that at the source wall.
 
 A record that is cut before the packing has come to rest blurs its spectrum in an uncontrolled way.
 Under a window exp(-gamma t) that has fallen to e^-DECAY at the record's end the cut does not
@@ -28,6 +30,9 @@ REACH = 18
 """Highest frequency of the gain of a network, in f_1 as well."""
 TRAVELS = DECAY / (0.5 * np.pi * RESOLUTION)
 """Travel times from wall to wall in a record that this resolution needs."""
+
+FAINTEST = 2e-3
+"""Least receiver stress over source stress of a received wave; a loose packing passes 0.7 %."""
 
 
 @dataclass(frozen=True)
@@ -82,3 +87,51 @@ def gain_factor(signals: Signals, duration: float, highest: float = 2e4) -> Gain
     kernel = np.exp((2j * np.pi * frequency[:, None] - gamma) * time) * step
     ratio = (kernel @ signals.receiver_stress[kept]) / (kernel @ signals.source_stress[kept])
     return Gain(frequency, abs(ratio), float(resolution))
+
+
+def cross_spectrum(
+    first: np.ndarray, second: np.ndarray, time: np.ndarray, distance: float, padding: int = 8
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Phase and group velocity between two signals (nt,) that are `distance` (m) apart.
+
+    Returns frequency (k,) Hz, phase velocity omega / kappa (k,) m/s, group velocity d omega /
+    d kappa (k,) m/s, and the relative amplitude of the cross spectrum (k,).
+    """
+    step = float(np.mean(np.diff(time)))
+    n = padding * len(time)
+    cross = np.fft.rfft(first, n) * np.fft.rfft(second, n).conj()
+    frequency = np.fft.rfftfreq(n, step)
+    phase = np.unwrap(np.angle(cross))
+    amplitude = np.abs(cross) / max(np.abs(cross).max(), np.finfo(float).tiny)
+    strong = np.flatnonzero(amplitude > 0.1)
+    strong = strong[: max(2, len(strong) // 4)]  # long waves: the phase tends to zero with f
+    if len(strong) > 1:
+        intercept = np.polyfit(frequency[strong], phase[strong], 1)[1]
+        phase -= 2 * np.pi * np.round(intercept / (2 * np.pi))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        velocity = 2 * np.pi * frequency * distance / phase
+        group = 2 * np.pi * distance / np.gradient(phase, frequency)
+    return frequency, velocity, group, amplitude
+
+
+def at_frequency(frequency: np.ndarray, velocity: np.ndarray, wanted: float) -> float:
+    """Velocity at one frequency, by linear interpolation; NaN outside."""
+    known = np.isfinite(velocity)
+    if known.sum() < 2:
+        return np.nan
+    f, v = frequency[known], velocity[known]
+    return float(np.interp(wanted, f, v, left=np.nan, right=np.nan))
+
+
+def wall_velocity(signals: Signals, length: float) -> tuple[np.ndarray, ...] | None:
+    """`cross_spectrum` of the wall stresses over the sample length; None if not yet received.
+
+    The record for dispersion ends about when the wave reaches the receiver; the phase is then
+    meaningless, so the receiver's peak must lie well inside the record.
+    """
+    received = np.abs(signals.receiver_stress)
+    if received.max() < FAINTEST * np.abs(signals.source_stress).max():
+        return None
+    if np.argmax(received) > 0.9 * len(received):
+        return None
+    return cross_spectrum(signals.source_stress, signals.receiver_stress, signals.time, length)

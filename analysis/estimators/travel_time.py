@@ -1,4 +1,4 @@
-"""Velocities of the P-wave: from travel times, from phases of two signals, and from modes."""
+"""When a wave comes: first peaks and arrivals along a chain, and the velocity of their times."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import numpy as np
 
 from modal.waves.signals import Signals
 
-FAINTEST = 2e-3
-"""Least receiver stress over source stress of a received wave; a loose packing passes 0.7 %."""
+MIDDLE = 0.25, 0.75
+"""Part of the length over which times are fitted: off both walls, layers 50 to 149 of 200."""
+LEAST = 5
+"""Times that a fit needs."""
 
 
 def first_peak_times(signals: Signals) -> np.ndarray:
@@ -38,67 +40,42 @@ def arrival_times(signals: Signals, level: float = 0.05) -> np.ndarray:
     return times
 
 
-def travel_velocity(
-    signals: Signals, times: np.ndarray, layers: tuple[int, int] = (50, 150)
-) -> float:
-    """dL/dt, m/s: slope of position against `times` (nc,) over the given layers; NaN if none."""
-    part = slice(layers[0], layers[1] + 1)
-    z, t = signals.chain_position[part], times[part]
-    known = np.isfinite(t)
-    if known.sum() < 2:
-        return np.nan
-    return float(1 / np.polyfit(z[known] - z[0], t[known], 1)[0])
+def middle(distance: np.ndarray, length: float, part: tuple[float, float] = MIDDLE) -> np.ndarray:
+    """Shape (nc,) bool: the particles in the middle half of the sample.
 
-
-def cross_spectrum(
-    first: np.ndarray, second: np.ndarray, time: np.ndarray, distance: float, padding: int = 8
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Phase and group velocity between two signals (nt,) that are `distance` (m) apart.
-
-    Returns frequency (k,) Hz, phase velocity omega / kappa (k,) m/s, group velocity d omega /
-    d kappa (k,) m/s, and the relative amplitude of the cross spectrum (k,).
+    `distance` (nc,) from the source wall and `length` from wall to wall, both m.
     """
-    step = float(np.mean(np.diff(time)))
-    n = padding * len(time)
-    cross = np.fft.rfft(first, n) * np.fft.rfft(second, n).conj()
-    frequency = np.fft.rfftfreq(n, step)
-    phase = np.unwrap(np.angle(cross))
-    amplitude = np.abs(cross) / max(np.abs(cross).max(), np.finfo(float).tiny)
-    strong = np.flatnonzero(amplitude > 0.1)
-    strong = strong[: max(2, len(strong) // 4)]  # long waves: the phase tends to zero with f
-    if len(strong) > 1:
-        intercept = np.polyfit(frequency[strong], phase[strong], 1)[1]
-        phase -= 2 * np.pi * np.round(intercept / (2 * np.pi))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        velocity = 2 * np.pi * frequency * distance / phase
-        group = 2 * np.pi * distance / np.gradient(phase, frequency)
-    return frequency, velocity, group, amplitude
+    return (distance > part[0] * length) & (distance < part[1] * length)
 
 
-def at_frequency(frequency: np.ndarray, velocity: np.ndarray, wanted: float) -> float:
-    """Velocity at one frequency, by linear interpolation; NaN outside."""
-    known = np.isfinite(velocity)
-    if known.sum() < 2:
-        return np.nan
-    f, v = frequency[known], velocity[known]
-    return float(np.interp(wanted, f, v, left=np.nan, right=np.nan))
+def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, float]:
+    """dL/dt, m/s, of `times` (nc,) s at `distance` (nc,) m, and the standard error of its fit.
 
-
-def wall_velocity(signals: Signals, length: float) -> tuple[np.ndarray, ...] | None:
-    """`cross_spectrum` of the wall stresses over the sample length; None if not yet received.
-
-    The record for dispersion ends about when the wave reaches the receiver; the phase is then
-    meaningless, so the receiver's peak must lie well inside the record.
+    NaN where fewer than `LEAST` times are known.
     """
-    received = np.abs(signals.receiver_stress)
-    if received.max() < FAINTEST * np.abs(signals.source_stress).max():
-        return None
-    if np.argmax(received) > 0.9 * len(received):
-        return None
-    return cross_spectrum(signals.source_stress, signals.receiver_stress, signals.time, length)
+    known = np.isfinite(times)
+    if known.sum() < LEAST:
+        return np.nan, np.nan
+    (slope, _), spread = np.polyfit(distance[known], times[known], 1, cov=True)
+    return float(1 / slope), float(np.sqrt(spread[0, 0]) / slope**2)
 
 
-def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Phase and group velocity (k,) m/s of resonances: frequency (k,) Hz, kappa (k,) rad/m."""
-    omega = 2 * np.pi * np.asarray(frequency)
-    return omega / wavenumber, np.gradient(omega, wavenumber)
+def first_peak_velocity(
+    record: Signals, source_wall: float, length: float, part: tuple[float, float] = MIDDLE
+) -> tuple[float, float]:
+    """dL/dt, m/s, of the first peaks along the chain's middle half, and its standard error.
+
+    The rule of Fig. 5. `source_wall` is the wall's z and `length` the sample's, m.
+    """
+    distance = record.chain_position - source_wall
+    inside = middle(distance, length, part)
+    return travel_velocity(distance[inside], first_peak_times(record)[inside])
+
+
+def arrival_velocity(
+    record: Signals, source_wall: float, length: float, level: float = 0.05
+) -> tuple[float, float]:
+    """The same of the times at which `level` of each particle's maximum is first exceeded."""
+    distance = record.chain_position - source_wall
+    inside = middle(distance, length)
+    return travel_velocity(distance[inside], arrival_times(record, level)[inside])

@@ -16,14 +16,9 @@ import numpy as np
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.exact_chain import Chain, chain_signals
-from analysis.estimators.low_pass import flattest, threshold_curves
-from analysis.estimators.travel_time import (
-    arrival_times,
-    at_frequency,
-    first_peak_times,
-    travel_velocity,
-    wall_velocity,
-)
+from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves
+from analysis.estimators.transfer import at_frequency, wall_velocity
+from analysis.estimators.travel_time import MIDDLE, arrival_velocity, first_peak_velocity
 from analysis.table import Table
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
@@ -33,8 +28,8 @@ CHAIN = Chain.of_crystal(FccLattice(1e5))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity
 DIAMETER = np.sqrt(2) * CHAIN.distance
-HIGHEST = 0.7 * CHAIN.velocity / DIAMETER
-"""Spectra end here, Hz, as in `analysis.estimators.passband`: the band ends at 0.45."""
+HIGHEST = REACH[True] * CHAIN.velocity / DIAMETER
+"""Spectra end here, Hz."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +79,12 @@ def _noisy(record: Signals, share: float, rng: np.random.Generator) -> Signals:
     return replace(record, chain_displacement=noisy, **walls)
 
 
-def _peaks(first: int, last: int) -> Callable[[Signals], float]:
-    return lambda r: travel_velocity(r, first_peak_times(r), (first, last))
+def _peaks(part: tuple[float, float]) -> Callable[[Signals], float]:
+    return lambda r: first_peak_velocity(r, 0.0, LENGTH, part)[0]
 
 
 def _arrival(level: float) -> Callable[[Signals], float]:
-    return lambda r: travel_velocity(r, arrival_times(r, level))
+    return lambda r: arrival_velocity(r, 0.0, LENGTH, level)[0]
 
 
 def _walls(record: Signals) -> float:
@@ -104,11 +99,11 @@ def _walls(record: Signals) -> float:
 
 
 VELOCITIES: dict[str, Callable[[Signals], float]] = {
-    "first peaks, layers 10-60": _peaks(10, 60),
-    "first peaks, layers 50-150": _peaks(50, 150),
-    "first peaks, layers 100-190": _peaks(100, 190),
-    "1 % of the maximum, layers 50-150": _arrival(0.01),
-    "5 % of the maximum, layers 50-150": _arrival(0.05),
+    "first peaks, 5-30 % of the length": _peaks((0.05, 0.3)),
+    "first peaks, middle half": _peaks(MIDDLE),
+    "first peaks, 50-95 % of the length": _peaks((0.5, 0.95)),
+    "1 % of the maximum, middle half": _arrival(0.01),
+    "5 % of the maximum, middle half": _arrival(0.05),
     "phase between the walls, lambda = L/5": _walls,
     "coherent wave, to long waves": lambda r: longest_waves(coherent_wave(r, LENGTH))[0],
     "damped transform": lambda r: chain_dispersion(r).velocity,
@@ -123,8 +118,8 @@ def _threshold(threshold: float, layer: int | None) -> Callable[[Signals], float
         if layer is not None:
             return float(threshold_curves(record.time, u[:, [layer]], (threshold,), HIGHEST)[0, 0])
         found = threshold_curves(record.time, u, (threshold,), HIGHEST)[0]
-        last = min(0.8 * record.time[-1] * CHAIN.velocity, LENGTH - 5 * DIAMETER)
-        return flattest(z, found, 20 * DIAMETER, 5 * DIAMETER, last).value
+        reach = (1 - FADE) * record.time[-1] * CHAIN.velocity
+        return plateau(z, found, reach, LENGTH, DIAMETER).value
 
     return measure
 
@@ -220,12 +215,12 @@ def _arrivals() -> Table:
         row = [f"{share:g}"]
         for noise, draws in ((0.0, 1), (NOISE, DRAWS)):
             records = two_arrivals(share, noise, draws)
-            for rule in ("first peaks, layers 50-150", "5 % of the maximum, layers 50-150"):
+            for rule in ("first peaks, middle half", "5 % of the maximum, middle half"):
                 row.append(_cell([VELOCITIES[rule](r) for r in records], CHAIN.velocity))
         rows.append(row)
     header = ["height of the slower pulse", "first peaks", "5 % of the maximum"]
     header += [f"{name}, {100 * NOISE:g} % noise" for name in header[1:]]
-    return Table("Two arrivals, V_P and 0.6 V_P: error of V_P in %, layers 50-150", header, rows)
+    return Table("Two arrivals, V_P and 0.6 V_P: error of V_P in %, middle half", header, rows)
 
 
 def trial() -> list[Table]:

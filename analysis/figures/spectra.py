@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
+from analysis.estimators.fk import fk_map
 from analysis.figures.picture import Panel, Picture
 from analysis.figures.waves import producer_name
 from analysis.measures import Measures
@@ -21,7 +22,7 @@ def dispersion(cases: list[Measures]) -> Picture:
         if not case.is_crystal:  # the layers of the linear wave; a chain's scatter hides the ridge
             record = case.wave
             record = _of_layers(record)
-        f, k, amplitude = disp.fk_map(record)
+        f, k, amplitude = fk_map(record)
         top = 1.1 * m.band_edge if case.is_crystal else 2.2 * m.band
         widest = np.pi / disp.layer_distance(record)
         widest = widest if case.is_crystal else min(widest, 2.5 * np.pi * top / m.long_wave.value)

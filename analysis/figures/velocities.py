@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.estimators.power_law import power_law, stress_rows
-from analysis.estimators.travel_time import mode_velocities, wall_velocity
+from analysis.crystal import stress_rows
+from analysis.estimators.power_law import power_law
+from analysis.estimators.resonances import mode_velocities
+from analysis.estimators.transfer import wall_velocity
 from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures, groups
 

@@ -20,6 +20,7 @@ from modal.packing.contact_law import (
 )
 from modal.packing.crystal import FccPacking
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.sample import void_ratio
 
 Row = tuple[int, int, tuple[float, float, float], float, tuple[int, int, int]]
 """A contact: i, j, normal, overlap (m), periods that are added to j."""
@@ -126,12 +127,11 @@ def fcc(
                         row = (own, wall, (0, 0, nz), crystal.wall_overlap, (0, 0, 0))
                         contacts.append(row)
     height = 2 * z0 + (layers - 1) * l_z
-    solid = 4 / 3 * np.pi * radius**3 * len(position)
     pairs = sum(1 for row in contacts if row[1] >= 0)
     study = {
         "case": "fcc",
         "stress": stress,
-        "void_ratio": (nx * d) * (ny * d) * height / solid - 1,
+        "void_ratio": void_ratio(len(position), radius, np.array([nx * d, ny * d]), height),
         "coordination_number": (2 * pairs + len(contacts) - pairs) / len(position),
     }
     return _network(

@@ -72,6 +72,12 @@ def stress_tensor(network: Network) -> Floats:
     return stress
 
 
+def void_ratio(network: Network) -> float:
+    """Volume of voids over volume of spheres, wall to wall; what overlaps counts twice."""
+    solid = float((4 / 3 * np.pi * network.radius**3).sum())
+    return _volume(network) / solid - 1
+
+
 def wall_stress(network: Network) -> Floats:
     """Shape (2,), Pa: normal force on source and receiver wall over their area."""
     force = network.known("force_normal", "stress on the walls")
@@ -179,7 +185,7 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
             result["largest_off_diagonal_stress_pa"] = float(abs(stress - diagonal).max())
         if network.force_normal is not None and not network.cell_periodic[2]:
             result["wall_stress_pa"] = wall_stress(network).tolist()
-        result["void_ratio"] = volume / float((4 / 3 * np.pi * network.radius**3).sum()) - 1
+        result["void_ratio"] = void_ratio(network)
     result |= {
         "coordination_number": float(contacts_per_particle(network).mean()),
         "coordination_number_without_rattlers": bearing,

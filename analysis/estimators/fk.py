@@ -1,0 +1,72 @@
+"""Frequency and wave number at once: the double Fourier transform of a record over time and z."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.waves.signals import Signals
+
+UNEVEN = 0.5
+"""Deviation of a spacing from their mean, in parts of it, beyond which no wave number is known."""
+FADED = 0.2
+"""Part of a record and of a chain that the map fades out."""
+PADDING = 4
+"""Of the map, in lengths of the record."""
+
+
+def both_ends(count: int) -> np.ndarray:
+    """Shape (count,): Hann's window, for records whose ends both have a wave in them."""
+    return np.hanning(count + 2)[1:-1]
+
+
+def far_end(count: int) -> np.ndarray:
+    """Shape (count,): 1, and a squared cosine over the last fifth, for what begins at rest."""
+    fall = np.cos(np.linspace(-4, 1, count) * np.pi / 2) ** 2
+    return np.where(np.arange(count) < (1 - FADED) * count, 1, fall)
+
+
+def frequency_wavenumber(
+    motion: np.ndarray,
+    time: np.ndarray,
+    position: np.ndarray,
+    *,
+    window: Callable[[int], np.ndarray] = both_ends,
+    padding: int = 1,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, and |U| (nf, nk) of motion (nt, nl).
+
+    Wave numbers ascend; those of waves towards higher z are positive. Positions ascend, equally
+    spaced to half of their distance: InputError where they are not.
+    """
+    spacing = np.diff(position)
+    if len(spacing) == 0 or abs(spacing - spacing.mean()).max() > UNEVEN * abs(spacing.mean()):
+        raise InputError("layers are too unequally spaced for a spectrum in space")
+    nt, nl = motion.shape
+    taper = window(nt)[:, None] * window(nl)
+    spectrum = np.fft.rfft(motion * taper, padding * nt, axis=0)
+    spectrum = np.fft.fft(spectrum.conj(), padding * nl, axis=1)
+    frequency = np.fft.rfftfreq(padding * nt, float(np.mean(np.diff(time))))
+    wavenumber = 2 * np.pi * np.fft.fftfreq(padding * nl, float(spacing.mean()))
+    order = np.argsort(wavenumber)
+    return frequency, wavenumber[order], abs(spectrum[:, order])
+
+
+def fk_map(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Amplitude over frequency and wave number of a record's chain, to look at.
+
+    Returns frequency (nf,) Hz, wavenumber (nk,) rad/m (both from 0 up, waves towards high z) and
+    amplitude (nf, nk) relative to its maximum.
+    """
+    frequency, wavenumber, amplitude = frequency_wavenumber(
+        signals.chain_displacement,
+        signals.time,
+        signals.chain_position,
+        window=far_end,
+        padding=PADDING,
+    )
+    amplitude = amplitude[frequency < 4 * signals.input_frequency][:, wavenumber >= 0]
+    frequency = frequency[frequency < 4 * signals.input_frequency]
+    return frequency, wavenumber[wavenumber >= 0], amplitude / amplitude.max()
