@@ -179,9 +179,10 @@ def packing_of(path: str | Path) -> tuple[Source, ...]:
 def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> str:
     """InputError, naming both files, where a product was made from another packing.
 
-    `packing` as `packing_of` gives it. A product of a sample belongs to the network that was
-    exported from it, and the other way round; two networks of one sample are strangers. Returns a
-    note where the product does not tell what it was made from, and otherwise nothing.
+    `packing` as `packing_of` gives it. A product made from a sample belongs to a network that was
+    exported from that sample, and the other way round; a product of one network does not belong to
+    another network, even if both were exported from one sample. Returns a note where the product
+    does not tell what it was made from, and an empty text otherwise.
     """
     made = read_provenance(product).packing
     if not made:
@@ -221,7 +222,10 @@ def differing_settings(made: Provenance, wanted: Mapping[str, Any]) -> list[str]
 
 
 def differing_sources(made: Provenance, wanted: Provenance) -> list[str]:
-    """The sources that are other files than wanted; of a packing the file that was read counts."""
+    """The sources that are other files than wanted.
+
+    Of several sources with one role, such as a network and its sample, the first is compared.
+    """
 
     def first(sources: tuple[Source, ...]) -> dict[str, Source]:
         return {source.role: source for source in reversed(sources)}

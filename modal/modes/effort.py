@@ -22,8 +22,9 @@ COSTS = {
     "superlu": (82.0, 1.4e-7, 6e-9),
     "layers": (0.2, 1.4e-7, 0.0),
 }
-"""Of each solver, for each entry that nested dissection would leave: bytes; seconds of a
-factorisation, for each sphere across; seconds of a solve."""
+"""For each solver three numbers: bytes of memory for each entry of a nested-dissection factor;
+seconds of a factorisation for each such entry and each sphere across; seconds of a solve for each
+such entry. A nested-dissection factor is the measure, whatever the solver itself stores."""
 ASSEMBLY = 5e-7
 """Seconds for each nonzero of A."""
 ORTHOGONAL = 2e-10
@@ -31,8 +32,8 @@ ORTHOGONAL = 2e-10
 PRODUCT = 2e-8
 """Seconds of A v for each degree of freedom."""
 DENSE = 5e-10
-"""Seconds of a block's dense spectrum for each cubed row; two complex blocks of opposite
-wavevectors share one."""
+"""Seconds of a dense eigenproblem over the cube of its rows. Two blocks of opposite wavevectors
+share one complex eigenproblem, which costs about as much as two real ones."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +45,16 @@ class Effort:
 
 
 def nonzeros(problem: Eigenproblem) -> float:
-    """Nonzeros of A."""
+    """Number of nonzero entries of A."""
     pairs = int((problem.network.particle_j >= 0).sum())
     return float(problem.dof**2 * (problem.network.n_particles + 2 * pairs))
 
 
 def factorisation(problem: Eigenproblem, *, counting: bool = False) -> tuple[Effort, float]:
-    """One factorisation with its assembly, and the seconds of a solve.
+    """The effort of a factorisation, assembly of A included, and the seconds of one solve.
 
-    Nested dissection cuts across the packing: separators grow with its two shorter sides.
+    `counting` asks for a factorisation whose inertia is counted. Nested dissection cuts a packing
+    across its longest side, so the factor grows with the other two.
     """
     solver = problem.solver or ("pardiso" if available("pardiso") else "banded")
     if solver == "banded" and counting:
@@ -67,12 +69,16 @@ def factorisation(problem: Eigenproblem, *, counting: bool = False) -> tuple[Eff
 
 
 def basis_of(count: int) -> int:
-    """Vectors after which a search about a shift has found `count` modes, about."""
+    """About how many Lanczos vectors it takes to find `count` modes about a shift."""
     return 4 * count + 100
 
 
 def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
-    """`count` modes about shifts, in slices with a factor, a count and a basis each."""
+    """The effort of finding `count` modes about shifts.
+
+    They are cut into slices of about `slice_size` modes, each with its own factorisation, exact
+    count and Lanczos basis.
+    """
     slices = 1 if count <= slice_size else int(np.ceil(count / (0.7 * slice_size)))
     basis = basis_of(-(-count // slices))
     factor, solve = factorisation(problem)
@@ -84,14 +90,14 @@ def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
 
 
 def from_the_top(problem: Eigenproblem, count: int) -> Effort:
-    """The `count` highest modes by products with A, without the exact count."""
+    """The effort of the `count` highest modes by products with A, without an exact count."""
     basis, products = 3 * count + 40, 300 + 15 * count
     each = problem.size * (PRODUCT + 4 * ORTHOGONAL * 2 / 3 * basis)
     return Effort(products * each, 8.0 * problem.size * (basis + 2 * count))
 
 
 def of_blocks(rows: int, blocks: int) -> Effort:
-    """The whole spectra of complex dense blocks, one after the other."""
+    """The effort of all modes of dense complex blocks, solved one after the other."""
     return Effort(blocks * DENSE * rows**3, 48.0 * rows**2)
 
 

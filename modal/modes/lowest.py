@@ -132,7 +132,10 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int)
 
 
 def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
-    """Many lowest modes: slices up to a frequency below which there are enough."""
+    """The `count` lowest modes, many of them, as all modes below a frequency that has enough.
+
+    The frequency is found by exact counts, each a third of an octave above the last.
+    """
     top = frequency_of(np.array([problem.bound]))[0]
     high, total = top / 64, problem.floppy.total
     while high < top and count_below(problem, high) - total < count:

@@ -36,9 +36,10 @@ class ModeSet:
     Eq. 2 over all particles and over the chain; rotation_share (k,) of the kinetic energy;
     mode_shape (k, n, 6), mass-normalised, where asked for. resonance_* hold the P-wave
     resonances r = 1, 2, ...: frequency, wave number pi r / L (Eq. 4) and the z-component along
-    the chain. attributes: interval; certified, whether an exact count says that the list is
-    complete, else uncertified_because; missing, modes that were asked for and not found; solver;
-    floppy modes; shapes_left_out, why there are none although they were asked for.
+    the chain. attributes: interval, what was asked for; certified, whether an exact count says that
+    the list is complete; uncertified_because, why it does not; missing, how many modes were asked
+    for and not found; solver; numbers of floppy modes; shapes_left_out, why there are no mode
+    shapes although they were asked for.
     """
 
     frequency: Floats

@@ -33,10 +33,10 @@ TOGETHER = 24
 LARGEST_SHAPES = 2e9
 """Bytes of mode shapes up to which they are kept: about 1,200 modes of 35,201 spheres."""
 COUNTED = 1e-11
-"""Error of the omega^2 that a count refers to, relative to A's largest diagonal entry; round-off of
-a factor is mostly a tenth of it."""
+"""How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
+mostly it is a tenth of that. Modes so close to a frequency may be counted on either side of it."""
 BLUR = 1e-9, 1e-6
-"""Least and largest relative distance in frequency that is left for it."""
+"""Limits of the relative distance from a listed frequency at which modes are counted instead."""
 _OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 
 
@@ -110,7 +110,10 @@ class Eigenproblem:
         return float((sizes @ np.ones(self.size)).max())
 
     def blur(self, square: float) -> float:
-        """Relative distance within which a count cannot tell frequencies near omega^2 apart."""
+        """Relative distance from a frequency within which an exact count is uncertain.
+
+        `square` is the omega^2 of the frequency, 1/s^2; the distance is within `BLUR`.
+        """
         share = COUNTED * self.diagonal.max() / abs(square) if square else np.inf
         return float(np.clip(share, *BLUR))
 

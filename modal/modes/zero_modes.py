@@ -37,10 +37,12 @@ LARGEST_PART = 1500
 
 @dataclass
 class FloppyModes:
-    """Zero modes: `basis` (size, z) orthonormal in the mass-scaled degrees of freedom, sparse.
+    """Zero modes: `basis` (size, z), sparse, orthonormal in the mass-scaled degrees of freedom.
 
-    How many each kind gives: free_particles, loose_clusters (no wall, or one without friction,
-    holds them), hinged (loose parts that touch the rest), spinning (without tangential springs).
+    The other fields are numbers of zero modes by kind. `free_particles`: of particles without
+    contacts. `loose_clusters`: of clusters that no wall holds, or that slide along a wall without
+    tangential springs. `hinged`: of loosely held parts of clusters that touch a wall. `spinning`:
+    rotations of particles without tangential springs.
     """
 
     basis: sp.csc_matrix
@@ -74,9 +76,10 @@ def clusters(network: Network) -> tuple[Ints, Bools]:
 def floppy_modes(
     network: Network, operator: ContactOperator, mass: Floats, diagonal: Floats
 ) -> FloppyModes:
-    """Zero modes of A = M^-1/2 K M^-1/2, (size, size): `operator`, its `diagonal` and M's `mass`.
+    """The zero modes of A = M^-1/2 K M^-1/2 that the structure of the contacts explains.
 
-    Only the loose parts' own contacts are assembled.
+    `operator` is A, `diagonal` (size,) its diagonal, `mass` (size,) that of M. Only the contacts of
+    loosely held particles are assembled as a matrix.
     """
     size = len(mass)
     dof = size // network.n_particles

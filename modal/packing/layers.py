@@ -13,7 +13,8 @@ from modal.packing.network import Network
 from modal.packing.rattlers import firmly_held
 
 EDGE = 1e-9
-"""A place so little below the edge of a slab, in slabs, counts to the next one."""
+"""Of a slab: a centre less than this below the upper edge of a slab counts to the slab above, so
+that round-off does not decide where a layer of a crystal belongs."""
 
 
 class Layers:

@@ -120,7 +120,10 @@ class Network:
         return [name for name in _OPTIONAL if getattr(self, name) is None]
 
     def known(self, name: str, purpose: str) -> Array:
-        """Optional data of the contacts; InputError, with the `purpose`, where they are absent."""
+        """The optional data `name` of the contacts; InputError where they are absent.
+
+        `purpose` says in the message what cannot be computed without them.
+        """
         data: Array | None = getattr(self, name)
         if data is None:
             raise InputError(

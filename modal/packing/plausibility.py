@@ -39,10 +39,12 @@ SOLIDS = (100.0, 25_000.0)
 
 
 def plausibility(network: Network) -> dict[str, Any]:
-    """Absent data, contacts that pull, law, balance, densities; and in words what is unusual.
+    """Numbers that show whether a network is plausible, and remarks on what is unusual.
 
-    Plain numbers; spreads are the least, the median and the largest. Numbers whose data are absent
-    are left out; without shear forces there is no balance to look at. `remarks` is a list.
+    The numbers: which data are absent, how many contacts pull, the contact law, the balance of
+    forces, the densities. A list of three numbers holds the least, the median and the largest
+    value. Numbers whose data are absent are left out; the balance needs shear forces. `remarks` is
+    a list of texts, one for each unusual observation.
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
@@ -66,7 +68,7 @@ def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:
 
 
 def _touching(network: Network, remarks: list[str]) -> None:
-    """Overlaps, levers and the list of contacts against positions and radii."""
+    """Compare overlaps, levers and the list of contacts with positions and radii."""
     i, j, pair = network.particle_i, network.partner, ~network.with_wall
     branch = branches(network)
     reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
@@ -83,9 +85,10 @@ def _touching(network: Network, remarks: list[str]) -> None:
 
 
 def _overlapping(network: Network, depth: float) -> int:
-    """Number of overlaps deeper than `depth`, m; 0 where it is not sought.
+    """Number of places where spheres, or a sphere and a wall, overlap by more than `depth`, m.
 
-    That is for radii over more than `SIMILAR`, and other periods than those along x and y.
+    Only for cells that are periodic along x and y and not along z, and for radii whose largest is
+    at most `SIMILAR` times the smallest; 0 for all others.
     """
     radius, position = network.radius, network.position.copy()
     periodic = network.cell_periodic
@@ -128,7 +131,7 @@ def _stiffnesses(network: Network, remarks: list[str]) -> dict[str, Any]:
 
 
 def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
-    """Contacts that pull or slide, and the balance of the particles."""
+    """Which contacts pull or slide, and whether the particles are in balance."""
     told: dict[str, Any] = {}
     force, shear = network.force_normal, network.force_tangential
     if force is None:

@@ -29,9 +29,9 @@ def keeping_contacts(network: Network, least: int) -> Bools:
 
 
 def force_bearing(network: Network) -> Bools:
-    """Shape (n,) bool: particles that keep two contacts or more once those with fewer are gone.
+    """Shape (n,) bool: particles that keep two or more contacts once those with fewer are removed.
 
-    A particle with a single contact cannot be in balance under a force.
+    A particle with a single contact cannot be in balance under a force; it is a rattler.
     """
     return keeping_contacts(network, 2)
 
@@ -47,10 +47,10 @@ def strongest_force(network: Network) -> Floats:
 
 
 def firmly_held(network: Network) -> Bools:
-    """Shape (n,) bool: force-bearing particles that do not hang on contacts of hardly any force.
+    """Shape (n,) bool: force-bearing particles with a contact force above `HELD` times the mean.
 
-    The others, some in a thousand, wander about in their cages by more than a wave moves them. A
-    network without forces tells nothing of it; there all force-bearing particles are held.
+    The others, a few in a thousand, move about between their neighbours by more than a wave moves
+    them. Where the forces are not known, all force-bearing particles count as firmly held.
     """
     if network.force_normal is None or network.n_contacts == 0:
         return force_bearing(network)

@@ -98,7 +98,10 @@ def fabric_tensor(network: Network) -> Floats:
 
 
 def coordination_without_rattlers(network: Network) -> tuple[float, int]:
-    """Contacts a particle among the force-bearing ones, and how many particles are rattlers."""
+    """Mean number of contacts of a force-bearing particle, and the number of rattlers.
+
+    Only contacts with walls and between force-bearing particles count; rattlers are all others.
+    """
     bearing = force_bearing(network)
     i, pair = network.particle_i, ~network.with_wall
     at_wall = bearing[i[~pair]]
@@ -150,7 +153,7 @@ def _has_forces(network: Network) -> bool:
 
 
 def _stress_along_z(network: Network, edges: Floats) -> Floats:
-    """Shape (k, 3), N m: what each layer has of force times branch, compression positive."""
+    """Shape (k, 3), N m: each layer's share of force times branch, compression positive."""
     virial, rise = _virials(network)
     virial = np.einsum("caa->ca", virial)
     start = network.position[network.particle_i, 2]
@@ -164,11 +167,12 @@ def _stress_along_z(network: Network, edges: Floats) -> Floats:
 
 
 def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
-    """All of this as plain numbers, for `study` attributes and the command line.
+    """Stresses, densities, coordination, fabric and order of a packing as plain numbers by name.
 
-    With the `friction` of the contacts also how much of it they use. Deviations along z are
-    standard deviations over the bulk's layers, relative to their mean. What absent forces, or a
-    cell without a cross-section, leave undefined is left out.
+    For the `study` attributes and the command line. With the `friction` coefficient of the contacts
+    also the largest share of it that a contact uses. Deviations along z are standard deviations
+    over the layers of the bulk, relative to their mean. Numbers that need forces are left out where
+    forces are absent, and those that need a volume where the cell has none.
     """
     forces = _has_forces(network)
     bearing, rattlers = coordination_without_rattlers(network)
@@ -202,7 +206,7 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
 
 
 def _along_z(network: Network) -> dict[str, Any]:
-    """What layers tell: crystalline order, and how the bulk differs along z."""
+    """The share of crystalline spheres, and how the bulk differs along z."""
     layers, result = profile(network), dict[str, Any]()
     periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
     if periodic and np.ptp(network.radius) <= 1e-9 * network.radius.mean():

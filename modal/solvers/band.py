@@ -25,7 +25,7 @@ FEWEST = 200
 
 
 class Band:
-    """A symmetric matrix in band order, cut into blocks; `bytes_needed` by its factor."""
+    """A symmetric matrix in band order, cut into blocks; its factor takes `bytes_needed`."""
 
     def __init__(self, matrix: sp.csr_matrix) -> None:
         self.order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
@@ -73,7 +73,7 @@ class BandCholesky:
             self.factors.append(cholesky(schur, lower=True, overwrite_a=True, check_finite=False))
 
     def solve(self, rhs: Floats) -> Floats:
-        """x of A x = rhs, shape (size,) or (size, k)."""
+        """The solution x of A x = rhs; both of shape (size,) or (size, k)."""
         x = rhs[self.order]
         for k, here in enumerate(self.blocks):
             if k > 0:

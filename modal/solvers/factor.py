@@ -44,12 +44,13 @@ largest one, round-off may have moved the eigenvalues. Without pivots near zero 
 
 @dataclass
 class Factor:
-    """A factorised matrix: `solve` (size, k); number of `negative` eigenvalues, None if unknown.
+    """A factorised matrix A.
 
-    Unknown where a pivot was replaced, or had to be looked for elsewhere, or was so small that
-    solutions are less accurate than `BACKWARD`: such a factor still solves.
-
-    `release` gives back memory that a back end holds outside of Python; no solve after it.
+    `solve` gives A^-1 b for b of shape (size,) or (size, k). `negative` is the number of negative
+    eigenvalues of A; None where a pivot was replaced, where rows were exchanged for a pivot, or
+    where solutions are less accurate than `BACKWARD`: such a factor solves, but its signs are no
+    count. `solver` names the back end. `release` frees the memory that a back end holds outside of
+    Python; `solve` must not be called after it.
     """
 
     solve: Callable[[Floats], Floats]

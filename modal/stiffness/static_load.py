@@ -29,11 +29,13 @@ STRAIN_TOLERANCE, STRAIN_SHIFT = 1e-6, 1e-12
 def spring_motion(
     network: Network, load: Floats, tolerance: float, shift: float
 ) -> tuple[Floats, int]:
-    """The motion (n, 6) that the springs balance `load` (n, 6) with, and the products K u spent.
+    """The motion u with K u = `load`, by conjugate gradients, and the number of products K u.
 
-    `tolerance`: what is left of the load over the load, root mean squares in N, torques over the
-    mean radius; InputError where it is not reached. `shift` times the mean diagonal of K is added
-    to it, so that what nothing holds does not go far.
+    `load` (n, 6): forces, N, and torques, N m, on the particles; the motion (n, 6): displacements,
+    m, and rotations. `tolerance` bounds the norm of the unbalanced load over that of the load, with
+    torques divided by the mean radius; InputError where it is not reached in `MAX_PRODUCTS`.
+    `shift` times the mean diagonal of K, that of translations or of rotations, is added to the
+    diagonal, so that particles which no contact holds do not move far.
     """
     # Rotations as arcs, so that forces and torques have one unit.
     arm = np.array([1.0] * 3 + [float(network.radius.mean())] * 3)
@@ -85,11 +87,13 @@ def _own_blocks(network: Network) -> Floats:
 
 
 def static_velocity(network: Network) -> tuple[float, float]:
-    """P-wave velocity, m/s, and modulus, Pa, of the bulk for waves without end.
+    """P-wave velocity, m/s, and P-wave modulus, Pa, of the bulk in the limit of long waves.
 
-    The source wall compresses the springs; V^2 is stress over strain and density. Both strain and
-    density are those further than `WALL_ZONE` from both walls, of firmly held and of force-bearing
-    spheres: loose ones do not move with a wave.
+    A displacement of the source wall compresses the springs. The modulus is the stress over the
+    strain, the velocity sqrt(modulus / density). Strain and density are taken further than
+    `WALL_ZONE` from both walls. The strain is that of firmly held spheres, and only force-bearing
+    spheres count in the density: rattlers do not move with a wave. InputError where the packing is
+    too short or carries no force from wall to wall.
     """
     layers = Layers(network)
     reach = WALL_ZONE * 2 * float(network.radius.mean())

@@ -110,12 +110,15 @@ def moments_within_spectrum(
 
 
 def _orders(top: float, duration: float) -> int:
-    """Chebyshev orders after which the coefficients of a wave of this duration, s, vanish."""
+    """Number of Chebyshev orders beyond which the coefficients of a wave are negligible.
+
+    `top`: upper end of the interval in omega^2, 1/s^2; `duration` of the wave in s.
+    """
     return int(1.1 * np.sqrt(top) * duration / 2) + 60
 
 
 def expansion(motion: Motion, time: Floats, top: float, tolerance: float) -> tuple[Floats, float]:
-    """Chebyshev coefficients (count, nt) of y(top (1 + x) / 2, t), and what they leave out.
+    """Chebyshev coefficients (count, nt) of y(top (1 + x) / 2, t) at times (nt,), and their error.
 
     Orders are dropped from where all are below `tolerance` times the largest; the second result is
     the sum of the largest dropped ones over the largest of all.
@@ -147,11 +150,14 @@ def propagate(
     particles: bool = False,
     network_sha256: str = "",
 ) -> LinearWave:
-    """Signals of chain, walls and layers, exact in time to `tolerance`.
+    """The linear wave that a motion of the source wall sends; signals of chain, walls and layers.
 
-    duration and recording interval in s; `motion` of the source wall, by default the pulse of the
-    study. The tolerance bounds the dropped coefficients relative to the largest one. `pre_stress`
-    as in `modal.stiffness.pre_stress`; `particles` records u_z of every particle.
+    `duration` and recording `interval` in s; `motion` of the source wall, by default the pulse of
+    the study. There is no time-step error: `tolerance` bounds the coefficients that the expansion
+    drops, relative to the largest one. `pre_stress` as in `modal.stiffness.pre_stress`; `particles`
+    records u_z of every particle; `network_sha256` is noted in the signals. InputError for
+    impossible arguments, for a network without stiffness, and where the run would take more than a
+    day or the memory; GrowthError where K has negative directions.
     """
     if not (0 < interval <= duration < np.inf and 0 < tolerance < 1):
         raise InputError(
