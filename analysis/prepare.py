@@ -17,7 +17,6 @@ from analysis.estimators.transfer import REACH
 from analysis.estimators.transfer import RESOLUTION as GAIN_RESOLUTION
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
-from modal.modes.problem import Eigenproblem
 from modal.waves.response import frequency_response, write_response
 
 RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
@@ -50,8 +49,7 @@ def prepare(case: Products) -> list[Path]:
         return made
     settings = {"resolution": DENSITY_RESOLUTION, "tolerance": DENSITY_TOLERANCE}
     if of_density := wanted("density", **settings):
-        zero = Eigenproblem.of(network).floppy.basis
-        states = density_of_states(network, **settings, zero_modes=zero)
+        states = density_of_states(network, **settings)
         write_density(made[-1], states, digest, of_density)
     layers = int(network.length / case.diameter)
     ridge = {"resolution": RESOLUTION, "highest": 1.5 * layers / (2 * case.passage)}

@@ -1,7 +1,82 @@
-"""Eigenmodes of granular packings: contact network in, frequencies and mode shapes out.
+"""Small-strain waves in sphere packings: contact network in, modes, counts and waves out.
 
-The file-format modules (storage, network, signals) and the contact law (hertz_mindlin) need
-numpy and h5py alone, so that they also run inside YADE's own interpreter.
+>>> import modal
+>>> net = modal.fcc(stress=1e5, cells=(2, 2, 20))
+>>> low = modal.eigenmodes(net, lowest=3)
+>>> low.certified
+True
+
+`modal.read` takes a packing from a file, `modal.fcc` and `modal.random_packing` make one. All other
+functions take a packing; each result has named fields, a `repr`, and `plot()` where a picture is
+expected. The modules behind these names are loaded when a name is first used, so that the file
+formats also work inside YADE's own Python, which has neither scipy nor numba.
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from modal.formats.hdf5 import InputError
+    from modal.modes.counts import count_modes
+    from modal.modes.density import density_of_states
+    from modal.modes.eigenmodes import eigenmodes
+    from modal.packing.examples import fcc
+    from modal.packing.network import Network
+    from modal.packing.sample import read_packing as read
+    from modal.preparation.packings import random_packing
+    from modal.theory.fcc import FccLattice
+    from modal.waves.propagate import propagate
+    from modal.waves.response import frequency_response
+
 __version__ = "0.1.0"
+__all__ = [
+    "FccLattice",
+    "InputError",
+    "Network",
+    "count_modes",
+    "density_of_states",
+    "eigenmodes",
+    "fcc",
+    "frequency_response",
+    "propagate",
+    "random_packing",
+    "read",
+]
+_HOME = {
+    "FccLattice": ("modal.theory.fcc", "FccLattice"),
+    "InputError": ("modal.formats.hdf5", "InputError"),
+    "Network": ("modal.packing.network", "Network"),
+    "count_modes": ("modal.modes.counts", "count_modes"),
+    "density_of_states": ("modal.modes.density", "density_of_states"),
+    "eigenmodes": ("modal.modes.eigenmodes", "eigenmodes"),
+    "fcc": ("modal.packing.examples", "fcc"),
+    "frequency_response": ("modal.waves.response", "frequency_response"),
+    "propagate": ("modal.waves.propagate", "propagate"),
+    "random_packing": ("modal.preparation.packings", "random_packing"),
+    "read": ("modal.packing.sample", "read_packing"),
+}
+
+
+def _floppy_modes(network: Network) -> list[tuple[str, str]]:
+    """A line of `print(network)` that the packing alone, without scipy, cannot tell."""
+    from modal.modes.problem import Eigenproblem
+
+    floppy = Eigenproblem.of(network).floppy
+    kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)
+    return [("floppy modes", f"{floppy.total}" + f" ({kinds})" * bool(kinds))]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'modal' has no attribute {name!r}")
+    module, attribute = _HOME[name]
+    further = importlib.import_module("modal.packing.network").Network.further
+    if _floppy_modes not in further:
+        further.append(_floppy_modes)
+    return getattr(importlib.import_module(module), attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

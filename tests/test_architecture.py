@@ -12,15 +12,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 BELOW = {
     "progress": set(),
+    "display": set(),
     "formats": set(),
     "workload": {"formats"},
-    "packing": {"formats"},
+    "packing": {"display", "formats"},
     "solvers": {"formats", "progress", "workload"},
     "stiffness": {"formats", "packing", "solvers"},
     "preparation": {"formats", "packing", "progress", "stiffness"},
-    "waves": {"formats", "packing", "progress", "solvers", "stiffness", "workload"},
-    "theory": {"formats", "packing", "stiffness"},
-    "modes": {"formats", "packing", "progress", "solvers", "stiffness", "waves", "workload"},
+    "waves": {"display", "formats", "packing", "progress", "solvers", "stiffness", "workload"},
+    "theory": {"display", "formats", "packing", "stiffness"},
+    "modes": {
+        *("display", "formats", "packing", "progress", "solvers", "stiffness", "waves", "workload"),
+    },
     "cli": {
         *("formats", "packing", "progress", "solvers", "stiffness", "workload"),
         *("preparation", "waves", "theory", "modes"),

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import network_command
-from modal.formats.hdf5 import InputError
-from modal.modes.counts import count_below
+from modal.cli.options import network_command, numbers
+from modal.modes.counts import count_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import read_remarked
 
@@ -21,18 +20,11 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Counts by the frequencies as they were typed."""
-    problem = Eigenproblem.of(
-        read_remarked(options.network, options.remarks.append), solver=options.solver
-    )
-    counts = {}
-    for typed in options.at:
-        try:
-            frequency = float(typed)
-        except ValueError:
-            raise InputError(f"--at {typed}: not a number; give frequencies in Hz") from None
-        counts[typed] = count_below(problem, frequency)
+    network = read_remarked(options.network, options.remarks.append)
+    counts = count_modes(network, numbers(options.at), solver=options.solver)
+    problem = Eigenproblem.of(network)
     return {
-        "count_below": counts,
+        "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
         "floppy_modes": problem.floppy.total,
         "degrees_of_freedom": problem.size,
     }

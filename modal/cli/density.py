@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import add_if_stale, network_command
-from modal.formats.hdf5 import InputError, sha256
+from modal.cli.options import add_if_stale, network_command, numbers
+from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import read_remarked
@@ -33,18 +33,9 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run the command; the result as it is printed."""
-    try:
-        at = np.array([float(typed) for typed in options.at])
-    except ValueError:
-        raise InputError(f"--at {' '.join(options.at)}: give frequencies in Hz") from None
+    at = numbers(options.at)
     network = read_remarked(options.network, options.remarks.append)
-    floppy = Eigenproblem.of(network).floppy
-    states = density_of_states(
-        network,
-        resolution=options.resolution,
-        tolerance=options.tolerance,
-        zero_modes=floppy.basis,
-    )
+    states = density_of_states(network, resolution=options.resolution, tolerance=options.tolerance)
     if options.output:
         write_density(options.output, states, sha256(options.network), options.made)
     frequency = states.grid()
@@ -61,6 +52,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         },
         "estimated_count_below": dict(zip(options.at, value[:, -1].tolist(), strict=True)),
         "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
-        "floppy_modes": floppy.total,
+        "floppy_modes": Eigenproblem.of(network).floppy.total,
         "degrees_of_freedom": size,
     }

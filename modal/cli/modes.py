@@ -7,8 +7,8 @@ from typing import Any
 
 from modal.cli.options import SHORT, add_if_stale, network_command, say
 from modal.formats.hdf5 import InputError
-from modal.modes.highest import all_modes, highest_modes, memory_of_all
-from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.eigenmodes import eigenmodes
+from modal.modes.highest import memory_of_all
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.problem import SMALL, Eigenproblem, slipping
 from modal.packing.plausibility import read_remarked
@@ -46,7 +46,7 @@ def add(commands: Any) -> None:
 
 def short_of(path: str) -> dict[str, Any]:
     """What a list that is kept fell short of when it was made: its exit status stays."""
-    return {"missing": int(read_modes(path).attributes.get("missing", 0))}
+    return {"missing": read_modes(path).missing}
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -54,50 +54,41 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     network = read_remarked(options.network, options.remarks.append)
     if options.sliding == "slip":
         network = slipping(network)
-    problem = Eigenproblem.of(
+    if options.uncertified and options.highest is None:
+        raise InputError("--uncertified is for --highest; other lists cost hardly less without")
+    problem = Eigenproblem.of(network, translations_only=options.translations_only)
+    if options.all and problem.size > SMALL:
+        say(f"all {problem.size} modes: {memory_of_all(problem)}")
+    modes = eigenmodes(
         network,
+        lowest=options.lowest,
+        highest=options.highest,
+        below=options.below,
+        between=options.between,
+        all=options.all,
         translations_only=options.translations_only,
         solver=options.solver,
         shapes=bool(options.output),
+        certify=not options.uncertified,
         hours=options.hours,
     )
-    if options.all and problem.size > SMALL:
-        say(f"all {problem.size} modes: {memory_of_all(problem)}")
-    modes = _solve(problem, options)
-    floppy = problem.floppy
-    modes.attributes["floppy_modes"] = floppy.total
     if options.output:
         write_modes(options.output, modes, options.made)
     _say_what_is_not(modes, options.output)
     return {
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
-        "floppy_modes": floppy.total,
-        "floppy_modes_by_kind": floppy.by_kind(),
+        "floppy_modes": modes.floppy_modes,
+        "floppy_modes_by_kind": problem.floppy.by_kind(),
         "degrees_of_freedom": problem.size,
-        "certified": bool(modes.attributes["certified"]),
-        "missing": int(modes.attributes["missing"]),
+        "certified": modes.certified,
+        "missing": modes.missing,
         "uncertified_because": modes.attributes.get("uncertified_because", ""),
         "solver": modes.attributes["solver"],
         "p_wave_resonances": 0
         if modes.resonance_frequency is None
         else len(modes.resonance_frequency),
     }
-
-
-def _solve(problem: Eigenproblem, options: argparse.Namespace) -> ModeSet:
-    if options.highest is not None:
-        return highest_modes(problem, options.highest, certify=not options.uncertified)
-    if options.uncertified:
-        raise InputError("--uncertified is for --highest; other lists cost hardly less without")
-    if options.all:
-        return all_modes(problem)
-    if options.below is not None:
-        return modes_between(problem, 0.0, options.below)
-    if options.between is not None:
-        return modes_between(problem, *options.between)
-    default = min(10, problem.size - problem.floppy.total)
-    return lowest_modes(problem, default if options.lowest is None else options.lowest)
 
 
 def _say_what_is_not(modes: ModeSet, output: str | None) -> None:

@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import Any, NoReturn
 
+import numpy as np
+
 from modal.formats.hdf5 import InputError
 
 SHORT = 3
@@ -34,6 +36,14 @@ def add_if_stale(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--if-stale", action="store_true", help="keep FILE if sources and settings are the same"
     )
+
+
+def numbers(at: list[str]) -> np.ndarray:
+    """Shape (k,), Hz: the frequencies of --at, whose texts are the names of results."""
+    try:
+        return np.array([float(text) for text in at])
+    except ValueError:
+        raise InputError(f"--at {' '.join(at)}: give frequencies in Hz, as numbers") from None
 
 
 def typed(name: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,8 @@ from modal.cli.options import say, typed
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample
 from modal.preparation import compress
-from modal.preparation.protocol import NOMINAL_FRACTION, STRESSES, Study
+from modal.preparation.packings import width_of
+from modal.preparation.protocol import STRESSES, Study
 from modal.preparation.random_packing import ASPECT, WALK, check_stress, cloud, walk
 
 WITH_FRICTION = {
@@ -75,13 +75,13 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 def _study_of(options: argparse.Namespace) -> Study:
     """The study of a chain with friction; its width follows from the aspect if none is given."""
     width = options.width
-    if width is None and options.aspect > 0 and options.spheres > 0:
-        width = (options.spheres * math.pi / 6 / NOMINAL_FRACTION / options.aspect) ** (1 / 3)
+    if width is None:
+        width = width_of(options.spheres, options.aspect)
     given = {name: getattr(options, name) for name in WITH_FRICTION}
     return Study(
         mu_comp=options.friction,
         spheres=options.spheres,
-        width=0.0 if width is None else width,
+        width=width,
         seed=options.seed,
         **{name: value for name, value in given.items() if value is not None},
     )

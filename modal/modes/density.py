@@ -14,19 +14,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import eigh
 
+from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, put
 from modal.formats.provenance import Provenance
+from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
 from modal.stiffness.operator import ContactOperator
 from modal.workload import refuse_endless
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SCHEMA = "granular-density-of-states"
 VERSION = 1
@@ -45,7 +50,7 @@ LARGEST_DENSE = 3000
 """Degrees of freedom up to which a spectrum is found in some seconds: its traces have no error."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DensityOfStates:
     """The density of states as a series; evaluate it with `density` and `count_below`.
 
@@ -67,6 +72,27 @@ class DensityOfStates:
     def random_vectors(self) -> int:
         """How many random vectors the estimates come from; none where the traces are exact."""
         return 0 if len(self.moments) == 1 else len(self.moments)
+
+    def __repr__(self) -> str:
+        vectors = f"{self.random_vectors} random vectors" if self.random_vectors else "exact traces"
+        return (
+            f"<DensityOfStates: up to {quantity(self.highest, 'Hz')}, resolution "
+            f"{quantity(self.resolution, 'Hz')}, {vectors}>"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw modes a kHz over frequency, all and by kind of motion; returns the Axes."""
+        ax = axes_of(ax)
+        frequency = self.grid()
+        value, error = (1e3 * column for column in self.density(frequency))
+        total = value[:, 6]
+        ax.fill_between(frequency / 1e3, total - error[:, 6], total + error[:, 6], alpha=0.3)
+        ax.plot(frequency / 1e3, total, label="all")
+        ax.plot(frequency / 1e3, value[:, :3].sum(axis=1), label="translations")
+        ax.plot(frequency / 1e3, value[:, 3:6].sum(axis=1), label="rotations")
+        ax.set(xlabel="frequency, kHz", ylabel="modes a kHz", ylim=(0, None))
+        ax.legend()
+        return ax
 
     def density(self, frequency: Floats) -> tuple[Floats, Floats]:
         """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.
@@ -130,23 +156,31 @@ def density_of_states(
     *,
     resolution: float = 2e3,
     tolerance: float = 1e-3,
-    zero_modes: sp.csc_matrix | None = None,
     seed: int = 1,
 ) -> DensityOfStates:
-    """The distribution of all 6n modes with a full width of `resolution` Hz.
+    """How the 6n natural frequencies of a packing are distributed, without finding each of them.
+
+    A mode appears with a full width of `resolution`, Hz. `density` and `count_below` of the result
+    give modes a Hz and numbers of modes at any frequencies, with standard errors.
 
     `tolerance` bounds the standard error of every count in parts of all modes: for vectors of
     signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
     so many of them that the whole spectrum costs less; then there is no error but the kernel's
-    width. `zero_modes` (6n, z), orthonormal in the mass-scaled degrees of freedom, are split off
-    exactly; without them zero modes appear within one resolution of zero.
+    width. Motions without energy are split off exactly, at zero. `seed` draws the random vectors.
+    InputError where K has a negative direction, and before hours of work.
+
+    >>> import modal
+    >>> dos = density_of_states(modal.fcc(cells=(2, 2, 20)), resolution=1e4)
+    >>> value, error = dos.count_below([2.2e5])
+    >>> value.shape, round(value[0, 6])
+    ((1, 7), 480)
     """
     if not 0 < resolution < np.inf:
         raise InputError(f"resolution {resolution:g} Hz: give a positive number of Hz")
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
-    operator = ContactOperator(network, mass_scaled=True)
-    size = operator.shape[0]
+    problem = Eigenproblem.of(network)
+    operator, size = problem.operator, problem.size
     top, products = bound_of_spectrum(operator)
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
@@ -154,7 +188,7 @@ def density_of_states(
     # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
     vectors = max(FEWEST, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
-    zero = sp.csc_matrix((size, 0)) if zero_modes is None else zero_modes
+    zero = problem.floppy.basis
     at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
     exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
     numbers = size * (count + 4 * size) if exact else 6 * (vectors * count + 4 * size)

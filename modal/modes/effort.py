@@ -105,5 +105,5 @@ def refuse_endless_search(problem: Eigenproblem, effort: Effort, task: str, reme
     """InputError, with the estimate, where a search takes longer or more memory than it may."""
     longest = 3600 * problem.hours
     if effort.seconds > longest:
-        remedy += f", or give more --hours than {problem.hours:g}"
+        remedy += f", or allow more hours than {problem.hours:g}"
     refuse_above(effort.seconds, effort.bytes, f"{task} about", remedy, longest)

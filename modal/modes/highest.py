@@ -67,7 +67,7 @@ def _group_of(problem: Eigenproblem) -> LateralTranslations:
         raise InputError(
             f"all {problem.size} modes would need {3 * 8 * problem.size**2 / 1e9:.0f} GB dense "
             f"(limit {DENSE_LIMIT} degrees of freedom) and the network has no lateral symmetry; "
-            "ask for --lowest, --highest or --between"
+            "ask for the lowest, the highest or those of an interval"
         )
     cells = len(group.orbit)
     rows = problem.size // cells
@@ -178,7 +178,7 @@ def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) ->
     effort = from_the_top(problem, count)
     refuse_endless_search(problem, effort, f"the highest {count} modes take", "ask for fewer")
     search = SearchFromTop(problem)
-    because = "" if certify else "the exact count was left out (--uncertified)"
+    because = "" if certify else "the exact count was left out, as was asked for"
 
     def above(edge: float) -> int:
         nonlocal because

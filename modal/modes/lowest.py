@@ -57,7 +57,7 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     if len(search.square) == 0:
         raise InputError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
-            "below round-off; ask for --highest, or --between further up"
+            "below round-off; ask for the highest, or for an interval further up"
         )
     modes = search.modes(0.0, np.inf, f"lowest {count}")
     modes = subset(modes, slice(0, count - max(missing, 0)), f"lowest {count}")

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.formats.provenance import Provenance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SCHEMA = "granular-modes"
 VERSION = 1
@@ -27,7 +31,7 @@ _UNITS = {
 }
 
 
-@dataclass
+@dataclass(repr=False)
 class ModeSet:
     """k modes in ascending order of frequency.
 
@@ -52,6 +56,41 @@ class ModeSet:
     resonance_wavenumber: Floats | None = None
     resonance_shape: Floats | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def certified(self) -> bool:
+        """Whether an exact count says that no mode of the list is missing."""
+        return bool(self.attributes.get("certified", False))
+
+    @property
+    def missing(self) -> int:
+        """How many modes were asked for and not found."""
+        return int(self.attributes.get("missing", 0))
+
+    @property
+    def floppy_modes(self) -> int:
+        """How many motions without energy the network has."""
+        return int(self.attributes.get("floppy_modes", 0))
+
+    def __repr__(self) -> str:
+        text = f"<ModeSet: {len(self.frequency)} modes"
+        if len(self.frequency):
+            ends = (quantity(float(f), "Hz") for f in self.frequency[[0, -1]])
+            text += f" from {' to '.join(ends)}"
+        text += ", certified" if self.certified else ", not certified"
+        text += f", {self.missing} missing" * (self.missing > 0)
+        return f"{text}; {self.floppy_modes} floppy modes>"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw chi_z of each mode over its frequency, P-wave resonances apart; returns the Axes."""
+        ax = axes_of(ax)
+        ax.plot(self.frequency / 1e3, self.chi_z, ".", markersize=3, label="modes")
+        if self.resonance_frequency is not None and len(self.resonance_frequency):
+            at = self.resonance_frequency / 1e3
+            ax.plot(at, np.ones(len(at)), "|", markersize=9, label="P-wave resonances")
+            ax.legend()
+        ax.set(xlabel="frequency, kHz", ylabel=r"$\chi_z$", ylim=(-0.03, 1.06))
+        return ax
 
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import eigh
 
 from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
@@ -20,7 +22,8 @@ from modal.modes.observables import (
     rotation_share,
 )
 from modal.modes.zero_modes import FloppyModes, floppy_modes
-from modal.packing.network import Network
+from modal.packing.network import Made, Network
+from modal.solvers.factor import SOLVERS
 from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 from modal.waves.chain import wall_to_wall_chain
@@ -69,22 +72,33 @@ class Eigenproblem:
 
         `solver` names the factorisation (`modal.solvers.factor.SOLVERS`); None lets memory decide.
         """
+        if solver not in (None, *SOLVERS, "layers"):
+            raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
         return cls(network, 3 if translations_only else 6, solver, shapes, hours)
+
+    def _once(self, name: str, make: Callable[[], Made]) -> Made:
+        """What does not depend on the settings, and is made once for all problems of a network."""
+        return self.network.once(f"{name}, {self.dof} a particle", make)
 
     @property
     def size(self) -> int:
         """Number of degrees of freedom."""
         return self.dof * self.network.n_particles
 
-    @cached_property
+    @property
     def mass(self) -> Floats:
         """Shape (size,): M's diagonal."""
-        return mass_diagonal(self.network, translations_only=self.dof == 3)
+        short = self.dof == 3
+        return self._once("mass", lambda: mass_diagonal(self.network, translations_only=short))
 
-    @cached_property
+    @property
     def diagonal(self) -> Floats:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
-        return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
+
+        def make() -> Floats:
+            return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
+
+        return self._once("diagonal", make)
 
     def assembled(self) -> sp.csr_matrix:
         """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
@@ -127,10 +141,23 @@ class Eigenproblem:
         """The product of A with vectors, computed contact by contact where numba is installed."""
         return ContactOperator(self.network, translations_only=self.dof == 3, mass_scaled=True)
 
-    @cached_property
+    @property
     def floppy(self) -> FloppyModes:
         """Zero modes (omega = 0): motions of particles that no contact resists."""
-        return floppy_modes(self.network, self.operator, self.mass, self.diagonal)
+
+        def make() -> FloppyModes:
+            return floppy_modes(self.network, self.operator, self.mass, self.diagonal)
+
+        return self._once("floppy modes", make)
+
+    @property
+    def spectrum(self) -> Floats:
+        """Shape (size,): every omega^2, ascending; for networks of up to `SMALL`."""
+
+        def make() -> Floats:
+            return eigh(self.scaled.toarray(), eigvals_only=True)
+
+        return self._once("spectrum", make)
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""

@@ -28,7 +28,7 @@ LARGEST = 1e9
 class FccPacking:
     """FCC of equal spheres under isotropic stress (Pa): geometry and contact stiffnesses."""
 
-    stress: float
+    stress: float = 1e5
     radius: float = RADIUS
     material: Material = GLASS
 

@@ -5,13 +5,15 @@ This module is the one definition of the format "granular-contact-network", vers
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import h5py
 import numpy as np
 
+from modal.display import table
 from modal.formats.arrays import Array, Bools, Floats, Ints
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 
@@ -43,9 +45,10 @@ _CONTACTS = {
     "cell_shift": ("i", (3,), "1"),
 }
 _OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+Made = TypeVar("Made")
 
 
-@dataclass
+@dataclass(repr=False)
 class Network:
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
 
@@ -77,6 +80,24 @@ class Network:
     cell_shift: Ints | None = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    further: ClassVar[list[Callable[[Network], list[tuple[str, str]]]]] = []
+    """What rooms above this one add to the lines of `print`: names and texts."""
+
+    def once(self, name: str, make: Callable[[], Made]) -> Made:
+        """What `make` gives, made when this name is first asked for and kept with the network."""
+        if name not in self._made:
+            self._made[name] = make()
+        made: Made = self._made[name]
+        return made
+
+    def __repr__(self) -> str:
+        return f"<Network: {self.n_particles} particles, {self.n_contacts} contacts>"
+
+    def __str__(self) -> str:
+        from modal.packing.state import described  # it stands on this module
+
+        return table(described(self) + [row for told in self.further for row in told(self)])
 
     @property
     def n_particles(self) -> int:

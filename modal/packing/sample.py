@@ -247,7 +247,18 @@ def validate(sample: Sample, name: str = "sample") -> None:
 
 
 def read_packing(path: str | Path) -> Network:
-    """The contact network of a network file, or of a sample file (`*.sample.h5`)."""
+    """A packing from a file: a contact network (`*.network.h5`) or a sample (`*.sample.h5`).
+
+    Both formats are described in `docs/formats.md`. What contacts a sample has, and how stiff they
+    are, follows from its positions. InputError, one line, for what is missing, damaged, or cannot
+    be a packing.
+
+    >>> import modal
+    >>> modal.read("nowhere.network.h5")
+    Traceback (most recent call last):
+        ...
+    modal.formats.hdf5.InputError: nowhere.network.h5: no such file; check the name
+    """
     if not str(path).endswith(".sample.h5"):
         return read_network(path)
     network = read_sample(path).network()

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.display import quantity
 from modal.formats.arrays import Array, Bools, Floats, Ints
 from modal.formats.hdf5 import InputError, write_whole
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
@@ -203,6 +204,33 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
         result["largest_share_of_friction"] = float(friction_used(network, friction).max())
     return result if volume is None else result | _along_z(network)
+
+
+def described(network: Network) -> list[tuple[str, str]]:
+    """The packing in a few lines, names and texts: sizes, stresses, voids, contacts a sphere."""
+    wall = int(network.with_wall.sum())
+    told = summary(network)
+    size = " x ".join(quantity(side, "m") for side in network.cell_size)
+    rows = [
+        ("spheres", f"{network.n_particles}, diameters {_range(2 * network.radius, 'm')}"),
+        ("cell", f"{size}, walls {quantity(network.length, 'm')} apart"),
+        ("contacts", f"{network.n_contacts}, {wall} of them with the walls"),
+    ]
+    for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
+        if name in told:
+            rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))
+    if "void_ratio" in told:
+        rows.append(("void ratio", f"{told['void_ratio']:.4f}"))
+    bearing, rattlers = told["coordination_number_without_rattlers"], told["rattlers"]
+    without = f", {bearing:.3f} without {rattlers} rattlers" if rattlers else ""
+    rows.append(("coordination number", f"{told['coordination_number']:.3f}{without}"))
+    return rows
+
+
+def _range(values: np.ndarray, unit: str) -> str:
+    low, high = float(values.min()), float(values.max())
+    same = high - low <= 1e-9 * high
+    return quantity(high, unit) if same else f"{quantity(low, unit)} to {quantity(high, unit)}"
 
 
 def _along_z(network: Network) -> dict[str, Any]:

@@ -73,15 +73,15 @@ def factorise(matrix: sp.csr_matrix, *, definite: bool, solver: str | None = Non
     if solver is None:
         solver = "pardiso" if available("pardiso") else _scipy_choice(matrix, definite)
     if solver not in SOLVERS:
-        raise InputError(f"--solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
+        raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
     if not available(solver):
         raise InputError(
-            "--solver pardiso: the package pypardiso is not installed; install it or choose "
+            "solver pardiso: the package pypardiso is not installed; install it or choose "
             "banded or superlu"
         )
     if not definite and solver == "banded":
         raise InputError(
-            f"--solver {solver}: only for the low end of the spectrum; take pardiso or superlu"
+            f"solver {solver}: only for the low end of the spectrum; take pardiso or superlu"
         )
     back_end = {"pardiso": _pardiso, "banded": _banded, "superlu": _superlu}[solver]
     return back_end(matrix, definite)
@@ -195,7 +195,7 @@ def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
 def _singular(definite: bool) -> str:
     if definite:
         return (
-            "K has a negative direction: the packing is not stable with these springs; ask for "
-            "--between or count, which allow it"
+            "K has a negative direction: the packing is not stable with these springs; ask for the "
+            "modes of an interval or for a count, which allow it"
         )
     return "K - sigma M is exactly singular at this frequency; ask for a slightly different one"

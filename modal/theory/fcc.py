@@ -7,12 +7,17 @@ branches.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from modal.display import axes_of, quantity
 from modal.formats.arrays import Complex, Floats
 from modal.packing.crystal import FccPacking
 from modal.stiffness.springs import cross_matrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def layer_stiffness(kn: float, kt: float) -> float:
@@ -35,9 +40,38 @@ def f_low_pass(C: float, m: float) -> float:
     return np.sqrt(C / m) / np.pi
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FccLattice(FccPacking):
-    """Waves in the FCC packing under isotropic stress (Pa): Eqs. 5-10, and all Bloch branches."""
+    """Waves in an endless face-centred cubic crystal of spheres, in closed form.
+
+    `stress`, Pa, is the same in all directions; it sets overlaps and stiffnesses by the contact
+    law. Planar P-waves along z have Eqs. 5-10 of Otsubo et al. 2017, section 3; `bloch` gives all
+    six branches at any wavevector, rotations included. InputError for stresses without a crystal.
+
+    >>> crystal = FccLattice(stress=1e5)
+    >>> round(crystal.low_pass_frequency), round(crystal.velocity)
+    (137616, 776)
+    """
+
+    def __repr__(self) -> str:
+        return (
+            f"<FccLattice: {quantity(self.stress, 'Pa')}, f_low-pass "
+            f"{quantity(self.low_pass_frequency, 'Hz')}, V_P {self.velocity:.4g} m/s>"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the dispersion along z: all branches, and P-waves by Eq. 9; returns the Axes."""
+        ax = axes_of(ax)
+        along = np.linspace(0, 1, 101)
+        kappa = np.pi / self.layer_distance * along
+        branches = np.array([self.bloch(np.array([0.0, 0.0, k]))[0] for k in kappa])
+        lines = ax.plot(along, branches / 1e3, color="0.6", linewidth=1)
+        lines[0].set_label("all branches")
+        omega = dispersion(kappa, self.C, self.mass, self.layer_distance)
+        ax.plot(along, omega / (2e3 * np.pi), label="P-waves, Eq. 9")
+        ax.set(xlabel=r"$\kappa l / \pi$", ylabel="frequency, kHz", xlim=(0, 1), ylim=(0, None))
+        ax.legend()
+        return ax
 
     @property
     def C(self) -> float:

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.formats.provenance import Provenance
 from modal.waves.energy_balance import EnergyBalance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SCHEMA = "granular-wave-signals"
 VERSION = 1
@@ -34,7 +38,7 @@ _DATASETS = {
 _OPTIONAL = {"layer_position", "layer_displacement", "particle_displacement"}
 
 
-@dataclass
+@dataclass(repr=False)
 class Signals:
     """Recorded signals of one wave run; nt times, nc particles of the chain.
 
@@ -66,6 +70,37 @@ class Signals:
     layer_displacement: Floats | None = None
     particle_displacement: Floats | None = None
     balance: EnergyBalance | None = None
+
+    def __repr__(self) -> str:
+        return (
+            f"<Signals: {len(self.time)} times up to {quantity(float(self.time[-1]), 's')}, "
+            f"{len(self.chain_particle)} particles of the chain, by {self.producer}>"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the displacement along z over time and distance from the source; returns the Axes.
+
+        Means over layers where they are recorded, else the particles of the chain.
+        """
+        ax = axes_of(ax)
+        place, motion = self.layer_position, self.layer_displacement
+        if place is None or motion is None or len(place) < 2:
+            place, motion = self.chain_position, self.chain_displacement
+        order = np.argsort(place)
+        largest = float(abs(motion).max()) * 1e9 or 1.0
+        image = ax.pcolormesh(
+            self.time * 1e6,
+            place[order] * 1e3,
+            motion[:, order].T * 1e9,
+            cmap="RdBu_r",
+            vmin=-largest,
+            vmax=largest,
+            shading="nearest",
+            rasterized=True,
+        )
+        ax.figure.colorbar(image, ax=ax, label=r"$u_z$, nm")
+        ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
+        return ax
 
 
 def source_pulse(time: Floats, amplitude: float, frequency: float) -> Floats:

@@ -1,0 +1,42 @@
+"""What people see of results: numbers with engineering units, and the Axes that a picture is in."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+"""Power of ten: its prefix; u stands for micro."""
+
+
+def quantity(value: float, unit: str, digits: int = 4) -> str:
+    """A number with its unit and a prefix that leaves one to three digits before the point.
+
+    >>> quantity(137616.0, "Hz"), quantity(1e5, "Pa"), quantity(0.0, "m")
+    ('137.6 kHz', '100 kPa', '0 m')
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g} {unit}"
+    # Rounded first: 999.96 with four digits is 1 k.
+    rounded = float(f"{value:.{digits}g}")
+    power = 3 * math.floor(math.log10(abs(rounded)) / 3)
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return f"{rounded / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
+
+
+def table(rows: list[tuple[str, str]]) -> str:
+    """Lines of names and what they are, the latter in one column."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
+
+
+def axes_of(ax: Axes | None) -> Axes:
+    """The Axes that are given, or those of a new figure; matplotlib is loaded here."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot  # half a second, and not needed for numbers
+
+    return pyplot.subplots()[1]

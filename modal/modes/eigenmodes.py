@@ -1,0 +1,74 @@
+"""The modes of a packing, by one question: the lowest, the highest, those of an interval, all."""
+
+from __future__ import annotations
+
+from modal.formats.hdf5 import InputError
+from modal.modes.highest import all_modes, highest_modes
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.mode_set import ModeSet
+from modal.modes.problem import Eigenproblem
+from modal.packing.network import Network
+from modal.workload import LONGEST
+
+FEW = 10
+"""Lowest modes where nothing else is asked for."""
+
+
+def eigenmodes(
+    network: Network,
+    *,
+    lowest: int | None = None,
+    highest: int | None = None,
+    below: float | None = None,
+    between: tuple[float, float] | None = None,
+    all: bool = False,
+    translations_only: bool = False,
+    solver: str | None = None,
+    shapes: bool = True,
+    certify: bool = True,
+    hours: float = LONGEST / 3600,
+) -> ModeSet:
+    """Natural frequencies of a packing, in which way each moves it, and whether any is missing.
+
+    One of `lowest` and `highest`, a number of modes, `below` and `between`, frequencies in Hz, and
+    `all` says which modes; the ten lowest without. They solve K phi = omega^2 M phi (Otsubo et al.
+    2017, Eq. 1), with three displacements and three rotations a sphere; `translations_only` holds
+    the rotations at zero. Motions without energy are counted (`floppy_modes` of the result), and
+    listed only among all modes.
+
+    A result with k modes has `frequency` (k,) Hz, `chi_z` (k,), the share of motion along z (Eq.
+    2), and `mode_shape` (k, n, 6), mass-normalised, kg^-1/2, where `shapes` are wanted and take no
+    more than 2 GB. It is `certified` where an exact count of modes says that none is missing; with
+    `highest` that may be left out (`certify=False`). `solver` names a factorisation: pardiso,
+    banded or superlu. InputError where there are no such modes, and before anything that is
+    estimated to take longer than `hours`.
+
+    >>> import modal
+    >>> low = eigenmodes(modal.fcc(cells=(2, 2, 20)), lowest=3)
+    >>> low.frequency.round()
+    array([6669., 6669., 9313.])
+    >>> low.certified, low.mode_shape.shape
+    (True, (3, 80, 6))
+    """
+    asked = {"lowest": lowest, "highest": highest, "below": below, "between": between}
+    given = [name for name, value in asked.items() if value is not None] + ["all"] * bool(all)
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: which modes? Ask for one of them")
+    if not certify and highest is None:
+        raise InputError("only the highest modes can go uncertified; others cost hardly less so")
+    problem = Eigenproblem.of(
+        network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
+    )
+    if highest is not None:
+        modes = highest_modes(problem, highest, certify=certify)
+    elif all:
+        modes = all_modes(problem)
+    elif below is not None:
+        modes = modes_between(problem, 0.0, below)
+    elif between is not None:
+        modes = modes_between(problem, *between)
+    else:
+        few = min(FEW, problem.size - problem.floppy.total)
+        modes = lowest_modes(problem, few if lowest is None else lowest)
+    modes.attributes["floppy_modes"] = problem.floppy.total
+    return modes

@@ -1,0 +1,212 @@
+"""What `import modal` offers: the same digits as the command line, pictures, examples that run."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import json
+import runpy
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modal
+from modal.__main__ import main
+from modal.packing.network import write_network
+from modal.packing.sample import read_sample
+
+ROOT = Path(__file__).resolve().parents[1]
+OFFERED = {
+    *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
+    *("density_of_states", "propagate", "frequency_response", "FccLattice"),
+}
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    """A packing of 100 spheres with some rattlers, in memory and as a file."""
+    network = modal.random_packing(spheres=100, seed=3)
+    path = tmp_path_factory.mktemp("packing") / "random.network.h5"
+    write_network(path, network)
+    return network, str(path)
+
+
+@pytest.fixture
+def printed(capsys):
+    """The JSON object that a command prints."""
+
+    def run(*command: str) -> dict:
+        assert main([*command, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def test_the_public_names_and_nothing_else():
+    assert set(modal.__all__) == OFFERED
+    assert all(hasattr(modal, name) for name in modal.__all__) and set(dir(modal)) >= OFFERED
+    with pytest.raises(AttributeError, match="no attribute 'magic'"):
+        modal.magic  # noqa: B018
+
+
+def test_import_is_quick_and_loads_nothing_heavy():
+    """Neither h5py nor scipy nor numba before the first name is used: some milliseconds."""
+    heavy = "{'numpy', 'h5py', 'scipy', 'numba', 'matplotlib'}"
+    code = f"""import sys, time; before, start = set(sys.modules), time.perf_counter()
+import modal; print(time.perf_counter() - start, *({heavy} & (set(sys.modules) - before)))"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    seconds, *loaded = done.stdout.split()
+    assert float(seconds) < 0.3 and loaded == []
+
+
+def test_modes_as_the_command_line_prints_them(packing, printed):
+    network, path = packing
+    for options, asked in (
+        (["--lowest", "7"], {"lowest": 7}),
+        (["--highest", "3"], {"highest": 3}),
+        (["--below", "2e4"], {"below": 2e4}),
+        (["--between", "2e4", "3e4"], {"between": (2e4, 3e4)}),
+        (["--all", "--translations-only"], {"all": True, "translations_only": True}),
+        ([], {}),
+    ):
+        said, found = printed("modes", path, *options), modal.eigenmodes(network, **asked)
+        assert said["frequency_hz"] == found.frequency.tolist(), options
+        assert said["certified"] == found.certified and said["missing"] == found.missing
+        assert said["floppy_modes"] == found.floppy_modes > 0
+        assert found.mode_shape.shape == (len(found.frequency), network.n_particles, 6)
+        assert found.chi_z.shape == found.frequency.shape
+
+
+def test_numbers_as_the_command_line_prints_them(packing, printed):
+    """count, density, response, wave and lattice."""
+    network, path = packing
+    at = ["1e4", "50000", "1.2e5"]
+    counts = printed("count", path, "--at", *at)["count_below"]
+    found = modal.count_modes(network, [float(f) for f in at])
+    assert list(counts.values()) == found.tolist() and found.dtype.kind == "i"
+    every = modal.eigenmodes(network, all=True).frequency
+    assert found.tolist() == [(every < float(f)).sum() for f in at]
+    assert modal.count_modes(network, 5e4) == found[1]
+
+    said = printed("density", path, "--resolution", "1e4", "--at", *at)
+    states = modal.density_of_states(network, resolution=1e4)
+    value, _ = states.count_below([float(f) for f in at])
+    assert list(said["estimated_count_below"].values()) == value[:, 6].tolist()
+    assert said["floppy_modes"] == pytest.approx(states.zero_modes.sum(), rel=1e-12)
+
+    said = printed("response", path, "--highest", "3e4")
+    response = modal.frequency_response(network, highest=3e4)
+    assert said["gain_maxima_hz"] == response.gain_maxima().tolist()
+
+    said = printed("wave", path, "--duration", "5e-5")
+    wave = modal.propagate(network, duration=5e-5)
+    assert said["largest_displacement_m"] == abs(wave.signals.chain_displacement).max()
+
+    crystal = modal.FccLattice(stress=3e5)
+    assert printed("lattice", "--stress", "3e5")["f_low_pass_hz"] == crystal.low_pass_frequency
+
+
+def test_random_packings_as_the_command_line_packs_them(tmp_path, packing, printed):
+    network, _ = packing
+    command = ["pack", "--spheres", "100", "--seed", "3", "--aspect", "2.5", "--tolerance", "1e-4"]
+    files = printed(*command, "--stress", "1e5", "-o", str(tmp_path))["samples"]
+    (path,) = [path for path, stress in files.items() if stress == 1e5]
+    assert (modal.read(path).position == network.position).all()
+    assert read_sample(path).friction == 0
+
+
+def test_a_packing_says_what_it_is(packing, printed):
+    """Each line of print(network) has the number that `info` has."""
+    network, path = packing
+    said = printed("info", path)
+    lines = dict(line.split("  ", 1) for line in str(network).splitlines())
+    lines = {name: text.strip() for name, text in lines.items()}
+    assert lines["spheres"].startswith("100, diameters 2.54 mm")
+    assert lines["contacts"].startswith(f"{said['contacts']}, ")
+    assert lines["stress xx, yy, zz"].split(", ")[2] == f"{said['stress_pa'][2] / 1e3:.4g} kPa"
+    assert float(lines["void ratio"]) == pytest.approx(said["void_ratio"], abs=5e-5)
+    coordination = float(lines["coordination number"].split(",")[0])
+    assert coordination == pytest.approx(said["coordination_number"], abs=5e-4)
+    assert int(lines["floppy modes"].split()[0]) == said["floppy_modes"]
+    printed_lines = str(network).splitlines()
+    starts = {line.index(line.split("  ", 1)[1].lstrip()) for line in printed_lines}
+    assert len(starts) == 1, "not aligned"
+
+
+def test_pictures_show_the_numbers_and_draw_where_they_are_told(packing):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    network, _ = packing
+    modes, states = modal.eigenmodes(network), modal.density_of_states(network, resolution=1e4)
+    wave = modal.propagate(network, duration=3e-5)
+    gain, crystal = modal.frequency_response(network, highest=3e4), modal.FccLattice()
+    for result in (modes, states, wave, wave.signals, gain, crystal):
+        _, ax = pyplot.subplots()
+        assert result.plot(ax) is ax and ax.get_xlabel() and ax.get_ylabel()
+        assert result.plot().figure is not ax.figure
+    assert (modes.plot().lines[0].get_xdata() * 1e3).tolist() == pytest.approx(modes.frequency)
+    assert (gain.plot().lines[0].get_ydata() == gain.gain).all()
+    # The last line is Eq. 9, whose end at the zone's edge is f_low-pass, Eq. 10.
+    end = crystal.plot().lines[-1].get_ydata()[-1]
+    assert end * 1e3 == pytest.approx(crystal.low_pass_frequency, rel=1e-12)
+    drawn = np.asarray(wave.plot().collections[0].get_array())
+    assert abs(drawn).max() == pytest.approx(1e9 * abs(wave.signals.layer_displacement).max())
+    pyplot.close("all")
+
+
+def test_what_is_wrong_is_said_without_the_command_line(packing):
+    network, _ = packing
+    for call, said in (
+        (lambda: modal.eigenmodes(network, lowest=3, highest=3), "lowest and highest"),
+        (lambda: modal.eigenmodes(network, lowest=3, solver="magic"), "solver magic"),
+        (lambda: modal.eigenmodes(network, lowest=3, certify=False), "highest"),
+        (lambda: modal.eigenmodes(network, lowest=10_000), "10000 modes asked"),
+        (lambda: modal.count_modes(network, [np.nan]), "not a frequency"),
+        (lambda: modal.count_modes(network, 1e3, solver="magic"), "solver magic"),
+        (lambda: modal.fcc(cells=(2, 2)), "three whole numbers"),
+        (lambda: modal.fcc(cells=(2, 2, 0)), "three whole numbers"),
+        (lambda: modal.fcc(stress=-1.0), "stress -1 Pa"),
+        (lambda: modal.FccLattice(stress=np.nan), "stress nan Pa"),
+        (lambda: modal.random_packing(spheres=3), "3 spheres"),
+        (lambda: modal.random_packing(friction=2.0), "mu_comp 2"),
+    ):
+        with pytest.raises(modal.InputError, match=said) as raised:
+            call()
+        assert "--" not in str(raised.value)
+
+
+def test_what_is_dear_is_made_once_for_a_network(monkeypatch):
+    network = modal.fcc(cells=(2, 2, 10))
+    first = modal.eigenmodes(network, lowest=2)
+    monkeypatch.delattr("modal.modes.problem.floppy_modes")
+    assert modal.eigenmodes(network, lowest=2).floppy_modes == first.floppy_modes
+    assert "floppy modes         0" in str(network)
+    with pytest.raises(NameError):
+        modal.eigenmodes(modal.fcc(cells=(2, 2, 10)), lowest=2)
+
+
+@pytest.mark.parametrize("name", [*sorted(OFFERED - {"InputError", "Network"}), ""])
+def test_examples_in_docstrings(name):
+    """Each public function has one, of a second at most; without a name, that of modal."""
+    home = modal if not name else sys.modules[getattr(modal, name).__module__]
+    thing = getattr(modal, name) if name else modal
+    (test,) = doctest.DocTestFinder(recurse=False).find(thing, globs=dict(vars(home)))
+    assert test.examples
+    start = time.perf_counter()
+    failed, _ = doctest.DocTestRunner().run(test)
+    # Ten times the second: machines differ, and the first call compiles.
+    assert failed == 0 and time.perf_counter() - start < 10
+
+
+def test_examples_of_numbers_for_people():
+    assert doctest.testmod(importlib.import_module("modal.display")).failed == 0
+
+
+def test_the_script_in_examples(capsys):
+    runpy.run_path(str(ROOT / "examples" / "crystal.py"))
+    said = capsys.readouterr().out
+    assert "Eq. 10: 137616 Hz" in said and "of 1440" in said
