@@ -6,6 +6,7 @@
 Environment: WAVE_PRODUCTS names the folder of products (default: products).
 """
 
+import os
 import sys
 from pathlib import Path
 
@@ -36,7 +37,7 @@ readParamsFromTable(
     stress=1e5,
     input_frequency=1e5,
     width=4,
-    layers=200,
+    layers=int(os.environ.get("WAVE_LAYERS", 200)),
 )
 from yade.params.table import case, layers, mu_comp, mu_wave, stress, width  # noqa: E402
 
