@@ -115,10 +115,11 @@ def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = 
 def count_below(problem: Eigenproblem, frequency: float) -> int:
     """Exact number of modes below `frequency` (Hz), zero-energy modes included.
 
-    The inertia of K - omega^2 M (Sylvester's law): from PARDISO's pivots where it is installed,
-    else layer by layer in little memory; or the dense spectrum of a small network. Where a
-    factorisation cannot tell, as pivots vanish although no mode is near, the counts a little below
-    and above must agree, or the layers are asked. InputError where nothing can tell.
+    It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
+    of a factorisation: PARDISO's where it is installed, else layer by layer in little memory. Small
+    networks are solved dense. A factorisation may be uncertain at this very frequency, since a
+    pivot may vanish although no mode is near. Then it is made a little below and a little above,
+    and counts if both agree; otherwise the layers are tried. InputError where no way is certain.
     """
     if not np.isfinite(frequency):
         raise InputError(f"{frequency} is not a frequency; give a number of Hz")

@@ -39,7 +39,10 @@ class LateralTranslations:
 
 
 def _mapping(network: Network, shift: Floats) -> Ints | None:
-    """Permutation (n,) that the shift makes of the particles, or None where it is no symmetry."""
+    """Shape (n,): the particle at the place of each particle moved by `shift` (3,), m, or None.
+
+    None where a moved particle does not fall on another one, so that the shift is no symmetry.
+    """
     from scipy.spatial import cKDTree  # a tenth of a second that only crystals are worth
 
     box = np.where(network.cell_periodic, network.cell_size, 0.0)

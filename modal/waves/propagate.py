@@ -68,9 +68,11 @@ def chebyshev_moments(
     count: int,
     receivers: Receivers,
 ) -> Floats:
-    """Shape (count, receivers.count): the receivers' rows of M^-1/2 T_k(2 A / top - 1) start.
+    """Shape (count, receivers.count): what the receivers read of M^-1/2 T_k(2 A / top - 1) start.
 
-    `operator` is A, `start` (6n,); `scale` is M^-1/2. GrowthError where it grows.
+    Row k belongs to the Chebyshev polynomial T_k. `operator` is A, `start` (6n,), `scale` (6n,) the
+    diagonal of M^-1/2, `top` the upper end of the interval in omega^2, 1/s^2. GrowthError where the
+    vectors grow, as they do when modes lie outside the interval.
     """
     rows = np.empty((count, receivers.count))
     before, now, spare = start.copy(), np.empty_like(start), np.empty_like(start)
@@ -104,12 +106,13 @@ def moments_within_spectrum(
     receivers: Receivers,
     count_for: Callable[[float], int],
 ) -> tuple[Floats, float, int]:
-    """The moments of `chebyshev_moments`, the top of their interval and the products with K spent.
+    """`chebyshev_moments` on an interval that holds the spectrum.
 
-    `count_for` tells how many moments a top needs. Where the recurrence leaves an estimate that is
-    too small, a wider one follows; where it does not grow, modes beyond the interval are in the
-    result as exactly as those within: an expansion holds there, too, and what it leaves out has
-    grown no more than the rest.
+    Returns the moments, the top of their interval, 1/s^2, and the number of products with K.
+    `count_for` gives the number of moments for a top. The first top is an estimate. Where the
+    recurrence grows, the estimate was too small and a larger one is tried. Where it does not grow,
+    modes a little above the top do no harm: the expansion holds there too, and the error of leaving
+    out high orders is no larger than inside. InputError where there is no stiffness.
     """
     top, products = top_of_spectrum(operator)
     if top == 0:

@@ -14,7 +14,7 @@ from modal.waves.source import Motion
 
 
 class Receivers:
-    """Linear functionals of the motion u (6n,), collected in one row of numbers.
+    """What is recorded of a motion u (6n,), as one row of `count` numbers, each linear in u.
 
     In order: force on the source and on the receiver wall (N, positive upwards, walls at rest),
     u_z of the chain, layer means of u_z, and u_z of all particles where `particles` is asked.
@@ -37,12 +37,12 @@ class Receivers:
         self.count += network.n_particles if particles else 0
 
     def source_force(self, u: Floats, displacement: float) -> float:
-        """The force, N, that moves the source wall at its `displacement` and the motion u (6n,)."""
+        """The force, N, that holds the source wall at `displacement`, m, in the motion u (6n,)."""
         at, row = self._near_walls[0]
         return self.source_stiffness * displacement - float(row @ u[at])
 
     def observe(self, u: Floats, out: Floats) -> None:
-        """Write the row (count,) for the motion u (6n,), m and rad."""
+        """Write the row (count,) of the motion u (6n,), m and rad, into `out`."""
         along = u[2::6]
         for k, (at, row) in enumerate(self._near_walls):
             out[k] = row @ u[at]

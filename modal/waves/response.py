@@ -104,8 +104,8 @@ def frequency_response(
     has `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig. 19), and complex
     motions and stresses per metre of the wall's motion. `tolerance` bounds what the expansion
     leaves out relative to the value on resonance; `pre_stress` as in
-    `modal.stiffness.pre_stress`. InputError for packings without walls or stiffness, and before
-    hours of work.
+    `modal.stiffness.pre_stress`. InputError for packings without walls or stiffness, and where it
+    would take more than a day or the memory; GrowthError where K has negative directions.
 
     >>> import modal
     >>> gain = frequency_response(modal.fcc(cells=(1, 1, 30)), highest=2e4)
