@@ -12,7 +12,7 @@ import pytest
 
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation import dynamics, history_forces, moving_contacts, protocol
+from modal.preparation import contact_forces, dynamics, loops, moving_contacts, protocol
 from modal.preparation.dynamics import Dynamics
 from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
@@ -215,7 +215,7 @@ def run(sample, steps, **options):
 def test_compiled_steps_are_those_of_numpy(hot, monkeypatch):
     """To round-off: a hundred steps in which contacts slide, open and close."""
     compiled = run(hot, 100)
-    monkeypatch.setattr(moving_contacts, "forces_by_loop", history_forces.forces_by_arrays)
+    monkeypatch.setattr(moving_contacts, "forces_by_loop", contact_forces.forces_by_arrays)
     monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
     arrays = run(hot, 100)
     assert compiled.contacts.touching == arrays.contacts.touching
@@ -242,7 +242,7 @@ def test_slabs_of_one_pass_share_no_sphere():
     first = np.sort(random.integers(0, n, 20000))
     second = np.minimum(first + random.integers(1, 200, 20000), n - 1)
     second[random.random(20000) < 0.05] = -1
-    slabs = history_forces.slabs_of(np.column_stack([first, second]), n)
+    slabs = loops.slabs_of(np.column_stack([first, second]), n)
     assert slabs[0] == 0 and slabs[-1] == 20000 and (np.diff(slabs) >= 0).all()
     assert len(slabs) > 8
     for parity in (0, 1):
@@ -258,9 +258,9 @@ THREADS = """
 import sys
 import numba
 sys.path.insert(0, "tests")
-from modal.preparation import history_forces
+from modal.preparation import loops
 from test_dynamics import agitated, run
-history_forces.ENOUGH = 1
+loops.ENOUGH = 1
 sample = agitated()
 for threads in (1, 2):
     numba.set_num_threads(threads)

@@ -12,7 +12,7 @@ from modal.cli import relax as relax_command
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
-from modal.preparation import history_forces, moving_contacts
+from modal.preparation import contact_forces, moving_contacts
 from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import NEAR, RESERVE, Balance, balance_of, relax
@@ -81,7 +81,7 @@ def test_compiled_loop_is_the_same_as_arrays(sheared, monkeypatch):
     steps[..., 3:] /= sheared.radius
     steps[..., 0] += 0.01 * sheared.radius
     runs = []
-    for forces in (history_forces.forces_by_loop, history_forces.forces_by_arrays):
+    for forces in (contact_forces.forces_by_loop, contact_forces.forces_by_arrays):
         monkeypatch.setattr(moving_contacts, "forces_by_loop", forces)
         contacts = MovingContacts(sheared)
         for motion in steps:

@@ -19,12 +19,8 @@ from modal.formats.provenance import read_provenance
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation import central_forces, random_packing
-from modal.preparation.central_forces import (
-    CentralForces,
-    NearPairs,
-    forces_by_arrays,
-    forces_by_loop,
-)
+from modal.preparation.central_forces import CentralForces, NearContacts
+from modal.preparation.contact_forces import forces_by_arrays, forces_by_loop
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_network, random_sample
 
@@ -34,15 +30,17 @@ def _crowd(spheres=200, aspect=2.0):
     return sample, sample.position.copy(), np.array([*sample.side, sample.walls[1]])
 
 
-def test_loop_equals_arrays():
+def test_loop_equals_arrays(monkeypatch):
     sample, position, lengths = _crowd()
-    pairs = NearPairs(position, lengths, 2 * sample.radius)
+    # Two in the same place have no direction of contact, and no force.
+    position[11] = position[10]
     results = []
     for compute in (forces_by_loop, forces_by_arrays):
-        force = np.zeros_like(position)
-        rest = compute(position, force, pairs.ends, pairs.shift, lengths, sample.radius, 1e10)
-        results.append((force, *rest))
-    assert results[0][-1] == results[1][-1]
+        monkeypatch.setattr(central_forces, "forces_by_loop", compute)
+        forces = CentralForces(sample).of(position, lengths)
+        assert np.isfinite(forces.force).all()
+        sums = forces.energy, forces.mean_force, forces.mean_stiffness, forces.contacts
+        results.append((forces.force, forces.virial, *sums))
     for one, other in zip(*results, strict=True):
         # Sums of a thousand terms in another order.
         assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * np.max(np.abs(other)))
@@ -50,25 +48,27 @@ def test_loop_equals_arrays():
 
 def test_cells_find_the_pairs_of_the_tree():
     sample, position, lengths = _crowd(400)
-    pairs = NearPairs(position, lengths, 2 * sample.radius)
+    near = NearContacts(position, lengths, 2 * sample.radius)
     reach = (1 + central_forces.SKIN) * 2 * sample.radius
     i, j, shift = periodic_pairs(position, lengths[:2], reach)
     expected = set(zip(i, j, *shift[:, :2].T, strict=True))
-    found = list(zip(*pairs.ends.T, *pairs.shift.T, strict=True))
+    for wall, distance in ((-1, position[:, 2]), (-2, lengths[2] - position[:, 2])):
+        expected |= {(k, wall, 0, 0) for k in np.flatnonzero(distance < reach / 2)}
+    found = list(zip(*near.ends.T, *near.shift.T, strict=True))
     assert len(found) == len(expected) and set(found) == expected
 
 
 def test_list_of_pairs_expires_before_a_pair_is_missed():
     sample, position, lengths = _crowd()
     diameter = 2 * sample.radius
-    pairs = NearPairs(position, lengths, diameter)
+    near = NearContacts(position, lengths, diameter)
     moved = position.copy()
     moved[7, 0] += 0.49 * central_forces.SKIN * diameter
-    assert pairs.holds(moved, lengths)
+    assert near.holds(moved, lengths)
     moved[7, 0] += 0.02 * central_forces.SKIN * diameter
-    assert not pairs.holds(moved, lengths)
+    assert not near.holds(moved, lengths)
     shrink = np.array([1, 1, 1 - 1.01 * central_forces.SKIN / (1 + central_forces.SKIN)])
-    assert not pairs.holds(position * shrink, lengths * shrink)
+    assert not near.holds(position * shrink, lengths * shrink)
 
 
 def test_forces_are_the_gradient_of_the_energy():

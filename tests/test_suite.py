@@ -9,14 +9,13 @@ from pathlib import Path
 CONFTEST = Path(__file__).with_name("conftest.py")
 TESTS = """
 import pytest
-from modal.preparation import central_forces
 from modal.stiffness import operator
 from modal.solvers.factor import available
-from modal.preparation import history_forces
+from modal.preparation import loops
 
 def test_what_is_hidden():
-    assert operator.numba is None and central_forces.numba is None
-    assert history_forces.numba is None and not available("pardiso")
+    assert operator.numba is None and loops.numba is None
+    assert not available("pardiso")
 
 def test_skipped():
     pytest.skip("no reason at all")

@@ -2,12 +2,14 @@
 
 Sphere and wall are of the same material, so both contacts share the effective moduli and differ
 only in the effective radius: R/2 for two equal spheres, R for a flat wall. The functions take
-arrays or single numbers, and give single numbers where both arguments are.
+arrays or single numbers, and give single numbers where both arguments are. The loops over moving
+contacts are compiled from these very functions.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,13 @@ from modal.formats.arrays import Floats
 
 RADIUS = 1.27e-3
 """Particle radius of the study, m (Otsubo et al. 2017, section 2)."""
+
+
+class Moduli(NamedTuple):
+    """Effective moduli of two bodies, Pa, as compiled loops take them; see `Material`."""
+
+    effective_young: float
+    effective_shear: float
 
 
 @dataclass(frozen=True)
@@ -35,21 +44,41 @@ class Material:
         """G* = G / (2 (2 - nu)), Pa, of two bodies of this material."""
         return self.young / (4 * (1 + self.poisson) * (2 - self.poisson))
 
+    @property
+    def moduli(self) -> Moduli:
+        """E* and G*: all that the law of contact needs."""
+        return Moduli(self.effective_young, self.effective_shear)
+
+
+Elastic = Material | Moduli
 
 GLASS = Material(young=60e9, poisson=0.2, density=2230.0)
 """Borosilicate glass ballotini of the study (Otsubo et al. 2017, section 2)."""
 
 
+def contact_radius(overlap: Floats | float, effective_radius: Floats | float) -> Floats:
+    """Hertz: a = sqrt(R* overlap), m, of the circle of contact; overlap in m."""
+    radius: Floats = np.sqrt(effective_radius * overlap)
+    return radius
+
+
 def normal_force(
-    overlap: Floats | float, effective_radius: Floats | float, material: Material
+    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
 ) -> Floats:
-    """Hertz: N = 4/3 E* sqrt(R*) overlap^(3/2); overlap in m, N in newton."""
-    force: Floats = 4 / 3 * material.effective_young * np.sqrt(effective_radius) * overlap**1.5
-    return force
+    """Hertz: N = 4/3 E* a overlap; overlap in m, N in newton."""
+    hertz = 4 / 3 * material.effective_young
+    return hertz * contact_radius(overlap, effective_radius) * overlap
+
+
+def elastic_energy(
+    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
+) -> Floats:
+    """Work of the normal force from touch to `overlap`, m: 2/5 N overlap, J."""
+    return 0.4 * normal_force(overlap, effective_radius, material) * overlap
 
 
 def overlap_of_force(
-    force: Floats | float, effective_radius: Floats | float, material: Material
+    force: Floats | float, effective_radius: Floats | float, material: Elastic
 ) -> Floats:
     """The inverse of `normal_force`: overlap in m from a compressive force in newton."""
     overlap: Floats = (0.75 * force / (material.effective_young * np.sqrt(effective_radius))) ** (
@@ -59,14 +88,14 @@ def overlap_of_force(
 
 
 def stiffness_normal(
-    overlap: Floats | float, effective_radius: Floats | float, material: Material
+    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
 ) -> Floats:
-    """Tangent normal stiffness kn = dN/d(overlap) = 2 E* sqrt(R* overlap), N/m."""
-    return 2 * material.effective_young * np.sqrt(effective_radius * overlap)
+    """Tangent normal stiffness kn = dN/d(overlap) = 2 E* a, N/m."""
+    return 2 * material.effective_young * contact_radius(overlap, effective_radius)
 
 
 def stiffness_tangential(
-    overlap: Floats | float, effective_radius: Floats | float, material: Material
+    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
 ) -> Floats:
-    """Tangential stiffness without slip kt = 8 G* sqrt(R* overlap), N/m."""
-    return 8 * material.effective_shear * np.sqrt(effective_radius * overlap)
+    """Tangential stiffness without slip kt = 8 G* a, N/m."""
+    return 8 * material.effective_shear * contact_radius(overlap, effective_radius)

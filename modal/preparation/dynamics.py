@@ -16,8 +16,9 @@ import numpy as np
 
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import Sample, void_ratio
-from modal.preparation.history_forces import SLABS, compiled, numba, prange
+from modal.preparation.loops import SLABS, compiled, compiled_part, numba, prange
 from modal.preparation.moving_contacts import MovingContacts
+from modal.preparation.near_contacts import still_complete
 
 SKIN, WIDEST = 0.03, 0.24
 """First and largest reach of the list of pairs beyond touch, diameters. A list that has lasted
@@ -84,7 +85,7 @@ def advance_by_arrays(
 if numba is None:
     advance_by_loop = advance_by_arrays
 else:
-    _advance_some = numba.njit(cache=True)(_advance_some)
+    _advance_some = compiled_part(_advance_some)
     advance_by_loop = compiled(_advance, 0)
 
 
@@ -137,9 +138,7 @@ class Dynamics:
                 f"a sphere moves by more than its radius in one step of {dt:.3g} s: the motion is "
                 "unstable; take a smaller fraction"
             )
-        # The list holds while (D + skin) * least stretch - 2 u >= D; so it does for the walls.
-        within = (1 + contacts.skin) * min(1.0, self._stretch.min())
-        self._far = not within - np.sqrt(largest) / radius >= 1
+        self._far = not still_complete(contacts.skin, self._stretch, np.sqrt(largest), radius)
 
     def find_forces(self, dt: float) -> None:
         """Forces at the present places, where a step `dt` has led; 0 opens and closes only."""

@@ -1,7 +1,7 @@
 """Contacts of spheres that move: which pairs are near, and the history of those that touch.
 
 The list of nearby pairs holds while no sphere has gone far; a new one takes over the normals and
-shear forces of the contacts that go on. The law itself is `modal.preparation.history_forces`.
+shear forces of the contacts that go on. The law itself is `modal.preparation.contact_forces`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.packing.contact_law import normal_force, stiffness_tangential
 from modal.packing.neighbours import tangents
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.sample import Sample
-from modal.preparation.central_forces import pairs_in_reach
-from modal.preparation.history_forces import TOTALS, forces_by_loop, slabs_of
+from modal.preparation.contact_forces import TOTALS, forces_by_loop
+from modal.preparation.loops import slabs_of
+from modal.preparation.near_contacts import contacts_in_reach
 
 SKIN = 0.02
 """Reach of the list of pairs beyond touch, diameters: it holds while no sphere has gone by half."""
@@ -62,11 +61,7 @@ class MovingContacts:
         self.side = np.array(sample.side, float)
         self.walls = np.array(sample.walls, float)
         self.skin = skin
-        material = sample.material
-        self._moduli = (
-            float(normal_force(1.0, 1.0, material)),
-            float(stiffness_tangential(1.0, 1.0, material)),
-        )
+        self._moduli = sample.material.moduli
         self.position = sample.position.copy()
         self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
         self._ends = np.column_stack([network.particle_i, network.particle_j])
@@ -77,26 +72,21 @@ class MovingContacts:
 
     def seek(self) -> None:
         """List the pairs in reach, with the history of those that touch."""
-        radius, reach = self._sample.radius, 2 * self._sample.radius * (1 + self.skin)
         inside, turns = self._wrapped()
         inside[:, 2] -= self.walls[0]
         lengths = np.array([*self.side, self.walls[1] - self.walls[0]])
-        ends, near = pairs_in_reach(inside, lengths, reach)
-        parts = [(ends, near + turns[ends[:, 0]] - turns[ends[:, 1]])]
-        away = inside[:, 2], lengths[2] - inside[:, 2]
-        for code, distance in zip((SOURCE_WALL, RECEIVER_WALL), away, strict=True):
-            (at,) = np.nonzero(distance < radius * (1 + 4 * self.skin))
-            of_wall = np.column_stack([at, np.full(len(at), code)])
-            parts.append((of_wall, np.zeros((len(at), 2))))
-        ends, near = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        order = np.lexsort(ends.T[::-1])
+        reach = 2 * self._sample.radius * (1 + self.skin)
+        ends, shift = contacts_in_reach(inside, lengths, reach)
+        # Periods between the places as they are, which are not brought back into the cell.
+        pair = ends[:, 1] >= 0
+        shift[pair] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
         before_ends, before_shift = self._ends, self._shift
-        self._ends, self._shift = ends[order].astype(np.int32), near[order].astype(np.int8)
+        self._ends, self._shift = ends, shift
         touched = self._normal.any(axis=1)
         old = _numbers(*before_ends[touched].T, before_shift[touched])
         before, after = _matching(old, _numbers(*self._ends.T, self._shift))
         normal, shear = self._normal[touched], self._shear[touched]
-        self._normal, self._shear = np.zeros((2, len(order), 3))
+        self._normal, self._shear = np.zeros((2, len(ends), 3))
         self._normal[after], self._shear[after] = normal[before], shear[before]
         self._slabs = slabs_of(self._ends, len(self.position))
         self._sought_at = self.position.copy()
@@ -125,15 +115,15 @@ class MovingContacts:
         totals = forces_by_loop(
             self._slabs,
             self.position,
-            velocity,
-            dt,
             self._ends,
             self._shift,
             self.side,
-            np.asarray(change),
             self.walls,
             self._sample.radius,
-            *self._moduli,
+            self._moduli,
+            velocity,
+            dt,
+            np.asarray(change),
             self.friction,
             self._normal,
             self._shear,
@@ -144,7 +134,7 @@ class MovingContacts:
         self.touching, self.sliding = int(of["touching"]), int(of["sliding"])
         self.mean_force = of["normal force"] / max(self.touching, 1)
         self.mean_contact = of["contact force"] / max(self.touching, 1)
-        self.virial = totals[4:]
+        self.virial = totals[4:7]
 
     def numbers(self) -> tuple[int, int]:
         """Contacts between spheres, and with the walls."""

@@ -1,0 +1,260 @@
+"""Forces of all contacts: Hertz normal to them, and Mindlin with friction along them.
+
+A contact with history has a shear force. A step turns it with its contact and with the spin of its
+two spheres, lets it grow by ks times the shear displacement, a contact's first step included, and
+cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by term (there `ScGeom`
+without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
+`modal.stiffness.pre_stress` with finite increments. Without friction there is no history.
+
+The law of a contact is written once, for numbers and for arrays: the loop over contacts, compiled
+by numba, and numpy, which is about ten times slower and the loop's oracle, both call it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.packing.contact_law import (
+    Moduli,
+    contact_radius,
+    elastic_energy,
+    normal_force,
+    stiffness_normal,
+    stiffness_tangential,
+)
+from modal.packing.network import SOURCE_WALL
+from modal.preparation.loops import compiled, compiled_part, elementwise, numba, prange
+
+TOTALS = (
+    *("normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"),
+    *("energy", "stiffness"),
+)
+"""What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m."""
+WITHOUT_HISTORY = None, None, None, None, None, None
+"""Of frictionless contacts: no motion of spheres, normals and shear forces to go on from."""
+
+for _of_law in (
+    contact_radius,
+    normal_force,
+    elastic_energy,
+    stiffness_normal,
+    stiffness_tangential,
+):
+    elementwise(_of_law)
+
+
+@elementwise
+def dot(a, b):
+    """Scalar product of two vectors (x, y, z)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@elementwise
+def cross(a, b):
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@elementwise
+def plus(a, factor, b):
+    """a + factor b."""
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+@elementwise
+def increment(normal, lever, apart, turning, dt, gained):
+    """How far the contact points part along the contact in a step, m.
+
+    apart, m/s: velocity of the second sphere less that of the first; turning, rad/s: the sum of
+    their spins; gained, m: what the periods between them have gained.
+    """
+    moved = plus(apart, lever, cross(normal, turning))
+    moved = dt * moved[0] + gained[0], dt * moved[1] + gained[1], dt * moved[2]
+    return plus(moved, -dot(moved, normal), normal)
+
+
+@elementwise
+def turned(shear, before, normal, turning, dt):
+    """The shear force, N, of a contact that turns from the normal `before` to `normal` and spins.
+
+    s + (before x normal) x s, then + (spin before) x s: zero for one that has just closed.
+    """
+    shear = plus(plus(shear, dot(shear, before), normal), -dot(shear, normal), before)
+    return plus(shear, 0.5 * dt * dot(before, turning), cross(before, shear))
+
+
+@elementwise
+def share_held(shear, limit):
+    """What friction holds of a shear force: 1, or less where the contact slides."""
+    size = np.sqrt(dot(shear, shear))
+    return np.minimum(1.0, limit / np.maximum(size, 1e-300))
+
+
+def _forces_of_slab(
+    first, last, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
+    normal, shear, load, stiffness, totals,
+):  # fmt: skip
+    law, diameter, of_pair = Moduli(moduli[0], moduli[1]), 2 * radius, radius / 2
+    summed = len(stiffness) > 0
+    all_normal = all_contact = energy = all_stiffness = 0.0
+    along_x = along_y = along_z = 0.0
+    touching = sliding = 0
+    for c in range(first, last):
+        i, j = ends[c, 0], ends[c, 1]
+        overlap = 0.0
+        if j >= 0:
+            bx = position[j, 0] - position[i, 0]
+            by = position[j, 1] - position[i, 1]
+            bz = position[j, 2] - position[i, 2]
+            a, b = shift[c, 0], shift[c, 1]
+            if a != 0:
+                bx += a * side[0]
+            if b != 0:
+                by += b * side[1]
+            square = bx * bx + by * by + bz * bz
+            if 0.0 < square < diameter * diameter:
+                distance = np.sqrt(square)
+                overlap = diameter - distance
+                inverse = 1 / distance
+                nx, ny, nz = bx * inverse, by * inverse, bz * inverse
+            effective = of_pair
+        else:
+            a = b = 0
+            nx, ny, nz = 0.0, 0.0, -1.0 if j == SOURCE_WALL else 1.0
+            bx, by, bz = 0.0, 0.0, walls[0 if j == SOURCE_WALL else 1] - position[i, 2]
+            overlap = radius - nz * bz
+            effective = radius
+        if overlap <= 0:
+            if shear is not None and normal[c].any():
+                normal[c, 0] = normal[c, 1] = normal[c, 2] = 0.0
+                shear[c, 0] = shear[c, 1] = shear[c, 2] = 0.0
+            continue
+        pressed = normal_force(overlap, effective, law)
+        fx, fy, fz = -pressed * nx, -pressed * ny, -pressed * nz
+        if shear is not None:
+            n, lever = (nx, ny, nz), radius - overlap / 2
+            apart = -motion[i, 0], -motion[i, 1], -motion[i, 2]
+            turning = motion[i, 3], motion[i, 4], motion[i, 5]
+            if j >= 0:
+                apart = plus(apart, 1.0, (motion[j, 0], motion[j, 1], motion[j, 2]))
+                turning = plus(turning, 1.0, (motion[j, 3], motion[j, 4], motion[j, 5]))
+            gained = a * change[0], b * change[1]
+            slip = increment(n, lever, apart, turning, dt, gained)
+            before = normal[c, 0], normal[c, 1], normal[c, 2]
+            s = turned((shear[c, 0], shear[c, 1], shear[c, 2]), before, n, turning, dt)
+            s = plus(s, stiffness_tangential(overlap, effective, law), slip)
+            limit = friction * pressed
+            if dot(s, s) > limit * limit:
+                held = share_held(s, limit)
+                s = held * s[0], held * s[1], held * s[2]
+                sliding += 1
+            normal[c, 0], normal[c, 1], normal[c, 2] = n
+            shear[c, 0], shear[c, 1], shear[c, 2] = s
+            fx, fy, fz = fx + s[0], fy + s[1], fz + s[2]
+            mx, my, mz = cross(n, s)
+            mx, my, mz = lever * mx, lever * my, lever * mz
+            load[i, 3] += mx
+            load[i, 4] += my
+            load[i, 5] += mz
+            if j >= 0:
+                load[j, 3] += mx
+                load[j, 4] += my
+                load[j, 5] += mz
+            all_contact += np.sqrt(fx * fx + fy * fy + fz * fz)
+        load[i, 0] += fx
+        load[i, 1] += fy
+        load[i, 2] += fz
+        if j >= 0:
+            load[j, 0] -= fx
+            load[j, 1] -= fy
+            load[j, 2] -= fz
+        kn = stiffness_normal(overlap, effective, law)
+        if summed:
+            stiffness[i] += kn
+            if j >= 0:
+                stiffness[j] += kn
+        all_normal += pressed
+        all_stiffness += kn
+        energy += elastic_energy(overlap, effective, law)
+        along_x -= fx * bx
+        along_y -= fy * by
+        along_z -= fz * bz
+        touching += 1
+    totals[0], totals[1], totals[2], totals[3] = all_normal, all_contact, touching, sliding
+    totals[4], totals[5], totals[6] = along_x, along_y, along_z
+    totals[7], totals[8] = energy, all_stiffness
+
+
+def _forces_by_slabs(
+    slabs, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
+    normal, shear, load, stiffness,
+):  # fmt: skip
+    load[:], stiffness[:] = 0, 0
+    count = len(slabs) - 1
+    totals = np.zeros((count, 9))
+    for odd in range(2):
+        for half in prange((count + 1 - odd) // 2):
+            k = 2 * half + odd
+            _forces_of_slab(
+                slabs[k], slabs[k + 1], position, ends, shift, side, walls, radius, moduli, motion,
+                dt, change, friction, normal, shear, load, stiffness, totals[k],
+            )  # fmt: skip
+    return totals.sum(axis=0)
+
+
+def forces_by_arrays(
+    slabs, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
+    normal, shear, load, stiffness,
+):  # fmt: skip
+    """The same as the compiled loop; the fallback, and its oracle."""
+    law, count = Moduli(*moduli), len(position)
+    i, j = ends.T
+    pair = j >= 0
+    branch = position[j] - position[i]
+    branch[:, :2] += shift * side
+    face = walls[np.where(j == SOURCE_WALL, 0, 1)] - position[i, 2]
+    branch[~pair] = np.column_stack([0 * face, 0 * face, face])[~pair]
+    # A sphere beyond a wall is pushed back: its distance is negative.
+    outward = np.where(j == SOURCE_WALL, -1.0, 1.0)
+    distance = np.where(pair, np.sqrt((branch**2).sum(axis=1)), outward * face)
+    overlap = np.where(pair, 2 * radius, radius) - distance
+    (near,) = np.nonzero((overlap > 0) & ((distance > 0) | ~pair))
+    i, j, pair, overlap, distance = (of[near] for of in (i, j, pair, overlap, distance))
+    n = np.where(pair, branch[near].T / np.where(pair, distance, 1.0), 0.0)
+    n[2, ~pair] = outward[near][~pair]
+    effective = np.where(pair, radius / 2, radius)
+    pressed, kn = normal_force(overlap, effective, law), stiffness_normal(overlap, effective, law)
+    force, slid, contact = -pressed * n, 0, 0.0
+    load[:] = 0
+    if shear is not None:
+        lever, second = radius - overlap / 2, np.where(pair, motion[j].T, 0.0)
+        apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
+        gained = np.where(pair, (shift[near] * change).T, 0.0)
+        slip = increment(n, lever, apart, turning, dt, gained)
+        s = turned(shear[near].T, normal[near].T, n, turning, dt)
+        s = np.array(plus(s, stiffness_tangential(overlap, effective, law), slip))
+        limit = friction * pressed
+        slid = int((dot(s, s) > limit**2).sum())
+        s *= share_held(s, limit)
+        normal[:], shear[:] = 0, 0
+        normal[near], shear[near] = n.T, s.T
+        force, contact = force + s, np.sqrt(dot(force + s, force + s)).sum()
+        torque = lever * np.array(cross(n, s))
+        for axis in range(3):
+            load[:, 3 + axis] = np.bincount(i, torque[axis], count)
+            load[:, 3 + axis] += np.bincount(j[pair], torque[axis, pair], count)
+    for axis in range(3):
+        load[:, axis] = np.bincount(i, force[axis], count)
+        load[:, axis] -= np.bincount(j[pair], force[axis, pair], count)
+    if len(stiffness):
+        stiffness[:] = np.bincount(i, kn, count) + np.bincount(j[pair], kn[pair], count)
+    virial = -(distance * force * n).sum(axis=1)
+    energy = elastic_energy(overlap, effective, law).sum()
+    return np.array([pressed.sum(), contact, len(near), slid, *virial, energy, kn.sum()])
+
+
+if numba is None:
+    forces_by_loop = forces_by_arrays
+else:
+    _forces_of_slab = compiled_part(_forces_of_slab)
+    forces_by_loop = compiled(_forces_by_slabs, 1)
