@@ -35,8 +35,10 @@ def slabs_of(ends: np.ndarray, n: int) -> np.ndarray:
     """First contact of each slab, and the number of contacts; `ends` (m, 2) sorted by the first.
 
     With `n` spheres numbered along z a slab reaches its next neighbour at most: no two of the even
-    ones share a sphere, nor of the odd ones.
+    ones share a sphere, nor of the odd ones. One slab where threads are never used.
     """
+    if n < ENOUGH:
+        return np.array([0, len(ends)])
     starts = np.searchsorted(ends[:, 0], np.arange(n + 1))
     reach = np.arange(n)
     np.maximum.at(reach, ends[:, 0], ends[:, 1])

@@ -26,22 +26,20 @@ def still_complete(skin: float, stretch: np.ndarray, moved: float, radius: float
 def contacts_in_reach(
     position: np.ndarray, lengths: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (k, 2) and lateral periods (k, 2) of the contacts in reach, sorted by their ends.
+    """Ends (k, 2) and lateral periods (k, 2) of the contacts in reach, sorted by the first end.
 
     Pairs at most `reach`, m, apart, and spheres at most half of it from a wall, whose code is the
     second end. `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, walls at both ends
     of z, the lower one at 0.
     """
-    pairs, shift = pairs_in_reach(position, lengths, reach)
-    ends, periods = [pairs], [shift]
-    away = position[:, 2], lengths[2] - position[:, 2]
-    for code, distance in zip((SOURCE_WALL, RECEIVER_WALL), away, strict=True):
-        (at,) = np.nonzero(distance < reach / 2)
-        ends.append(np.column_stack([at, np.full(len(at), code)]).astype(np.int32))
-        periods.append(np.zeros((len(at), 2)))
-    both, shift = np.concatenate(ends), np.concatenate(periods)
-    order = np.lexsort(both.T[::-1])
-    return both[order], shift[order].astype(np.int8)
+    ends, shift = pairs_in_reach(position, lengths, reach)
+    low = np.flatnonzero(position[:, 2] < reach / 2)
+    high = np.flatnonzero(lengths[2] - position[:, 2] < reach / 2)
+    at = np.concatenate([low, high])
+    code = np.repeat((SOURCE_WALL, RECEIVER_WALL), (len(low), len(high)))
+    place = np.searchsorted(ends[:, 0], at.astype(ends.dtype))
+    ends = np.insert(ends, place, np.column_stack([at, code]), axis=0)
+    return ends, np.insert(shift, place, 0, axis=0)
 
 
 def pairs_in_reach(
@@ -58,7 +56,7 @@ def pairs_in_reach(
         return _pairs_by_cells(position, lengths, reach)
     i, j, shift = periodic_pairs(position, lengths[:2], reach)
     order = np.lexsort((j, i))
-    return np.column_stack([i, j])[order].astype(np.int32), shift[order, :2].astype(float)
+    return np.column_stack([i, j])[order].astype(np.int32), shift[order, :2].astype(np.int8)
 
 
 def _pairs_by_cells(position, lengths, reach):
@@ -75,7 +73,7 @@ def _pairs_by_cells(position, lengths, reach):
         index = (cell[i, 2] * count[1] + cell[i, 1]) * count[0] + cell[i, 0]
         following[i], first[index] = first[index], i
     ends = np.empty((8 * n, 2), np.int32)
-    shift = np.empty((8 * n, 2))
+    shift = np.empty((8 * n, 2), np.int8)
     found = 0
     for i in range(n):
         for c in range(27):
