@@ -69,6 +69,19 @@ def test_contacts_slide_until_friction_holds_them(packed):
     assert state.residual < 1e-9 and state.largest < 1e-8
 
 
+def test_rest_is_seen_after_a_large_shake(packed):
+    """By an overlap: contacts turn so far that their shear forces get a part along the normal.
+
+    A sample cannot hold this part, so that the moving contacts would be in balance and the sample
+    never. Damped waves need some hundred steps for four decades, a thousand for ten.
+    """
+    shake = np.random.default_rng(2).standard_normal((len(packed.position), 6))
+    shake *= np.median(packed.network().overlap)
+    shake[:, 3:] /= packed.radius
+    _, state = relax(moved(packed, shake), max_steps=4000)
+    assert state.at_rest and state.steps < 4000
+
+
 def test_compiled_loop_is_the_same_as_arrays(sheared, monkeypatch):
     """Loads after moves that slide, open and close contacts, and cross the cell's edge.
 

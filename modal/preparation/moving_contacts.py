@@ -136,6 +136,15 @@ class MovingContacts:
         self.mean_contact = of["contact force"] / max(self.touching, 1)
         self.virial = totals[4:7]
 
+    def level_shear(self) -> None:
+        """Take the part along the contact off every shear force, as a sample does.
+
+        Turning keeps a force across its contact to first order; over many steps a part along it of
+        second order gathers.
+        """
+        along = (self._shear * self._normal).sum(axis=1)
+        self._shear -= along[:, None] * self._normal
+
     def numbers(self) -> tuple[int, int]:
         """Contacts between spheres, and with the walls."""
         walls = self._normal.any(axis=1) & (self._ends[:, 1] < 0)

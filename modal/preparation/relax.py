@@ -143,8 +143,11 @@ def relax(
             if watch:
                 watch(state)
             # The sample is what counts: its overlaps follow from the positions once more.
-            if state.within(goal) and _end(contacts, step)[1].within(goal):
-                break
+            if state.within(goal):
+                if _end(contacts, step)[1].within(goal):
+                    break
+                # It holds no part of the shear forces along the contacts.
+                contacts.level_shear()
         mass = np.maximum(contacts.stiffness, LIGHTEST * contacts.stiffness.mean()) / PACE
         push -= LOCAL_DAMPING * np.copysign(push, velocity)
         velocity += push * (lightness / mass[:, None])
