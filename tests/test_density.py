@@ -1,6 +1,7 @@
 """Density of states against dense spectra, component by component, and against its own claims."""
 
 import json
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -201,6 +202,26 @@ def test_command_and_file(tmp_path, capsys):
         assert file.attrs["schema_version"] == 1
         assert file.attrs["network_sha256"] == sha256(path)
         assert file.attrs["resolution"] == 5e3
+
+
+@pytest.mark.parametrize("resolution", [1e3, 3.3e3, 7e3, 2e4, 9e4])
+def test_orders_are_as_few_as_the_resolution_takes(resolution):
+    """The kernel's standard deviation in x = f / f_max is pi over the orders, odd ones too."""
+    states = density_of_states(gallery.fcc(cells=(2, 2, 6)), resolution=resolution)
+    orders = 2 * states.moments.shape[2]
+
+    def width(orders: int) -> float:
+        return np.sqrt(8 * np.log(2)) * np.pi / orders * states.highest
+
+    assert width(orders) <= resolution < width(orders - 2)
+
+
+def test_without_stiffness_there_is_no_density():
+    network = gallery.column(3)
+    nothing = np.zeros(network.n_contacts)
+    network = replace(network, stiffness_normal=nothing, stiffness_tangential=nothing)
+    with pytest.raises(InputError, match="no stiffness"):
+        density_of_states(network)
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])

@@ -142,6 +142,24 @@ def test_cluster_without_walls_moves_as_a_whole(periodic):
     assert problem.floppy.total == zero_modes(problem)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cluster_is_followed_through_contacts_named_either_way(seed):
+    """Its places, and so its rigid rotations, whichever body of a contact comes first."""
+    crystal = gallery.fcc(cells=(4, 4, 5))
+    network = with_contacts(crystal, (crystal.particle_j >= 0) & ~crystal.cell_shift.any(axis=1))
+    other = np.random.default_rng(seed).random(network.n_contacts) < 0.5
+    swap = other[:, None]
+    network = replace(
+        network,
+        particle_i=np.where(other, network.particle_j, network.particle_i),
+        particle_j=np.where(other, network.particle_i, network.particle_j),
+        normal=np.where(swap, -network.normal, network.normal),
+        lever_i=np.where(swap, network.lever_j, network.lever_i),
+        lever_j=np.where(swap, network.lever_i, network.lever_j),
+    )
+    assert Eigenproblem.of(network).floppy.loose_clusters == 6
+
+
 def test_without_tangential_springs_every_sphere_spins():
     network = replace(
         gallery.fcc(cells=(3, 3, 5)), sliding=np.ones(gallery.fcc(cells=(3, 3, 5)).n_contacts, bool)
