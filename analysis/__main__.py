@@ -10,7 +10,8 @@ from typing import NoReturn
 import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
-from analysis.case import Products, find
+from analysis.belonging import cases_of
+from analysis.case import Case
 from analysis.crystal import compare, comparison_table, stress_rows
 from analysis.estimators.power_law import power_law
 from analysis.estimators.trial import trial
@@ -39,6 +40,7 @@ COMPARED = (
     "mode_shapes",
 )
 """Figures of `compare`, one of each for every case."""
+CASE = "a case of --products by name, as 2; or files: a NETWORK and what was made from it"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -61,10 +63,10 @@ def _parser() -> argparse.ArgumentParser:
     figure = command("figure", "draw one figure of the cases, or again from its own CSV")
     figure.add_argument("name", metavar="NAME", help="a CSV file, or " + ", ".join(FIGURES))
     for sub, count in ((reported, "+"), (compared, "+"), (figure, "*")):
-        sub.add_argument("case", nargs=count, metavar="CASE", help="1 ... 32")
+        sub.add_argument("case", nargs=count, metavar="CASE", help=CASE)
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
     text = "what a report needs beside the run's products: gain, density of states, ridge"
-    command("prepare", text).add_argument("case", nargs="+", metavar="CASE", help="1 ... 32")
+    command("prepare", text).add_argument("case", nargs="+", metavar="CASE", help=CASE)
     status = command("status", "which cases have which products, and which are stale and why")
     status.add_argument("--cases", default="cases", metavar="DIR", help="tables of the cases")
     text = "table of compact samples: density, contacts, stresses, balance"
@@ -85,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _compare(cases: list[Products], output: Path, figures: bool) -> None:
+def _compare(cases: list[Case], output: Path, figures: bool) -> None:
     for case in cases:
         print(f"\n{case.name}  stress {case.network.study.get('stress', float('nan')):g} Pa")
         paths = _crystal(case, output) if case.is_crystal else _random(case, output)
@@ -95,7 +97,7 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
         if figures:
             paths += _figures(COMPARED, [Measures(case)], output, f"{case.name}.")
         print("\n".join(str(path) for path in paths))
-    crystals = [case for case in cases if case.is_crystal]
+    crystals = [case for case in cases if case.is_crystal and np.isfinite(case.stress)]
     if len(crystals) > 1:
         columns = stress_rows(crystals)
         for name in ("theory", "modal", "yade"):
@@ -108,14 +110,14 @@ def _compare(cases: list[Products], output: Path, figures: bool) -> None:
             print("\n".join(str(path) for path in paths))
 
 
-def _crystal(case: Products, output: Path) -> list[Path]:
+def _crystal(case: Case, output: Path) -> list[Path]:
     """Theory, modes, linear wave and YADE side by side."""
     found = comparison_table(compare(case))
     print(found.text())
     return found.write(output / f"{case.name}.comparison")
 
 
-def _random(case: Products, output: Path) -> list[Path]:
+def _random(case: Case, output: Path) -> list[Path]:
     """A random packing has no theory: its own row of Table 1, and the paper's numbers."""
     found = tables([Measures(case)])
     paths = []
@@ -200,7 +202,7 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.command == "samples":
             _show(table(arguments.sample), arguments.output)
             return 0
-        cases = [find(text, arguments.products) for text in arguments.case]
+        cases = cases_of(arguments.case, arguments.products)
         if arguments.command == "prepare":
             for case in cases:
                 print("".join(f"{path}\n" for path in prepare(case)), end="")

@@ -1,4 +1,4 @@
-"""The products of a case: which files there are, read on demand."""
+"""A case: one packing and what was made of it, read on demand."""
 
 from __future__ import annotations
 
@@ -35,34 +35,37 @@ EXTRA_KINDS = ("sample", "highest.modes", "band.modes", "structure", "density", 
 
 
 def case_name(text: str) -> str:
-    """`2`, `02` or `case02` as `case02`; InputError otherwise."""
-    match = re.fullmatch(r"(?:case)?0*([1-9]\d?)", text.strip().lower())
-    if not match or int(match[1]) > 32:
-        raise InputError(f"{text!r} is not a case; there are cases 1 to 32, write for example 2")
-    return f"case{int(match[1]):02d}"
+    """`2`, `02` or `case02` as `case02`, a case of the study; any other name as it is."""
+    match = re.fullmatch(r"(?:case)?0*(\d+)", text.strip().lower())
+    return f"case{int(match[1]):02d}" if match else text
 
 
 @dataclass
-class Products:
-    """Files of one case in a folder; each is None where the file is absent."""
+class Case:
+    """One packing's files: those of a name in a folder, or the given ones by their kind.
+
+    What is None below is absent.
+    """
 
     name: str
     folder: Path
+    files: dict[str, Path] | None = None
     notes: list[str] = field(default_factory=list)
     """What a reader should know: products that do not say which packing they are of."""
 
     def path(self, kind: str) -> Path:
-        """File name of one kind of product."""
-        return self.folder / f"{self.name}.{kind}.h5"
+        """File of one kind of product: where it is, or would be."""
+        return (self.files or {}).get(kind, self.folder / f"{self.name}.{kind}.h5")
 
     @property
-    def number(self) -> int:
-        """Number of the case."""
-        return int(self.name.removeprefix("case"))
+    def short(self) -> str:
+        """`case 2` for a case of the study, else the name."""
+        match = re.fullmatch(r"case0*(\d+)", self.name)
+        return f"case {match[1]}" if match else self.name
 
     def has(self, kind: str) -> bool:
-        """Whether the file exists."""
-        return self.path(kind).is_file()
+        """Whether the file exists, and belongs to the case where its files were given."""
+        return self.path(kind).is_file() if self.files is None else kind in self.files
 
     @cached_property
     def packing_path(self) -> Path:
@@ -71,7 +74,8 @@ class Products:
             if self.has(kind):
                 return self.path(kind)
         raise InputError(
-            f"{self.path('network')}: no such file; run the case first, or give --products DIR"
+            f"{self.path('network')}: no such file; run the case first, give --products DIR, "
+            "or name the files"
         )
 
     @cached_property
@@ -103,7 +107,7 @@ class Products:
         if not self.is_crystal:
             raise InputError(
                 f"{self.name}: no FCC crystal between two walls, so it has no theory to compare "
-                "with; choose another case"
+                "with; take another packing"
             )
         return Chain.of_network(self.network)
 
@@ -134,13 +138,17 @@ class Products:
         """Stress, Pa, as the network's study states it; NaN if it does not."""
         return float(self.network.study.get("stress", np.nan))
 
+    @property
+    def under_stress(self) -> str:
+        """`, 100 kPa`; empty where the stress is unknown."""
+        return f", {self.stress / 1e3:g} kPa" if np.isfinite(self.stress) else ""
+
     @cached_property
     def label(self) -> str:
         """Short name for legends: what it is, and under which stress."""
         kind = "FCC" if self.is_crystal else "random"
-        stress = f", {self.stress / 1e3:g} kPa" if np.isfinite(self.stress) else ""
         mark = f", {MARK}" if self.unsettled else ""
-        return f"{kind}{stress} (case {self.number}{mark})"
+        return f"{kind}{self.under_stress} ({self.short}{mark})"
 
     @cached_property
     def unsettled(self) -> str:
@@ -264,9 +272,9 @@ class Products:
         return wave.signals
 
 
-def find(text: str, folder: str | Path) -> Products:
+def find(text: str, folder: str | Path) -> Case:
     """The products of a case in a folder."""
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; run the cases first, or give --products DIR")
-    return Products(case_name(text), folder)
+    return Case(case_name(text), folder)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.exact_chain import chain_signals, exact_twin
 from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves, wavelength
@@ -67,7 +67,7 @@ class Row:
         return [self.quantity, self.unit, *shown, *percent, self.note]
 
 
-def compare(case: Products) -> list[Row]:
+def compare(case: Case) -> list[Row]:
     """All rows for one crystal; columns of absent products stay empty."""
     chain, network = case.chain, case.network
     rows: dict[str, Row] = {}
@@ -104,7 +104,7 @@ def compare(case: Products) -> list[Row]:
     return list(rows.values())
 
 
-def _modal_rows(case: Products, put) -> None:
+def _modal_rows(case: Case, put) -> None:
     modes, chain = case.modes, case.chain
     if modes is None:
         return
@@ -144,7 +144,7 @@ def _exact_velocity(chain, name: str, frequency: float) -> float:
     return chain.velocity * (np.sin(half) / half if name == "phase" else np.cos(half))
 
 
-def _signal_rows(case: Products, signals: Signals, producer: str, put) -> None:
+def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
     chain = case.chain
     measured = disp.chain_dispersion(signals)
     edge, speed = measured.low_pass_frequency, measured.velocity
@@ -190,7 +190,7 @@ def _signal_rows(case: Products, signals: Signals, producer: str, put) -> None:
             put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: value})
 
 
-def _gain_rows(case: Products, put) -> None:
+def _gain_rows(case: Case, put) -> None:
     passage = case.network.length / case.chain.velocity
     duration = TRAVELS * passage
     time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
@@ -210,7 +210,7 @@ def comparison_table(rows: Iterable[Row]) -> Table:
     return Table("Comparison", HEADER, [row.cells() for row in rows])
 
 
-def stress_rows(cases: list[Products]) -> dict[str, np.ndarray]:
+def stress_rows(cases: list[Case]) -> dict[str, np.ndarray]:
     """Stress (Pa), V_P (m/s) and f_low-pass (Hz) of each case by theory, modes and signals."""
     for case in cases:
         if not float(case.network.study.get("stress", 0)) > 0:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.estimators.coherent import Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion, mode_dispersion
 from analysis.estimators.effective_medium import of_contacts, of_means
@@ -44,7 +44,7 @@ class Estimate:
 class Measures:
     """Measurements of one case, each made when first asked for."""
 
-    def __init__(self, case: Products) -> None:
+    def __init__(self, case: Case) -> None:
         self.case = case
 
     @cached_property
@@ -357,6 +357,7 @@ def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
     """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
     found: dict[str, list[Measures]] = {}
     for m in sorted(cases, key=lambda m: m.case.stress):
-        name = "FCC" if m.case.is_crystal else f"random, mu_comp {m.case.mu_comp:g}"
+        friction = f", mu_comp {m.case.mu_comp:g}" if np.isfinite(m.case.mu_comp) else ""
+        name = "FCC" if m.case.is_crystal else f"random{friction}"
         found.setdefault(name, []).append(m)
     return found

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.estimators.structure_factor import structure_factor, write_structure
 from analysis.estimators.transfer import REACH
 from analysis.estimators.transfer import RESOLUTION as GAIN_RESOLUTION
@@ -25,16 +25,17 @@ DENSITY_TOLERANCE = 1e-3
 """Standard error of a count in parts of all modes."""
 
 
-def prepare(case: Products) -> list[Path]:
+def prepare(case: Case) -> list[Path]:
     """Make what is missing or stale: the gain, and for a random case density and structure factor.
 
     Says of what is stale which setting or source has changed; returns what was made.
     """
     network, digest, made = case.network, case.packing[0].sha256, []
+    what = case.short.removeprefix("case ") if case.files is None else case.packing_path.name
 
     def wanted(kind: str, **settings: Any) -> Provenance | None:
         """What the file is to be made from, if it has to be made."""
-        command = f"python -m analysis prepare {case.number}"
+        command = f"python -m analysis prepare {what}"
         provenance = Provenance(command, settings, case.packing)
         if is_current(case.path(kind), provenance):
             return None

@@ -97,7 +97,8 @@ def _shown(command: list[str]) -> str:
 
 def _without_folder(text: str, cases: list[Measures]) -> str:
     for m in cases:
-        text = text.replace(f"{m.case.folder}/", "")
+        for folder in {m.case.path(kind).parent for kind in (*KINDS, *EXTRA_KINDS)}:
+            text = text.replace(f"{folder}/", "")
     return text
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from analysis.case import EXTRA_KINDS, KINDS, Products
+from analysis.case import EXTRA_KINDS, KINDS, Case
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import (
     PACKING,
@@ -23,32 +23,45 @@ OTHER_NAMES = {"friction": "mu_wave"}
 """Settings that the tables call by another name."""
 
 
-def status_table(folder: Path, tables: Path, cases: range = range(1, 33)) -> str:
+def names_in(folder: Path) -> list[str]:
+    """Names of the cases that have any product in a folder, in order."""
+    kinds = sorted((*KINDS, *EXTRA_KINDS), key=len, reverse=True)  # x.translations.modes is no case
+    names = set()
+    for path in folder.glob("*.h5"):
+        kind = next((kind for kind in kinds if path.name.endswith(f".{kind}.h5")), None)
+        if kind:
+            names.add(path.name.removesuffix(f".{kind}.h5"))
+    return sorted(names)
+
+
+def status_table(folder: Path, tables: Path) -> str:
     """One line per case that has any product: `yes`, `stale` or `-` for each kind.
 
     Below it, of each stale product what has changed: a file that it was made from, or a setting
     of the tables of cases in the folder `tables`.
     """
-    lines, reasons = ["case    " + "  ".join(KINDS)], []
+    names = names_in(folder)
+    width = max(map(len, ("case02", *names)))
+    lines, reasons = ["  ".join(("case".ljust(width), *KINDS))], []
     settings = _settings_of_cases(tables)
-    for number in cases:
-        case = Products(f"case{number:02d}", folder)
+    for name in names:
+        case = Case(name, folder)
         stale = {
             kind: why
             for kind in (*KINDS, *EXTRA_KINDS)
-            if case.has(kind) and (why := _changes(case, kind, settings.get(number, {})))
+            if case.has(kind) and (why := _changes(case, kind, settings.get(name, {})))
         }
         if any(case.has(kind) for kind in KINDS):
             marks = ("stale" if k in stale else "yes" if case.has(k) else "-" for k in KINDS)
             cells = (mark.ljust(len(kind)) for mark, kind in zip(marks, KINDS, strict=True))
-            lines.append((case.name + "  " + "  ".join(cells)).rstrip())
+            lines.append((case.name.ljust(width) + "  " + "  ".join(cells)).rstrip())
         reasons += [f"{case.path(k).name}: stale, {'; '.join(why)}" for k, why in stale.items()]
     if len(lines) == 1:
         lines.append("no case has a product yet")
     return "\n".join([*lines, *reasons])
 
 
-def _changes(case: Products, kind: str, row: dict[str, Any]) -> list[str]:
+def _changes(case: Case, kind: str, row: dict[str, Any]) -> list[str]:
     """What has changed since the product was made, as far as its file and those beside it tell."""
     try:
         made = read_provenance(case.path(kind))
@@ -64,7 +77,7 @@ def _changes(case: Products, kind: str, row: dict[str, Any]) -> list[str]:
         return [str(error)]
 
 
-def _as_it_is(case: Products, kind: str, old: Source) -> tuple[Source, ...]:
+def _as_it_is(case: Case, kind: str, old: Source) -> tuple[Source, ...]:
     """The file that a source has become: of its name beside the product, or the case's packing."""
     path = case.folder / old.name
     if old.name and path.is_file():
@@ -74,12 +87,12 @@ def _as_it_is(case: Products, kind: str, old: Source) -> tuple[Source, ...]:
     return ()
 
 
-def _settings_of_cases(folder: Path) -> dict[int, dict[str, Any]]:
-    """Settings by case number, from the tables that yade-batch reads; empty without them."""
-    found: dict[int, dict[str, Any]] = {}
+def _settings_of_cases(folder: Path) -> dict[str, dict[str, Any]]:
+    """Settings by case, from the tables that yade-batch reads; empty without them."""
+    found: dict[str, dict[str, Any]] = {}
     for path in (folder / name for name in TABLES if (folder / name).is_file()):
         rows = [line.split() for line in path.read_text().splitlines() if line[:1] not in ("#", "")]
         for row in rows[1:]:
             values = dict(zip(rows[0], map(float, row), strict=False))
-            found[int(values.pop("case"))] = values
+            found[f"case{int(values.pop('case')):02d}"] = values
     return found

@@ -18,8 +18,8 @@ class Table:
 
     def markdown(self) -> str:
         """As Markdown, without the title."""
-        lines = [self.header, ["---"] * len(self.header), *self.rows]
-        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+        head, *rows = (f"| {' | '.join(line)} |\n" for line in (self.header, *self.rows))
+        return head + "|" + "---|" * len(self.header) + "\n" + "".join(rows)
 
     def text(self) -> str:
         """Aligned for a terminal, without the title; columns of numbers to the right."""

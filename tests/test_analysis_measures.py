@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.deviations import deviations
 from analysis.estimators.exact_chain import chain_signals
 from analysis.estimators.low_pass import THRESHOLDS
@@ -27,13 +27,13 @@ from modal.preparation.random_packing import random_network
 def crystal(tmp_path_factory):
     folder = tmp_path_factory.mktemp("products")
     write_network(folder / "case02.network.h5", fcc(cells=(1, 1, 200)))
-    return Measures(Products("case02", folder))
+    return Measures(Case("case02", folder))
 
 
 def test_standing_waves_of_a_crystal_are_its_pure_modes():
     """Without disorder one mode bears each standing wave, at the exact chain's frequency."""
     network = fcc(cells=(1, 1, 40))
-    case = Products("case02", None)
+    case = Case("case02", None)
     case.network = network
     modes = all_modes(Eigenproblem.of(network))
     found = standing_modes(modes, network)
@@ -105,7 +105,7 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
         (column(9), False),  # layers of equal distance, but of straight springs
         (shaken, False),
     ):
-        case = Products("case30", tmp_path)
+        case = Case("case30", tmp_path)
         case.network = network
         assert case.is_crystal == crystal
         if not crystal:
@@ -122,7 +122,7 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     assert matching_case(False, stress, mu) == case
     network = random_network(150, 1e5, seed=3)
     network.study |= {"stress": stress, "mu_comp": mu}
-    named = Products("case07", tmp_path)
+    named = Case("case07", tmp_path)
     named.network = network
     rows = [row for row in deviations([Measures(named)]) if row[1] == "void ratio"]
     assert [row[3] for row in rows] == ([f"{stated('void_ratio', case):.5g}"] if rows else [])
@@ -153,7 +153,7 @@ def two_producers(tmp_path_factory):
     """FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
     folder, cases = tmp_path_factory.mktemp("mixed"), []
     for name, stress in (("case01", 1e4), ("case02", 1e5), ("case03", 1e6)):
-        case = Products(name, folder)
+        case = Case(name, folder)
         case.network = fcc(stress, (1, 1, 200))
         if name == "case02":
             time = np.arange(0, case.network.length / case.chain.velocity, 5e-7)
@@ -190,7 +190,7 @@ def test_static_velocity_stands_beside_the_waves(two_producers):
 
 def test_chi_z_says_of_which_modes_it_is(tmp_path):
     """The largest of a narrow band is not passed for that of all modes above its lower end."""
-    case = Products("case06", tmp_path)
+    case = Case("case06", tmp_path)
     case.network = random_network(150, 1e5, seed=3)
     case.network.study |= {"stress": 1e5, "mu_comp": 0.0}
 

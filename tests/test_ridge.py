@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.estimators.exact_chain import Chain, chain_signals
 from analysis.estimators.ridge import ridge
 from analysis.measures import Measures
@@ -100,7 +100,7 @@ def test_noise_that_hides_the_edge_gives_none_rather_than_another():
 
 def test_measured_case_has_no_wavelength_above_its_edge(tmp_path):
     """The linear wave of an FCC column: sqrt 2 measured at its edge, and nothing above."""
-    case = Products("case02", tmp_path)
+    case = Case("case02", tmp_path)
     case.network = fcc(cells=(1, 1, 200))
     found = Measures(case)
     assert found.edge_wavelength[0] == pytest.approx(np.sqrt(2), rel=1e-2)

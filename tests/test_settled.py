@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.deviations import deviations
 from analysis.measures import Measures
 from analysis.samples import HEADER, row
@@ -51,7 +51,7 @@ def test_samples_table_marks_the_state_and_the_comparison(sample, shaken, tmp_pa
 
 def test_reports_mark_the_state_in_every_label(sample, shaken, tmp_path):
     for state, marked in ((sample, False), (shaken, True)):
-        case = Products("case30", tmp_path)
+        case = Case("case30", tmp_path)
         case.network = state.network()
         case.network.study |= {"stress": 1e3, "mu_comp": 0.4}
         assert ("not settled" in case.label) == marked
@@ -71,7 +71,7 @@ def test_stress_off_its_target_is_not_settled(sample):
 
 def test_crystal_is_settled_without_its_lateral_stress(tmp_path):
     """Its walls, not its sides, have the stated stress: 4.5 % less between the layers of 20."""
-    case = Products("case02", tmp_path)
+    case = Case("case02", tmp_path)
     case.network = fcc(cells=(2, 2, 20))
     assert case.unsettled == "" and "settled" not in case.label
 

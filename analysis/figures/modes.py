@@ -123,7 +123,7 @@ def mode_shapes(cases: list[Measures]) -> Picture:
             sine = np.sin(np.pi * r * z / case.network.length)
             shape = shapes[r - 1] * np.sign(shapes[r - 1] @ sine)
             shape = shape / np.percentile(abs(shape), 98)
-            title = f"case {case.number}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
+            title = f"{case.short}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
             panel = Panel("distance (mm)", "$u_z$ (-)", title, ylim=(-1.3, 1.3))
             if r <= 20:
                 panel.line(1e3 * z, sine, color="0.6", lw=2)

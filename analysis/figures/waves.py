@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.case import Products
+from analysis.case import Case
 from analysis.estimators.exact_chain import exact_twin
 from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures
@@ -24,13 +24,13 @@ def producer_name(record: Signals) -> str:
     return known.get(record.producer, record.producer)
 
 
-def _signal(case: Products, wanted: float) -> Panel:
+def _signal(case: Case, wanted: float) -> Panel:
     """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
     record = case.record
     depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
     n = int(np.argmin(abs(depth - wanted)))
     title = (
-        f"case {case.number}, {case.stress / 1e3:g} kPa, {depth[n]:.0f} D from source, "
+        f"{case.short}{case.under_stress}, {depth[n]:.0f} D from source, "
         f"pulse {record.input_frequency / 1e3:g} kHz"
     )
     u = 1e9 * record.chain_displacement[:, n]

@@ -10,6 +10,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from analysis.table import Table
+
 Rows = list[dict[str, Any]]
 DOTS_PER_INCH = 110
 """Keeps a figure of six panels below 150 kB."""
@@ -40,19 +42,20 @@ def shown(value: Any) -> str:
 
 def markdown_table(names: Sequence[str], rows: Rows) -> str:
     """Rows as a Markdown table."""
-    lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
-    lines += ["| " + " | ".join(shown(row.get(name)) for name in names) + " |" for row in rows]
-    return "\n".join(lines)
+    cells = [[shown(row.get(name)) for name in names] for row in rows]
+    return Table("", names, cells).markdown().rstrip("\n")
 
 
 def write_csv(rows: Rows, path: Path) -> None:
     """Rows as CSV, numbers with eight digits."""
-    with open(path, "w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns(rows))
-        for row in rows:
-            cells = [row.get(name) for name in columns(rows)]
-            writer.writerow(f"{c:.8g}" if isinstance(c, float) else c for c in cells)
+
+    def text(value: Any) -> str:
+        if value is None:
+            return ""
+        return f"{value:.8g}" if isinstance(value, float) else str(value)
+
+    names = columns(rows)
+    Table("", names, [[text(row.get(name)) for name in names] for row in rows]).write_csv(path)
 
 
 def read_csv(path: Path) -> Rows:

@@ -1,0 +1,124 @@
+"""Which files make a case: each recognised by its schema, all joined by the packing's digest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from analysis.case import Case, find
+from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
+from modal.formats.hdf5 import InputError, open_h5
+from modal.formats.provenance import packing_of, read_provenance, require_same_packing
+from modal.modes.density import SCHEMA as DENSITY
+from modal.modes.mode_set import SCHEMA as MODES
+from modal.packing.network import SCHEMA as NETWORK
+from modal.packing.sample import SCHEMA as SAMPLE
+from modal.waves.response import SCHEMA as RESPONSE
+from modal.waves.signals import SCHEMA as SIGNALS
+from modal.waves.signals import read_signals
+
+KIND_OF = {
+    NETWORK: "network",
+    SAMPLE: "sample",
+    SIGNALS: "signals",
+    STRUCTURE: "structure",
+    DENSITY: "density",
+    RESPONSE: "response",
+}
+"""Kinds of product by their schema; modes are of several kinds."""
+PACKINGS = "network", "sample"
+
+
+def cases_of(arguments: Sequence[str], folder: str | Path) -> list[Case]:
+    """Cases by name in a folder, as `2`, or by their files: one case for each packing given."""
+    files = [text for text in arguments if text.endswith(".h5")]
+    names = [text for text in arguments if not text.endswith(".h5")]
+    return [find(name, folder) for name in names] + (cases_of_files(files) if files else [])
+
+
+def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
+    """One case for each packing among the files, with what was made from it.
+
+    InputError for files of no known schema, without any packing, of another packing than those
+    given, and where two files are of one kind.
+    """
+    kinds = {Path(path): kind_of(path) for path in paths}
+    cases: list[Case] = []
+    for wanted in PACKINGS:  # networks first: a sample may be what one was exported from
+        for path in (path for path, kind in kinds.items() if kind == wanted):
+            parent = [case for case in cases if packing_of(path)[0].sha256 in _digests(case)]
+            if wanted == "sample" and parent:
+                for case in parent:
+                    _give(case, wanted, path)
+            else:
+                cases.append(Case(_name(path, cases), path.parent, {wanted: path}))
+    if not cases:
+        raise InputError(f"{', '.join(map(str, kinds))}: no packing; name its *.network.h5 as well")
+    for path, kind in kinds.items():
+        if kind in PACKINGS:
+            continue
+        owner = _owner(path, cases)
+        if kind == "signals" and read_signals(path).producer == "linear":
+            owner.notes.append(f"{path}: a linear wave, not read; its network's own is made anew")
+        else:
+            _give(owner, kind, path)
+    return cases
+
+
+def kind_of(path: str | Path) -> str:
+    """The kind of product that a file is, by its schema; of modes also by their interval."""
+    with open_h5(path) as file:
+        schema, interval = (_text(file.attrs.get(name, "")) for name in ("schema", "interval"))
+    if schema == MODES:
+        settings = read_provenance(path).settings or {}
+        if settings.get("translations_only", str(path).endswith(".translations.modes.h5")):
+            return "translations.modes"
+        if interval.startswith("highest"):
+            return "highest.modes"
+        low = interval.split(" ")[0]
+        return "band.modes" if low[:1].isdigit() and float(low) > 0 else "modes"
+    if schema not in KIND_OF:
+        raise InputError(f"{path}: schema is {schema!r}, of no product that a report reads")
+    return KIND_OF[schema]
+
+
+def _text(value: object) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def _digests(case: Case) -> set[str]:
+    return {source.sha256 for source in case.packing}
+
+
+def _owner(path: Path, cases: list[Case]) -> Case:
+    """The case whose packing a product was made from; of unknown origin, the only case."""
+    if len(cases) == 1:
+        require_same_packing(path, cases[0].packing)
+        return cases[0]
+    if not read_provenance(path).packing:
+        raise InputError(
+            f"{path}: does not say of which packing it is; give it with that packing alone"
+        )
+    for case in cases:
+        try:
+            require_same_packing(path, case.packing)
+            return case
+        except InputError:
+            continue
+    raise InputError(f"{path}: made from none of the packings given; name its packing as well")
+
+
+def _give(case: Case, kind: str, path: Path) -> None:
+    assert case.files is not None
+    if kind in case.files:
+        raise InputError(f"{case.files[kind]} and {path} are both {kind} of one packing; give one")
+    case.files[kind] = path
+
+
+def _name(path: Path, cases: list[Case]) -> str:
+    """File name without its ending; with its folder before it where another has the same."""
+    name = path.name
+    for end in (".h5", *(f".{kind}" for kind in PACKINGS)):
+        name = name.removesuffix(end)
+    taken = {case.name for case in cases}
+    return f"{path.resolve().parent.name}-{name}" if name in taken else name
