@@ -68,14 +68,16 @@ def _floppy_modes(network: Network) -> list[tuple[str, str]]:
     return [("floppy modes", f"{floppy.total}" + f" ({kinds})" * bool(kinds))]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'modal' has no attribute {name!r}")
-    module, attribute = _HOME[name]
-    further = importlib.import_module("modal.packing.network").Network.further
-    if _floppy_modes not in further:
-        further.append(_floppy_modes)
-    return getattr(importlib.import_module(module), attribute)
+if not TYPE_CHECKING:  # a type checker follows the imports above and reports other names
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'modal' has no attribute {name!r}")
+        module, attribute = _HOME[name]
+        further = importlib.import_module("modal.packing.network").Network.further
+        if _floppy_modes not in further:
+            further.append(_floppy_modes)
+        return getattr(importlib.import_module(module), attribute)
 
 
 def __dir__() -> list[str]:

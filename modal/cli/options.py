@@ -25,7 +25,7 @@ class Parser(argparse.ArgumentParser):
 
 def network_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
     """A command that reads a packing: its parser, with the file and --json."""
-    command = commands.add_parser(name, help=text, description=text)
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
     command.add_argument("network", help="*.network.h5, or *.sample.h5")
     command.add_argument("--json", action="store_true", help="print one JSON object")
     return command

@@ -12,7 +12,7 @@ from modal.stiffness.pre_stress import PRE_STRESS
 from modal.waves.leapfrog import leapfrog, steps_between_records
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals
-from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Pulse, read_motion
+from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, read_motion
 
 read_product = read_signals
 
@@ -37,7 +37,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source wall sends, and how exact it is."""
     network = read_remarked(options.network, options.remarks.append)
-    motion = Pulse(options.amplitude, options.input_frequency)
+    motion: Motion = Pulse(options.amplitude, options.input_frequency)
     if options.source:
         motion = read_motion(options.source)
     settings = {
