@@ -64,18 +64,18 @@ yade() { # options, table, script: runs the jobs, whatever its status
 file() { printf 'products/case%02d.%s.h5' "$1" "$2"; }
 committed() { printf 'results/samples/case%02d.sample.h5' "$1"; }
 column() { awk -v n="$1" -v c="$2" '$1 == n {print $c}' cases/random.table; }
-state() { # case: the state of its chain under the stress of the case
+state() { # case: the state of its compression under the stress of the case
     local mu stress; mu=$(column "$1" 2) stress=$(column "$1" 4)
     if [ "$mu" = 0 ]; then
         # Of two walks through one pressure the last counts; names begin with their number.
         local name found; name="*_$(awk "BEGIN {printf \"%g\", $stress / 1000}")kPa.sample.h5"
-        found=$(find products/chain_mu0 -name "$name" 2>/dev/null | sort | tail -1 || true)
-        echo "${found:-products/chain_mu0/$name}"
+        found=$(find products/compression_mu0 -name "$name" 2>/dev/null | sort | tail -1 || true)
+        echo "${found:-products/compression_mu0/$name}"
     else
-        printf 'products/chain_mu%s/%s' "$mu" "$(printf '%gPa.sample.h5' "$stress")"
+        printf 'products/compression_mu%s/%s' "$mu" "$(printf '%gPa.sample.h5' "$stress")"
     fi
 }
-walks() { # case: whether its chain is walked; not where there is only a sample to start from
+walks() { # case: whether its compression is walked; not where there is only a sample to start from
     [ -f "$(state "$1")" ] || ! { [ -f "$(file "$1" sample)" ] || [ -f "$(committed "$1")" ]; }
 }
 rows() { # table, wanted first columns: writes these lines to a file of their own and names it
@@ -97,26 +97,26 @@ batch() { # script, kind of product, table, cases ...
         [ -f "$(file "$n" "$kind")" ] || give_up "$n" "no $kind, see products/$kind.*.log"
     done
 }
-chains() { # the compression chains that the random cases come from
-    local n mu table=cases/chains.table mus=" " walked=()
+compressions() { # the compressions that the random cases come from
+    local n mu table=cases/compressions.table mus=" " walked=()
     for n in "${random[@]}"; do
         walks "$n" || continue
         walked+=("$n") mu=$(column "$n" 2)
         [[ $mus = *" $mu "* ]] || mus+="$mu "
     done
     if [[ $mus = *" 0 "* ]]; then
-        run .venv/bin/python -m modal pack -o products/chain_mu0 || [ $? != 130 ] || exit 130
+        run .venv/bin/python -m modal pack -o products/compression_mu0 || [ $? != 130 ] || exit 130
     fi
     mus=${mus/ 0 / }
     if [ "$mus" != " " ]; then
         [ -n "$dry" ] || table=$(rows "$table" "$mus")
-        yade -j "$jobs" --job-threads 1 --log "products/chain.%.log" "$table" \
-            yade_scripts/chain.py
+        yade -j "$jobs" --job-threads 1 --log "products/compression.%.log" "$table" \
+            yade_scripts/compress.py
         [ -n "$dry" ] || rm -f "$table"
     fi
     [ -z "$dry" ] || return 0
     for n in "${walked[@]}"; do
-        [ -f "$(state "$n")" ] || give_up "$n" "no state, see products/chain.*.log"
+        [ -f "$(state "$n")" ] || give_up "$n" "no state, see products/compression.*.log"
     done
 }
 random_samples() { # at rest with the friction of the wave, exported by YADE with its noise
@@ -129,7 +129,7 @@ random_samples() { # at rest with the friction of the wave, exported by YADE wit
             run cp "$(committed "$n")" "$(file "$n" sample)"
         fi
     done
-    batch yade_scripts/export_random.py network cases/random.table "${random[@]}"
+    batch yade_scripts/export_sample.py network cases/random.table "${random[@]}"
 }
 modes() { # case, kind, options
     local n=$1 kind=$2; shift 2
@@ -145,7 +145,7 @@ run ./setup.sh "${setup[@]}"
 run mkdir -p products
 for stage in "${stages[@]}"; do
     case "$stage" in
-        state) [ ${#random[@]} = 0 ] || chains ;;
+        state) [ ${#random[@]} = 0 ] || compressions ;;
         sample) batch yade_scripts/sample_fcc.py network cases/fcc.table "${fcc[@]}"
             [ ${#random[@]} = 0 ] || random_samples ;;
         highest) for n in "${cases[@]}"; do modes "$n" highest.modes --highest 1; done ;;

@@ -1,6 +1,6 @@
 """Table of compact samples: density, contacts, stresses and balance, measured from each file.
 
-Below it what each stage of the longest chain among them has cost.
+Below it what each stage of the longest compression among them has cost.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ HEADER = (
 )
 NOISE = "noise_layer", "noise_sphere"
 PREPARATION = "cloud", "approach", "cool", "jam"
-"""Stages of a chain before its first stress, which is a stage of its own like all that follow."""
+"""Stages before the first stress, which is a stage of its own like all that follow."""
 
 
 def row(path: str | Path) -> list[str]:
@@ -120,7 +120,7 @@ def _velocity(network: Network) -> float | None:
 
 
 def stages(path: str | Path) -> list[list[str]]:
-    """Stage, steps, seconds, contacts at its end, steps a second, in the order of the chain."""
+    """Stage, steps, seconds, contacts at its end, steps a second, in their order."""
     study = read_sample(path).study
     names = [name.removeprefix("steps_") for name in study if name.startswith("steps_")]
     before = [name for name in PREPARATION if name in names]
@@ -136,7 +136,7 @@ def stages(path: str | Path) -> list[list[str]]:
 
 
 def table(paths: list[str]) -> str:
-    """Markdown table of all samples, in the order given, and of the longest chain's stages."""
+    """Markdown table of all samples, as given, and of the longest compression's stages."""
     text = Table("Samples", HEADER, [row(path) for path in paths]).markdown()
     longest = max((stages(path) for path in paths), key=len, default=[])
     if longest:

@@ -140,7 +140,7 @@ def states(rows: Rows) -> Iterator[Default]:
 
 
 def settled(rows: Rows) -> Iterator[Default]:
-    """When a state of the chain is reached."""
+    """When a state of the compression is reached."""
     stress, residual = SETTLED
     best = preparation.knee(rows)
     moved = max(row["error_e"] for row in preparation.stops(rows)[best])
@@ -154,7 +154,7 @@ def settled(rows: Rows) -> Iterator[Default]:
 
 
 def preparation_step(rows: Rows) -> Iterator[Default]:
-    """Time step of the chain."""
+    """Time step of the compression."""
     text = preparation.differences(rows, "half the time step")
     reason = f"stable; half of it changes {text}"
     if text:

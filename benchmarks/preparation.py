@@ -2,9 +2,9 @@
 
 A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
-from the same run; how far the state still moves after it is its error. The study's own chain, which
-first agitates the spheres, is run with one choice changed at a time, and its states are brought to
-rest with the friction of the wave. Without friction the minimiser stands beside YADE.
+from the same run; how far the state still moves after it is its error. The study's own compression,
+which first agitates the spheres, is run with one choice changed at a time, and its states are
+brought to rest with the friction of the wave. Without friction the minimiser stands beside YADE.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ BUYS = 1.5
 MU, MU_WAVE = 0.4, 0.5
 REST = 1e-5
 """Residual of a state at rest: enough for e, Z and V_P, and small packings may not come nearer."""
-OWN = "the study's chain"
+OWN = "the study's compression"
 RATES = {
     "approach_rate": protocol.APPROACH_RATE,
     "inertial_number": protocol.INERTIAL_NUMBER,
 }
-CHAINS = {
+COMPRESSIONS = {
     OWN: (4, {}),
     "half the time step": (3, {"fraction": 0.5 * protocol.STABILITY}),
     "half the rates": (1, {name: 0.5 * rate for name, rate in RATES.items()}),
@@ -68,7 +68,7 @@ CHAINS = {
     "no damping until hot": (1, {"agitated_damping": 0.0}),
     "damping 0.1 until hot": (1, {"agitated_damping": 0.1}),
 }
-"""Random starts of each chain, and the columns of its table that are changed."""
+"""Random starts of each compression, and the columns of its table that are changed."""
 AT_ONCE = 2
 """Chains that run at the same time: their states count, not their seconds."""
 BY_MINIMISER = "no friction, 1 MPa to 100 kPa by the minimiser"
@@ -151,16 +151,16 @@ def state_row(
     }
 
 
-def chain_state(folder: Path, what: str, spheres: int, seed: int) -> Sample:
-    """The last state of a chain with the choices of `CHAINS`, not yet at rest."""
+def compressed_state(folder: Path, what: str, spheres: int, seed: int) -> Sample:
+    """The last state of a compression with the choices of `COMPRESSIONS`, not yet at rest."""
     width = (spheres * np.pi / 6 / protocol.NOMINAL_FRACTION / ASPECT) ** (1 / 3)
     columns = {"mu_comp": MU, "spheres": spheres, "width": width, "highest": STRESS}
-    columns |= CHAINS[what][1] | {"seed": seed}
-    own = folder / f"{list(CHAINS).index(what)}_{seed}"
+    columns |= COMPRESSIONS[what][1] | {"seed": seed}
+    own = folder / f"{list(COMPRESSIONS).index(what)}_{seed}"
     own.mkdir()
     table = f"{' '.join(columns)}\n{' '.join(f'{value:.8g}' for value in columns.values())}\n"
-    yade.run_script("chain", table, own)
-    return read_sample(own / f"chain_mu{MU:g}" / f"{STRESS:g}Pa.sample.h5")
+    yade.run_script("compress", table, own)
+    return read_sample(own / f"compression_mu{MU:g}" / f"{STRESS:g}Pa.sample.h5")
 
 
 def frictionless_rows(quick: bool, folder: Path) -> Rows:
@@ -176,12 +176,12 @@ def frictionless_rows(quick: bool, folder: Path) -> Rows:
 
 
 def protocol_rows(quick: bool, folder: Path) -> Rows:
-    """States at rest; steps and seconds, of the clock, are those of the chain."""
+    """States at rest; steps and seconds, of the clock, are those of the compression."""
     spheres = 2 * SPHERES[True] if quick else SPHERES[False]
-    jobs = [(what, 1 + k) for what, (starts, _) in CHAINS.items() for k in range(starts)]
+    jobs = [(what, 1 + k) for what, (starts, _) in COMPRESSIONS.items() for k in range(starts)]
     jobs, rows = jobs[:1] if quick else jobs, []
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        states = list(pool.map(lambda job: chain_state(folder, job[0], spheres, job[1]), jobs))
+        states = list(pool.map(lambda job: compressed_state(folder, job[0], spheres, job[1]), jobs))
     for (what, seed), state in zip(jobs, states, strict=True):
         rested, _ = relax(replace(state, friction=MU_WAVE), tolerance=REST)
         steps, seconds = int(state.study["steps"]), float(state.study["seconds"])
@@ -204,9 +204,9 @@ def run(quick: bool, folder: Path) -> Page:
         f"{SPHERES[quick]} spheres from a cloud without contacts straight to {STRESS / 1e3:g} kPa. "
         "Errors of e and Z are relative to the end of the same run; stresses must be met to "
         f"{STRESS_ERROR:g} times the residual. I is the inertial number of the largest strain "
-        f"rate. `protocol.csv`: the study's chain, friction {MU:g}, brought to rest with "
+        f"rate. `protocol.csv`: the study's compression, friction {MU:g}, brought to rest with "
         f"{MU_WAVE:g}; V_P from the springs' response to a steady push; seconds are those of the "
-        f"clock, {AT_ONCE} chains at a time."
+        f"clock, {AT_ONCE} compressions at a time."
     )
     figures = {"preparation": diagram.work_precision(rows, ERRORS, ["seconds"])}
     tables = {"preparation": rows, "protocol": ways}
@@ -252,7 +252,7 @@ def values(rows: Rows, sample: str, name: str) -> np.ndarray:
 
 
 def differences(rows: Rows, what: str) -> str:
-    """Means of a changed chain minus those of the study's, with standard errors; "" if unknown.
+    """Means of a changed compression less those of the study's, and standard errors; "" if unknown.
 
     The errors are those of two means of so many starts with the scatter of the study's own.
     """
@@ -274,7 +274,7 @@ def protocol_notes(rows: Rows) -> list[str]:
         if own.size > 1:
             said.append(f"{name} {own.mean():{form}} ± {own.std(ddof=1):{form}}")
     said = [f"{OWN}, mean and scatter of its starts: {', '.join(said)}."] if said else []
-    for what in list(CHAINS)[1:]:
+    for what in list(COMPRESSIONS)[1:]:
         if text := differences(rows, what):
             said.append(f"{what} changes, with standard errors, {text}.")
     low, moved = (next(r for r in rows if r["sample"] == name) for name in (BY_MINIMISER, BY_YADE))

@@ -161,7 +161,7 @@ def test_changed_table_makes_the_products_again(reference):
         assert read_provenance(path).packing[0] == network[0]
 
 
-def test_committed_sample_spares_the_chain(start):
+def test_committed_sample_spares_the_compression(start):
     """`--case 30` begins at results/samples, but with a state of one's own at that."""
     folder = copy_of(start, "committed")
     shutil.copy(ROOT / "cases/random.table", folder / "cases")
@@ -173,10 +173,10 @@ def test_committed_sample_spares_the_chain(start):
         run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
         return run.stdout
 
-    assert "chain.py" in planned()
+    assert "compress.py" in planned()
     sample.write_text("")
-    assert "chain.py" not in planned() and f"cp results/samples/{sample.name}" in planned()
-    state = folder / "products/chain_mu0.4/100000Pa.sample.h5"
+    assert "compress.py" not in planned() and f"cp results/samples/{sample.name}" in planned()
+    state = folder / "products/compression_mu0.4/100000Pa.sample.h5"
     state.parent.mkdir(parents=True)
     state.write_text("")
-    assert "modal relax products/chain_mu0.4/100000Pa.sample.h5" in planned()
+    assert "modal relax products/compression_mu0.4/100000Pa.sample.h5" in planned()

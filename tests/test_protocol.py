@@ -17,7 +17,7 @@ STUDY = Study(spheres=400, width=4.2)
 
 
 @pytest.mark.parametrize("stress", protocol.STRESSES)
-def test_durations_are_those_of_the_committed_chains(stress):
+def test_durations_are_those_of_the_committed_compressions(stress):
     """They were walked with 5, 100 and 12,000 steps of 0.7 of the limit 1 / (pi f_max).
 
     f_max 216 kHz at 100 kPa and 1.5 times the stress in the step. The numbers of the protocol have

@@ -29,7 +29,7 @@ def test_table_measures_the_sample(tmp_path, capsys):
     assert lines[2][4] == "0.516"
 
 
-def test_stages_of_the_longest_chain_are_listed(tmp_path):
+def test_stages_of_the_longest_compression_are_listed(tmp_path):
     sample = random_sample(150, 1e7, aspect=1.5, tolerance=1e-3)
     costs = {"cool": (600, 3.0, 10), "1e+07": (50, 2.0, 500), "cloud": (100, 0.5, 0)}
     study = {}

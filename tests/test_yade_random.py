@@ -1,4 +1,4 @@
-"""A small random packing in YADE, driven by yade-batch: chain, kill and resume, rest, export."""
+"""A small random packing in YADE, by yade-batch: compression, kill and resume, rest, export."""
 
 import os
 import shutil
@@ -22,7 +22,7 @@ from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
 
 ROOT = Path(__file__).resolve().parents[1]
-CHAIN = "mu_comp spheres width seed highest\n0.4 400 4.2 1 1e5\n"
+TABLE = "mu_comp spheres width seed highest\n0.4 400 4.2 1 1e5\n"
 CASES = "case mu_comp mu_wave stress input_frequency fraction passage\n30 0.4 0.5 1e5 1e5 0.2 1.3\n"
 
 
@@ -48,12 +48,12 @@ def run(script: str, table: str, folder: Path) -> str:
 
 @pytest.fixture(scope="module")
 def products(tmp_path_factory, yade):
-    """Folder with the small chain's states, and case 30 at rest and exported."""
+    """Folder with the small compression's states, and case 30 at rest and exported."""
     folder = tmp_path_factory.mktemp("random")
-    run("chain", CHAIN, folder)
-    state, sample = folder / "chain_mu0.4" / "100000Pa.sample.h5", folder / "case30.sample.h5"
+    run("compress", TABLE, folder)
+    state, sample = folder / "compression_mu0.4" / "100000Pa.sample.h5", folder / "case30.sample.h5"
     assert main(["relax", str(state), "--friction", "0.5", "-o", str(sample)]) == 0
-    run("export_random", CASES, folder)
+    run("export_sample", CASES, folder)
     return folder
 
 
@@ -62,10 +62,10 @@ def test_states_have_their_stress(products):
 
     The unbalanced part is below 1e-3 of the mean force; the stress error that the servo allows is
     3e-3 for each direction. The walls, with ten contacts each, may differ by the unbalanced part
-    of the chain of some 40 layers between them.
+    of the column of some 40 layers between them.
     """
     for stress in (1e3, 1e4, 1e5):
-        sample = read_sample(products / "chain_mu0.4" / f"{stress:g}Pa.sample.h5")
+        sample = read_sample(products / "compression_mu0.4" / f"{stress:g}Pa.sample.h5")
         found = [sample.study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")]
         # The file's forces give the stresses that the run has seen, but for the last step's motion.
         rebuilt = np.diag(stress_tensor(sample.network()))
@@ -105,17 +105,17 @@ def test_export_leaves_the_sample_as_it_was(products):
     assert read_network(network).provenance["parent_sha256"] == digest
     assert [source.sha256 for source in packing_of(network)] == [sha256(network), digest]
     before = network.stat().st_mtime_ns
-    assert "already there" in run("export_random", CASES, products)
+    assert "already there" in run("export_sample", CASES, products)
     assert network.stat().st_mtime_ns == before
 
 
 def test_sample_out_of_balance_or_of_other_settings_is_not_exported(products, tmp_path):
-    """The chain's state has its stress within 0.3 %, and net forces of 1e-3 of the contacts'."""
-    state = products / "chain_mu0.4" / "100000Pa.sample.h5"
+    """The compressed state has its stress within 0.3 %, and net forces of 1e-3 of the contacts'."""
+    state = products / "compression_mu0.4" / "100000Pa.sample.h5"
     shutil.copy(state, tmp_path / "case30.sample.h5")
-    log = run("export_random", CASES, tmp_path)
+    log = run("export_sample", CASES, tmp_path)
     assert "error: " in log and "its friction is 0.4, the table of cases has 0.5" in log
-    log = run("export_random", CASES.replace("0.4 0.5", "0.4 0.4"), tmp_path)
+    log = run("export_sample", CASES.replace("0.4 0.5", "0.4 0.4"), tmp_path)
     assert "error: " in log and "bring it to rest with modal relax" in log
     assert not (tmp_path / "case30.network.h5").exists()
 
@@ -168,45 +168,45 @@ def test_wave_arrives_through_the_random_packing(products):
         assert np.max(error) < 0.03, name
 
 
-def test_killed_chain_goes_on_and_ends_the_same(tmp_path, products):
-    """Every leg starts from its file: a chain killed in a leg repeats that leg, bit by bit."""
-    job = start("chain", CHAIN, tmp_path)
-    checkpoint = tmp_path / "chain_mu0.4" / "checkpoint.sample.h5"
+def test_killed_compression_goes_on_and_ends_the_same(tmp_path, products):
+    """Every leg starts from its file: one killed in a leg repeats that leg, bit by bit."""
+    job = start("compress", TABLE, tmp_path)
+    checkpoint = tmp_path / "compression_mu0.4" / "checkpoint.sample.h5"
     deadline = time.monotonic() + 120
     while not checkpoint.exists() and time.monotonic() < deadline:
         time.sleep(0.1)
     time.sleep(1.0)
     os.killpg(job.pid, signal.SIGKILL)
     job.wait()
-    assert not (tmp_path / "chain_mu0.4" / "100000Pa.sample.h5").exists()
-    run("chain", CHAIN, tmp_path)
-    state = read_sample(tmp_path / "chain_mu0.4" / "100000Pa.sample.h5")
-    undisturbed = read_sample(products / "chain_mu0.4" / "100000Pa.sample.h5")
+    assert not (tmp_path / "compression_mu0.4" / "100000Pa.sample.h5").exists()
+    run("compress", TABLE, tmp_path)
+    state = read_sample(tmp_path / "compression_mu0.4" / "100000Pa.sample.h5")
+    undisturbed = read_sample(products / "compression_mu0.4" / "100000Pa.sample.h5")
     assert (state.position == undisturbed.position).all()
     assert (state.shear == undisturbed.shear).all()
 
 
-def test_higher_stress_is_added_to_a_finished_chain(products, tmp_path):
-    """`highest` raised in the table: the chain goes on; a state of another study is not kept."""
-    folder = tmp_path / "chain_mu0.4"
+def test_higher_stress_is_added_to_a_finished_compression(products, tmp_path):
+    """`highest` raised in the table: it goes on; a state of another study is not kept."""
+    folder = tmp_path / "compression_mu0.4"
     shutil.copytree(products / folder.name, folder)
     state = read_sample(folder / "100000Pa.sample.h5")
     settings = read_provenance(folder / "100000Pa.sample.h5").settings
     assert settings["mu_comp"] == 0.4 and settings["spheres"] == 400
     state.study["seed"] = 2
     write_sample(folder / "100000Pa.sample.h5", state)
-    log = run("chain", CHAIN.replace(" 1e5", " 1e6"), tmp_path)
+    log = run("compress", TABLE.replace(" 1e5", " 1e6"), tmp_path)
     assert "100000Pa.sample.h5: it belongs to another study (seed is 2, not 1)" in log
     shutil.copy(products / folder.name / "100000Pa.sample.h5", folder)
-    run("chain", CHAIN.replace(" 1e5", " 1e6"), tmp_path)
+    run("compress", TABLE.replace(" 1e5", " 1e6"), tmp_path)
     higher = read_sample(folder / "1e+06Pa.sample.h5")
     assert higher.study["stress_zz"] == pytest.approx(1e6, rel=SETTLED[0])
 
 
 def test_checkpoint_of_another_study_is_refused(products):
-    other = CHAIN.replace(" 1 1e5", " 2 1e5")
-    job = start("chain", other, products)
+    other = TABLE.replace(" 1 1e5", " 2 1e5")
+    job = start("compress", other, products)
     job.wait(timeout=60)
-    log = (products / "chain.log").read_text()
+    log = (products / "compress.log").read_text()
     assert "it belongs to another study (seed is 1, not 2)" in log
     assert "Traceback" not in log

@@ -22,9 +22,9 @@ from modal.formats.provenance import Provenance, is_current, set_aside, versions
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.crystal import FccPacking
 from modal.packing.network import read_network, write_network
-from yade_scripts.compression import wall_stresses
 from yade_scripts.export import contact_network
 from yade_scripts.scene import find_contacts, finish, place, products_folder, set_engines
+from yade_scripts.servo import wall_stresses
 
 ROUND_OFF = 100 * np.finfo(float).eps
 """Relative error of a position; divided by overlap / length it bounds the residual force."""

@@ -1,4 +1,4 @@
-"""The command `pack`: chains of packings, from a cloud to each stress."""
+"""The command `pack`: packings, from a cloud to each stress."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Run or continue a chain; names of the files that hold its states."""
+    """Run or continue a compression; names of the files that hold its states."""
     for stress in options.stress or ():
         check_stress(stress)
     unused = ("tolerance",) if options.friction != 0 else ("width", *WITH_FRICTION)
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _study_of(options: argparse.Namespace) -> Study:
-    """The study of a chain with friction; its width follows from the aspect if none is given."""
+    """A compression with friction; its width follows from the aspect if none is given."""
     width = options.width
     if width is None:
         width = width_of(options.spheres, options.aspect)

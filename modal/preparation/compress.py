@@ -1,6 +1,6 @@
 """The walk of spheres with friction from a cloud to each stress, in modal's own loop.
 
-The same protocol, stages, files and checkpoints as YADE's chain (`yade_scripts/chain.py`). Each leg
+The same protocol, stages, files and checkpoints as in YADE (`yade_scripts/compress.py`). Each leg
 starts from the file that the leg before has written, so that a walk that was killed takes the same
 steps as one that was not.
 """

@@ -1,7 +1,7 @@
 """The way from a cloud to a packing with friction: its stages, durations, rates and limits.
 
-One definition for YADE (`yade_scripts/chain.py`) and for modal's own loop. Durations are times, not
-numbers of steps: half the step takes twice as many. Their unit is the packing's own time
+One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Durations are times,
+not numbers of steps: half the step takes twice as many. Their unit is the packing's own time
 D sqrt(density / pressure). What agitates spheres takes a fixed number of these. What settles a
 packing is vibration, whose shortest period is own time times (pressure / E*)^(1/3): such durations
 are given in own times at `REFERENCE`, and the power follows.
@@ -158,7 +158,7 @@ class Servo:
 
 @dataclass
 class Study:
-    """What tells one chain from another; the defaults are the study's own at friction 0.4.
+    """What tells one compression from another; the defaults are the study's own at friction 0.4.
 
     width: diameters; approach_rate: 1/s; fraction: time step over its limit.
     """
@@ -178,8 +178,8 @@ class Study:
         if not (0 < self.mu_comp <= 1 and self.spheres >= 100 and self.width >= 4):
             raise InputError(
                 f"mu_comp {self.mu_comp:g}, {self.spheres} spheres, width {self.width:g}: this "
-                "chain needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least 4 "
-                "diameters"
+                "compression needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least "
+                "4 diameters"
             )
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(

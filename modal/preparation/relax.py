@@ -128,7 +128,10 @@ def relax(
     in_layer = np.maximum(np.bincount(layer), 1)
     for step in range(max_steps + 1):
         if contacts.touching == 0:
-            raise InputError("the spheres come apart; compress the sample further first")
+            raise InputError(
+                f"the spheres come apart at {RESERVE:g} of their friction; give them more friction, "
+                "or compress the sample further first"
+            )
         push = contacts.load / arm
         if step % LOOK == 0:
             size = _size(contacts.load, 1 / radius) / contacts.mean_force

@@ -3,9 +3,8 @@
     yade -n -x -j1 benchmarks/harness/inside_yade/compress.py result.json '{"sample": ..., ...}'
 
 The servo of the study drives the spheres, which do not touch at first, to the stress; they are
-hardly damped until they are jammed and damped from there on: `yade_scripts/chain.py` for a single
-stress, without its rest at constant volume. Arguments: sample (file), output
-(file), stress (Pa), inertial_number (of the largest strain rate), steps (once jammed).
+hardly damped until they are jammed and damped from there on: `yade_scripts/compress.py` for a
+single stress, without its rest at constant volume. Arguments: sample (file), output (file), stress (Pa), inertial_number (of the largest strain rate), steps (once jammed).
 """
 
 import json
@@ -21,8 +20,8 @@ from yade.utils import PyRunner
 
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
-from yade_scripts import compression
 from yade_scripts.scene import finish
+from yade_scripts.servo import Drive, unbalanced, void_ratio
 from yade_scripts.state import build_scene, read_scene
 
 CHECK = 50
@@ -55,16 +54,16 @@ def main():
         numbers = (
             steps,
             time.process_time() - started,
-            compression.void_ratio(n),
+            void_ratio(n),
             coordination_number(n),
             error,
-            compression.unbalanced(),
+            unbalanced(),
         )
         for column, number in zip(trace.values(), numbers, strict=True):
             column.append(float(number))
 
     control = protocol.Servo(stress, given["inertial_number"])
-    drive = compression.Drive(n, control)
+    drive = Drive(n, control)
     interval = protocol.duration(protocol.CONTROL, stress)
     runner = PyRunner(
         command="drive()", iterPeriod=protocol.steps_of(interval, protocol.time_step(stress))

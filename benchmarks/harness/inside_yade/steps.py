@@ -22,8 +22,8 @@ from yade.utils import PyRunner
 from modal.packing.sample import read_sample
 from modal.preparation import protocol
 from modal.waves.signals import source_pulse
-from yade_scripts import compression
 from yade_scripts.scene import finish
+from yade_scripts.servo import Drive
 from yade_scripts.state import build_scene
 
 WARM = 5
@@ -56,7 +56,7 @@ def main():
     build_scene(sample, margin=0.01 if wave else 0.1, damping=0.0 if wave else 0.2)
     O.engines[1].dead = wave
     servo = protocol.Servo(given["stress"], protocol.INERTIAL_NUMBER)
-    control = None if wave else compression.Drive(n, servo)
+    control = None if wave else Drive(n, servo)
     command, every = ("drive()", 1) if wave else ("control()", 5)
     O.engines = [*O.engines[:3], PyRunner(command=command, iterPeriod=every), O.engines[-1]]
     O.dt = protocol.time_step(given["stress"])

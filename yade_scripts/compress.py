@@ -1,13 +1,13 @@
 """One friction coefficient's walk from a cloud of spheres to `highest`: a state at each stress.
 
-    yade -n -x -j1 yade_scripts/chain.py                 (mu_comp = 0.4, 35,201 spheres)
-    yade-batch cases/chains.table yade_scripts/chain.py
+    yade -n -x -j1 yade_scripts/compress.py              (mu_comp = 0.4, 35,201 spheres)
+    yade-batch cases/compressions.table yade_scripts/compress.py
 
-Writes products/chain_mu0.4/STRESSPa.sample.h5 and, after every leg, a checkpoint from which a
-killed chain goes on. Environment: WAVE_PRODUCTS. The protocol, its numbers and their reasons are
-those of `modal.preparation.protocol`; see results/samples/compaction.md. Each leg starts from the
-file that the leg before has written, so that a chain that was killed takes the same steps as one
-that was not.
+Writes products/compression_mu0.4/STRESSPa.sample.h5 and, after every leg, a checkpoint from which a
+killed compression goes on. Environment: WAVE_PRODUCTS. The protocol, its numbers and their reasons
+are those of `modal.preparation.protocol`; see results/samples/compaction.md. Each leg starts from
+the file that the leg before has written, so that a compression that was killed takes the same steps
+as one that was not.
 """
 
 import math
@@ -28,7 +28,7 @@ from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.protocol import END, Stage, Study, goes_on, stages, steps_of
-from yade_scripts import compression
+from yade_scripts import servo
 from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell
 
@@ -65,7 +65,7 @@ def _of(stage, cost):
 def drive(control, stress, n):
     """Let `control` set the strain rates from now on, as often as suits `stress` (Pa)."""
     global follow
-    follow = compression.Drive(n, control)
+    follow = servo.Drive(n, control)
     interval = protocol.duration(protocol.CONTROL, stress)
     runner = PyRunner(command="follow()", iterPeriod=steps_of(interval, O.dt))
     O.engines = [*O.engines[:3], runner, O.engines[-1]]
@@ -77,7 +77,7 @@ def leg(sample, study):
     n, before = study.spheres, dict(sample.study)
     build_scene(sample, margin=MARGIN, damping=0.0)
     stage = Stage(before["stage"], study)
-    stage.control.stress = compression.principal_stresses(n)
+    stage.control.stress = servo.principal_stresses(n)
     O.engines[-1].damping = stage.damping
     O.dt = stage.time_step()
     drive(stage.control, stage.control.target, n)
@@ -90,7 +90,7 @@ def leg(sample, study):
         count = steps_of(stage.check, O.dt)
         O.run(count, wait=True)
         steps, seconds = steps + count, seconds + count * O.dt
-        settled = stage.settled(compression.unbalanced())
+        settled = stage.settled(servo.unbalanced())
         ended = settled or stage.impatient(seconds)
         if not np.isfinite(stage.control.stress).all():
             raise InputError(f"{stage.name}: the stress is not finite; unstable time step")
@@ -102,8 +102,8 @@ def leg(sample, study):
             break
     reached = {
         "stage_time": seconds,
-        "unbalanced": compression.unbalanced(),
-        "void_ratio": compression.void_ratio(n),
+        "unbalanced": servo.unbalanced(),
+        "void_ratio": servo.void_ratio(n),
         "coordination_number": coordination_number(n),
     }
     reached |= zip(("stress_xx", "stress_yy", "stress_zz"), stage.control.stress, strict=True)
@@ -117,7 +117,7 @@ def leg(sample, study):
     of_stage["seconds"] = before.get(f"seconds_{name}", 0.0) + took
     cost = {"steps": before["steps"] + steps, "seconds": before["seconds"] + took}
     after.study = before | reached | cost | _of(name, of_stage)
-    made = study.provenance("yade_scripts/chain.py", yade=config.version)
+    made = study.provenance("yade_scripts/compress.py", yade=config.version)
     after.provenance = made.attributes()
     print(f", {cost['seconds']:.0f} s", flush=True)
     return after, ended
@@ -134,15 +134,15 @@ def progress(stage, steps):
     n = stage.study.spheres
     return (
         f"mu {stage.study.mu_comp:g} {stage.name}: {steps} steps, "
-        f"stress {stage.control.stress.mean():.4g} Pa, e {compression.void_ratio(n):.4f}, "
-        f"Z {coordination_number(n):.3f}, unbalanced {compression.unbalanced():.1e}"
+        f"stress {stage.control.stress.mean():.4g} Pa, e {servo.void_ratio(n):.4f}, "
+        f"Z {coordination_number(n):.3f}, unbalanced {servo.unbalanced():.1e}"
     )
 
 
 def main():
     """Walk on from the checkpoint, or from the cloud, to the highest stress."""
     study = Study(**{name: getattr(table, name) for name in vars(Study())})
-    folder = products_folder() / f"chain_mu{study.mu_comp:g}"
+    folder = products_folder() / f"compression_mu{study.mu_comp:g}"
     checkpoint = folder / "checkpoint.sample.h5"
     names = stages(tuple(stress for stress in protocol.STRESSES if stress <= table.highest))
     files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}

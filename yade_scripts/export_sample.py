@@ -1,6 +1,6 @@
 """Contact network of a random sample at rest as YADE has it, and its noise; caseNN.network.h5.
 
-    yade-batch cases/random.table yade_scripts/export_random.py
+    yade-batch cases/random.table yade_scripts/export_sample.py
 
 Loads products/caseNN.sample.h5, which stays as it is, refuses it where YADE's own forces are not of
 its stress or not in balance, and lets it run for a while without a wave: what moves by itself is
@@ -24,7 +24,7 @@ from modal.packing.network import read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import read_sample
 from modal.preparation.protocol import time_step
-from yade_scripts import compression
+from yade_scripts import servo
 from yade_scripts.export import contact_network
 from yade_scripts.scene import finish, products_folder
 from yade_scripts.state import build_scene
@@ -32,7 +32,8 @@ from yade_scripts.state import build_scene
 STRESS_TOLERANCE = 5e-3
 BALANCE = 1e-7
 """Largest mean net force over the mean contact force: at 100 kPa it moves a free sphere by 2 nm in
-the run without a wave, one that is held by others far less; chains end at 1e-3, relax at 1e-10."""
+the run without a wave, one that is held by others far less; compressions end at 1e-3, relax at
+1e-10."""
 MARGIN = 0.05
 NOISE_STEPS = 1500
 """Steps of the run without a wave: at 100 kPa some 1.5 ms, twice the time that a wave takes."""
@@ -63,7 +64,7 @@ def main():
     sample, parent = read_sample(sample_path), packing_of(sample_path)
     settings = {"stress": float(stress), "mu_wave": float(mu_wave), "noise_steps": NOISE_STEPS}
     made = Provenance(
-        "yade_scripts/export_random.py", settings, parent, versions(yade=config.version)
+        "yade_scripts/export_sample.py", settings, parent, versions(yade=config.version)
     )
     if is_current(path, made, read=read_network):
         print(f"{path}: already there")
@@ -80,12 +81,12 @@ def main():
                 "make the sample again"
             )
     build_scene(sample, margin=MARGIN, damping=0.0)
-    stresses = compression.principal_stresses(n)
+    stresses = servo.principal_stresses(n)
     if abs(stresses / target - 1).max() > STRESS_TOLERANCE:
         raise InputError(
-            f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa; walk the chain again"
+            f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa; compress it again"
         )
-    unbalanced, walls = compression.unbalanced(), compression.wall_stresses(n)
+    unbalanced, walls = servo.unbalanced(), servo.wall_stresses(n)
     if not unbalanced < BALANCE:
         raise InputError(
             f"{sample_path}: net forces of {unbalanced:.1e} of the mean contact force in YADE, "
