@@ -129,7 +129,7 @@ def relax(
     for step in range(max_steps + 1):
         if contacts.touching == 0:
             raise InputError(
-                f"the spheres come apart at {RESERVE:g} of their friction; give them more friction, "
+                f"the spheres come apart at {RESERVE:g} of their friction; give them more of it, "
                 "or compress the sample further first"
             )
         push = contacts.load / arm

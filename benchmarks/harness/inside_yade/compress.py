@@ -4,7 +4,8 @@
 
 The servo of the study drives the spheres, which do not touch at first, to the stress; they are
 hardly damped until they are jammed and damped from there on: `yade_scripts/compress.py` for a
-single stress, without its rest at constant volume. Arguments: sample (file), output (file), stress (Pa), inertial_number (of the largest strain rate), steps (once jammed).
+single stress, without its rest at constant volume. Arguments: sample (file), output (file), stress
+(Pa), inertial_number (of the largest strain rate), steps (once jammed).
 """
 
 import json
