@@ -72,7 +72,8 @@ def minimise(
     softest = float(stiffness_normal(1e-8 * sample.radius, sample.radius, sample.material))
     velocity, drift = np.zeros_like(position), np.zeros(3)
     mixing, downhill, dt = MIXING, 0, 0.0
-    best, best_score = (position.copy(), lengths.copy(), None), np.inf
+    best_score = np.inf
+    best = position.copy(), lengths.copy(), Rest(np.zeros(3), np.inf, np.inf, 0, 0.0)
     for step in range(max_steps + 1):
         forces.of(position, lengths)
         volume = lengths.prod()
@@ -126,14 +127,22 @@ def _dot(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.einsum("ij,ij", a, b))
 
 
-def _move(position, lengths, velocity, strain_rate, dt) -> None:
+def _move(
+    position: np.ndarray,
+    lengths: np.ndarray,
+    velocity: np.ndarray,
+    strain_rate: np.ndarray,
+    dt: float,
+) -> None:
     stretch = np.exp(strain_rate * dt)
     lengths *= stretch
     position *= stretch
     position += dt * velocity
 
 
-def _rest(forces: CentralForces, volume: float, pressure, step: int, start: float) -> Rest:
+def _rest(
+    forces: CentralForces, volume: float, pressure: float | None, step: int, start: float
+) -> Rest:
     stress = forces.virial / volume
     error = 0.0 if pressure is None else float(abs(stress - pressure).max() / pressure)
     return Rest(stress, error, forces.residual, step, time.perf_counter() - start)

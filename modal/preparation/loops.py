@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ except ImportError:
     numba = None
 prange = numba.prange if numba else range
 
+Loop = Callable[..., Any]
 ENOUGH = 5000
 """Spheres from which on threads are used."""
 SLABS = 16
@@ -61,28 +63,28 @@ def by_threads(spheres: int) -> bool:
     return many and numba.get_num_threads() > 1
 
 
-def elementwise(function: Callable) -> Callable:
+def elementwise(function: Loop) -> Loop:
     """The function itself, of numbers or of arrays; compiled loops may call it from now on."""
     return numba.extending.register_jitable(function) if numba else function
 
 
-def compiled(function: Callable, place: int) -> Callable:
+def compiled(function: Loop, place: int) -> Loop:
     """A loop over slabs, compiled for one thread and for more; argument `place` has the spheres."""
     one = numba.njit(cache=True)(_renamed(function, LAW))
     more = numba.njit(cache=True, parallel=True)(_renamed(function, f"{LAW}_by_threads"))
 
-    def loop(*given):
+    def loop(*given: Any) -> Any:
         return (more if by_threads(len(given[place])) else one)(*given)
 
     return loop
 
 
-def _renamed(function: Callable, ending: str) -> Callable:
+def _renamed(function: Any, ending: str) -> FunctionType:
     other = FunctionType(function.__code__, function.__globals__)
     other.__name__ = other.__qualname__ = f"{function.__name__}_{ending}"
     return other
 
 
-def compiled_part(function: Callable) -> Callable:
+def compiled_part(function: Loop) -> Loop:
     """What a loop does with one slab, compiled."""
     return numba.njit(cache=True)(_renamed(function, LAW))

@@ -6,6 +6,7 @@ shear forces of the contacts that go on. The law itself is `modal.preparation.co
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,8 +66,9 @@ class MovingContacts:
         self.position = sample.position.copy()
         self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
         self._ends = np.column_stack([network.particle_i, network.particle_j])
-        self._shift = network.cell_shift[:, :2].astype(int)
-        self._normal, self._shear = network.normal.copy(), network.force_tangential.copy()
+        self._shift = network.known("cell_shift", "list of contacts")[:, :2].astype(int)
+        self._normal = network.normal.copy()
+        self._shear = network.known("force_tangential", "history of contacts").copy()
         self.seek()
         self.touch(np.zeros((n, 6)), 0.0)
 
@@ -83,8 +85,9 @@ class MovingContacts:
         before_ends, before_shift = self._ends, self._shift
         self._ends, self._shift = ends, shift
         touched = self._normal.any(axis=1)
-        old = _numbers(*before_ends[touched].T, before_shift[touched])
-        before, after = _matching(old, _numbers(*self._ends.T, self._shift))
+        old = _numbers(before_ends[touched, 0], before_ends[touched, 1], before_shift[touched])
+        new = _numbers(ends[:, 0], ends[:, 1], shift)
+        before, after = _matching(old, new)
         normal, shear = self._normal[touched], self._shear[touched]
         self._normal, self._shear = np.zeros((2, len(ends), 3))
         self._normal[after], self._shear[after] = normal[before], shear[before]
@@ -106,7 +109,7 @@ class MovingContacts:
         self.touch(motion, 1.0)
 
     def touch(
-        self, velocity: np.ndarray, dt: float, change: tuple[float, float] = (0.0, 0.0)
+        self, velocity: np.ndarray, dt: float, change: Sequence[float] | np.ndarray = (0.0, 0.0)
     ) -> None:
         """Forces at the present positions, where `velocity` (n, 6) has led in `dt`, s.
 

@@ -123,6 +123,10 @@ class ConstantRate:
         self.stress = stress
         return np.full(3, -self.rate)
 
+    def error(self) -> float:
+        """Infinite: a constant rate leads to no stress in particular."""
+        return math.inf
+
 
 class Servo:
     """Drives three principal stresses to one target, Pa, within a limited strain rate.
@@ -201,7 +205,7 @@ class Study:
         """What a state is made from: the study alone; `programs` with their versions."""
         return Provenance(command, self.attributes, versions=versions(**programs))
 
-    def refuse_other(self, found: dict, path: object) -> None:
+    def refuse_other(self, found: dict[str, Any], path: object) -> None:
         """InputError if a checkpoint's attributes are those of another study."""
         for name, value in self.attributes.items():
             if found.get(name) != value:
@@ -259,8 +263,6 @@ class Stage:
         """Whether stresses and balance (residual over contact force) are as near as wanted."""
         if self.name == "approach":
             return bool(self.control.stress.mean() > HOT)
-        if self.name == "cool":
-            return False
         return self.control.error() < self.limits[0] and unbalanced < self.limits[1]
 
     def impatient(self, seconds: float) -> bool:
