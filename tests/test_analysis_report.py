@@ -20,10 +20,11 @@ from analysis.estimators.structure_factor import (
 from analysis.figures import FIGURES
 from analysis.figures.picture import Panel, Picture, read_picture, write_picture
 from modal.formats.hdf5 import InputError
+from modal.packing.affine import affine_stiffness, affine_velocity
 from modal.packing.examples import fcc
 from modal.packing.network import write_network
 from modal.preparation.random_packing import random_network
-from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import write_signals
@@ -114,6 +115,25 @@ def test_picture_survives_its_file(tmp_path):
 
 def test_mean_strain_is_exact_for_the_crystal():
     assert of_contacts(fcc(cells=(2, 2, 30))).velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
+
+
+def test_affine_stiffness_is_the_energy_of_a_stretch(packing):
+    """u_z = z on every sphere, none turned: u K u of the contacts between spheres, walls left out.
+
+    By the matrix, whose springs are not those of the formula; both are sums of the same terms.
+    """
+    inner = packing.with_contacts(np.flatnonzero(~packing.with_wall))
+    u = np.zeros((packing.n_particles, 6))
+    u[:, 2] = packing.position[:, 2]
+    energy = u.ravel() @ (stiffness_matrix(inner) @ u.ravel())
+    assert affine_stiffness(packing).sum() == pytest.approx(energy, rel=1e-9)
+
+
+def test_affine_velocity_of_a_crystal_counts_its_ends():
+    """n layers weigh as n and stretch as n - 1: sqrt(1 - 1/n) of the velocity in the bulk."""
+    for layers in (30, 60):
+        bulk = affine_velocity(fcc(cells=(2, 2, layers))) / np.sqrt(1 - 1 / layers)
+        assert bulk == pytest.approx(CHAIN.velocity, rel=1e-9)
 
 
 def test_mean_field_of_means_has_the_crystals_bulk_scaling():
