@@ -167,7 +167,8 @@ def density_of_states(
     signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
     so many of them that the whole spectrum costs less; then there is no error but the kernel's
     width. Motions without energy are split off exactly, at zero. `seed` draws the random vectors.
-    InputError where K has a negative direction, and before hours of work.
+    InputError where K has a negative direction, and where the estimated work exceeds a day or the
+    memory.
 
     >>> import modal
     >>> dos = density_of_states(modal.fcc(cells=(2, 2, 20)), resolution=1e4)

@@ -28,7 +28,7 @@ def eigenmodes(
     certify: bool = True,
     hours: float = LONGEST / 3600,
 ) -> ModeSet:
-    """Natural frequencies of a packing, in which way each moves it, and whether any is missing.
+    """Natural frequencies and mode shapes of a packing, and whether any mode is missing.
 
     One of `lowest` and `highest`, a number of modes, `below` and `between`, frequencies in Hz, and
     `all` says which modes; the ten lowest without. They solve K phi = omega^2 M phi (Otsubo et al.
@@ -40,8 +40,8 @@ def eigenmodes(
     2), and `mode_shape` (k, n, 6), mass-normalised, kg^-1/2, where `shapes` are wanted and take no
     more than 2 GB. It is `certified` where an exact count of modes says that none is missing; with
     `highest` that may be left out (`certify=False`). `solver` names a factorisation: pardiso,
-    banded or superlu. InputError where there are no such modes, and before anything that is
-    estimated to take longer than `hours`.
+    banded or superlu. InputError where there are no such modes, and where the search is estimated
+    to take longer than `hours` or more than the free memory.
 
     >>> import modal
     >>> low = eigenmodes(modal.fcc(cells=(2, 2, 20)), lowest=3)
@@ -55,7 +55,9 @@ def eigenmodes(
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)}: which modes? Ask for one of them")
     if not certify and highest is None:
-        raise InputError("only the highest modes can go uncertified; others cost hardly less so")
+        raise InputError(
+            "certify=False is for the highest modes only; elsewhere it saves hardly any time"
+        )
     problem = Eigenproblem.of(
         network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
     )
