@@ -31,7 +31,8 @@ TOTALS = (
 )
 """What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m."""
 WITHOUT_HISTORY = None, None, None, None, None, None
-"""Of frictionless contacts: no motion of spheres, normals and shear forces to go on from."""
+"""In place of motion, time step, change of the sides, friction, normals and shear forces: numba
+then compiles a loop of the normal forces alone."""
 
 for _of_law in (
     contact_radius,
