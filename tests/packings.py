@@ -113,6 +113,13 @@ def levers_of_radii(network: Network) -> Network:
     )
 
 
+def scaled(values: np.ndarray, rows: object, factor: float) -> np.ndarray:
+    """A copy with some rows times a factor."""
+    changed = values.copy()
+    changed[rows] *= factor
+    return changed
+
+
 def rounded(network: Network, digits: int = 7) -> Network:
     """All numbers as a text of so many significant digits keeps them."""
     columns = {}

@@ -36,8 +36,7 @@ def folder(tmp_path_factory):
     recorded = chain_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
     digest = sha256(folder / "quartz.network.h5")
     write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
-    packing = random_network(150, 1e5, seed=3)
-    packing.study = {}
+    packing = replace(random_network(150, 1e5, seed=3), study={})
     write_network(folder / "heap.h5", packing)
     run = leapfrog(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
     digest = sha256(folder / "heap.h5")

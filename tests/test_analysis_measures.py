@@ -95,9 +95,8 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
     packing = random_network(150, 1e5, seed=3)
     rng = np.random.default_rng(1)
     shaken = fcc(cells=(2, 2, 12))
-    shaken.position = shaken.position + 1e-2 * shaken.radius[0] * rng.normal(
-        size=shaken.position.shape
-    )
+    shake = 1e-2 * shaken.radius[0] * rng.normal(size=shaken.position.shape)
+    shaken = replace(shaken, position=shaken.position + shake)
     for network, crystal in (
         (fcc(cells=(1, 1, 200)), True),
         (fcc(1e7, (2, 2, 12)), True),
@@ -121,7 +120,7 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     """Whatever the number of the case: the paper's void ratio is that of the same preparation."""
     assert matching_case(False, stress, mu) == case
     network = random_network(150, 1e5, seed=3)
-    network.study |= {"stress": stress, "mu_comp": mu}
+    network.study.update(stress=stress, mu_comp=mu)
     named = Case("case07", tmp_path)
     named.network = network
     rows = [row for row in deviations([Measures(named)]) if row[1] == "void ratio"]
@@ -192,7 +191,7 @@ def test_chi_z_says_of_which_modes_it_is(tmp_path):
     """The largest of a narrow band is not passed for that of all modes above its lower end."""
     case = Case("case06", tmp_path)
     case.network = random_network(150, 1e5, seed=3)
-    case.network.study |= {"stress": 1e5, "mu_comp": 0.0}
+    case.network.study.update(stress=1e5, mu_comp=0.0)
 
     def some(frequency, chi):
         zero = np.zeros(len(frequency))

@@ -1,6 +1,7 @@
 """File formats round trip, bad input is refused in one line, the command line in-process."""
 
 import json
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -39,8 +40,7 @@ def test_network_round_trip(network_file):
 
 def test_no_half_file_is_left(network_file, monkeypatch):
     before = network_file.read_bytes()
-    broken = gallery.fcc(cells=(2, 2, 6))
-    broken.normal = "not an array"
+    broken = replace(gallery.fcc(cells=(2, 2, 6)), normal="not an array")
     with pytest.raises(ValueError):
         write_network(network_file, broken)
     assert network_file.read_bytes() == before

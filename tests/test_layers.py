@@ -25,7 +25,9 @@ def test_a_dangling_chain_bears_no_force():
 
 def test_means_equal_a_loop():
     network = gallery.fcc(cells=(3, 3, 20))
-    network.position[:, 2] += np.random.default_rng(0).uniform(-1e-4, 1e-4, network.n_particles)
+    position = network.position.copy()
+    position[:, 2] += np.random.default_rng(0).uniform(-1e-4, 1e-4, network.n_particles)
+    network = replace(network, position=position)
     layers = Layers(network)
     values = np.random.default_rng(1).standard_normal(network.n_particles)
     for k, (z, mean) in enumerate(zip(layers.position, layers.means(values), strict=True)):

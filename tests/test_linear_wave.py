@@ -1,10 +1,12 @@
 """The Chebyshev wave against modal superposition, energy balance and a short chain."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packings import scaled
 
 from modal import workload
 from modal.__main__ import main
@@ -101,9 +103,9 @@ def test_top_of_spectrum_is_close(network):
 def with_one_stiff_contact(contact: int, factor: float) -> Network:
     """A crystal of 144 spheres whose highest mode is a single contact's own."""
     network = gallery.fcc(cells=(3, 3, 16))
-    for name in ("stiffness_normal", "stiffness_tangential"):
-        getattr(network, name)[contact] *= factor
-    return network
+    names = "stiffness_normal", "stiffness_tangential"
+    stiff = {name: scaled(getattr(network, name), contact, factor) for name in names}
+    return replace(network, **stiff)
 
 
 @pytest.mark.parametrize("factor", [2.0, 10.0])
@@ -153,8 +155,9 @@ def test_energy_is_conserved_once_the_wall_rests(seed):
     network = gallery.fcc(cells=(2, 2, 12))
     if seed is not None:
         rng = np.random.default_rng(seed)
-        for name in ("stiffness_normal", "stiffness_tangential"):
-            setattr(network, name, getattr(network, name) * rng.uniform(0.2, 1, network.n_contacts))
+        normal = network.stiffness_normal * rng.uniform(0.2, 1, network.n_contacts)
+        tangential = network.stiffness_tangential * rng.uniform(0.2, 1, network.n_contacts)
+        network = replace(network, stiffness_normal=normal, stiffness_tangential=tangential)
     operator = ContactOperator(network, mass_scaled=True)
     top, _ = top_of_spectrum(operator)
     # Velocity by the central difference of order 8: relative error (omega h)^8 / 630 < 1e-12.
@@ -224,8 +227,7 @@ def test_leapfrog_approaches_the_exact_wave_at_second_order():
 def squeezed(times: float) -> Network:
     """A crystal whose contacts press `times` as hard as their springs stand for."""
     network = gallery.fcc(cells=(2, 2, 12))
-    network.force_normal = times * network.force_normal
-    return network
+    return replace(network, force_normal=times * network.force_normal)
 
 
 def test_step_limit_is_that_of_the_tangent_in_use():

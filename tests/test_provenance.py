@@ -160,15 +160,15 @@ def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
         Sample(packing.position, packing.cell_size[:2], packing.wall_position, 0.1).network(), 0.1
     )
     write_sample(sample, column)
-    exported = column.network()
-    exported.provenance = Provenance("export", {}, packing_of(sample)).attributes()
+    made = Provenance("export", {}, packing_of(sample)).attributes()
+    exported = replace(column.network(), provenance=made)
     write_network(network, exported)
     of_sample, of_network = tmp_path / "s.modes.h5", tmp_path / "n.modes.h5"
     for source, product in ((sample, of_sample), (network, of_network)):
         assert main(["modes", str(source), "--highest", "1", "-o", str(product)]) == 0
         for packing_file in (sample, network):
             assert require_same_packing(product, packing_of(packing_file)) == ""
-    exported.stiffness_normal = 2 * exported.stiffness_normal
+    exported = replace(exported, stiffness_normal=2 * exported.stiffness_normal)
     other = tmp_path / "b.network.h5"
     write_network(other, exported)
     with pytest.raises(InputError, match=r"made from a\.network\.h5 .* not from b\.network\.h5"):
@@ -307,13 +307,13 @@ def test_table_of_samples_takes_the_noise_from_the_network_exported_from_it(tmp_
     sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
     shutil.copy(ROOT / "tests/data/friction150.sample.h5", sample)
     exported = read_packing(sample)
-    exported.study |= {"noise_layer": 1.25e-13, "noise_sphere": 2.5e-13}
-    exported.provenance = Provenance("export", {}, packing_of(sample)).attributes()
+    exported.study.update(noise_layer=1.25e-13, noise_sphere=2.5e-13)
+    made = Provenance("export", {}, packing_of(sample)).attributes()
+    exported = replace(exported, provenance=made)
     assert "1.2e-13" not in table([str(sample)])
     write_network(network, exported)
     assert "1.2e-13, 2.5e-13" in table([str(sample)])
-    exported.provenance = {}
-    write_network(network, exported)
+    write_network(network, replace(exported, provenance={}))
     assert "1.2e-13" not in table([str(sample)])
 
 

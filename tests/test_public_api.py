@@ -9,6 +9,7 @@ import runpy
 import subprocess
 import sys
 import time
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 
 import numpy as np
@@ -177,6 +178,22 @@ def test_what_is_wrong_is_said_without_the_command_line(packing):
         with pytest.raises(modal.InputError, match=said) as raised:
             call()
         assert "--" not in str(raised.value)
+
+
+def test_a_network_does_not_change():
+    """Neither its fields nor their entries; another one by `replace` has no results of it."""
+    mass = np.full(8, 2e-5)
+    network = replace(modal.fcc(cells=(1, 1, 8)), mass=mass)
+    with pytest.raises(FrozenInstanceError):
+        network.mass = mass
+    with pytest.raises(ValueError, match="read-only"):
+        network.mass[0] = 1.0
+    mass[0] = 3e-5  # whoever made the array may go on with it
+    slow = modal.eigenmodes(network, all=True).frequency
+    heavier = replace(network, mass=4 * network.mass, inertia=4 * network.inertia)
+    assert modal.eigenmodes(heavier, all=True).frequency == pytest.approx(
+        slow / 2, rel=1e-9, abs=1e-6 * slow[-1]
+    )
 
 
 def test_what_is_dear_is_made_once_for_a_network(monkeypatch):

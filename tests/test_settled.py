@@ -53,7 +53,7 @@ def test_reports_mark_the_state_in_every_label(sample, shaken, tmp_path):
     for state, marked in ((sample, False), (shaken, True)):
         case = Case("case30", tmp_path)
         case.network = state.network()
-        case.network.study |= {"stress": 1e3, "mu_comp": 0.4}
+        case.network.study.update(stress=1e3, mu_comp=0.4)
         assert ("not settled" in case.label) == marked
         table = table_1([Measures(case)])
         assert ("not settled" in table.header[1]) == marked

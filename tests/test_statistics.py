@@ -134,7 +134,9 @@ def test_rattlers_leave_with_their_contacts():
 
 def test_share_of_friction():
     network = gallery.column(2)
-    network.force_tangential[1] = [0.05 * network.force_normal[1], 0, 0]
+    shear = np.zeros((network.n_contacts, 3))
+    shear[1, 0] = 0.05 * network.force_normal[1]
+    network = replace(network, force_tangential=shear)
     assert friction_used(network, 0.1) == pytest.approx([0, 0.5, 0])
     assert summary(network, 0.1)["largest_share_of_friction"] == pytest.approx(0.5)
     assert friction_used(gallery.column(2), 0.0) == pytest.approx([0, 0, 0])
@@ -184,8 +186,7 @@ def test_info_reads_the_compact_form(tmp_path, capsys):
 def test_no_volume_is_one_line(tmp_path, capsys):
     """Without walls there are no layers along z; all other numbers stand."""
     network = gallery.column(2)
-    network = network.with_contacts(~network.with_wall)
-    network.wall_position = np.zeros(2)
+    network = replace(network.with_contacts(~network.with_wall), wall_position=np.zeros(2))
     path = tmp_path / "flat.network.h5"
     write_network(path, network)
     assert main(["info", str(path), "--layers", str(tmp_path / "layers.csv")]) == 2

@@ -8,6 +8,7 @@ the noise floor of a wave run, which the network's study holds. Environment: WAV
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 # Inside YADE __file__ is YADE itself; the script is its first argument.
@@ -95,7 +96,7 @@ def main():
     network = contact_network(n, sample.study | {"case": str(case)}, {})
     O.dt = time_step(target)
     of_layer, of_sphere = noise(network)
-    network.study |= {
+    measured = {
         "noise_layer": of_layer,
         "noise_sphere": of_sphere,
         "unbalanced": unbalanced,
@@ -105,11 +106,12 @@ def main():
         "stress_source_wall": walls[0],
         "stress_receiver_wall": walls[1],
     }
-    network.provenance = made.attributes() | {
+    provenance = made.attributes() | {
         "parent": parent[0].name,
         "parent_sha256": parent[0].sha256,
     }
-    write_network(path, network)
+    study = network.study | measured
+    write_network(path, replace(network, study=study, provenance=provenance))
     print(
         f"{path}: {network.n_contacts} contacts, unbalanced {unbalanced:.1e}, noise of a layer "
         f"{of_layer:.1e} m, of a sphere {of_sphere:.1e} m"

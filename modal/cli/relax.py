@@ -78,14 +78,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     )
     write_sample(options.output, rested)
     if options.network:
-        network.study |= rested.study
         (parent,) = packing_of(options.output)
-        made = replace(options.made, sources=(parent,))
-        network.provenance = made.attributes() | {
-            "parent": parent.name,
-            "parent_sha256": parent.sha256,
-        }
-        write_network(options.network, network)
+        made = replace(options.made, sources=(parent,)).attributes()
+        made |= {"parent": parent.name, "parent_sha256": parent.sha256}
+        study = network.study | rested.study
+        write_network(options.network, replace(network, study=study, provenance=made))
     return {"residual_before": history[0].residual} | asdict(state) | measured
 
 

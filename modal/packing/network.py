@@ -48,12 +48,14 @@ _OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shi
 Made = TypeVar("Made")
 
 
-@dataclass(repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Network:
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
 
     `normal` (m, 3) points from i towards j or the wall; `lever_i`, `lever_j` (m, 3) from the
-    centre to the contact point, zero for a wall. `study` and `provenance` are free attributes.
+    centre to the contact point, zero for a wall. `study` and `provenance` are free attributes. A
+    network does not change: what follows from it is kept with it (`once`), and
+    `dataclasses.replace` makes another one.
     What a program does not know of its contacts is None, which is not zero: `force_normal` (m,),
     compression positive; `force_tangential` (m, 3) on i; `overlap` (m,); `sliding` (m,) bool;
     `cell_shift` (m, 3), the periods that are added to j.
@@ -83,6 +85,14 @@ class Network:
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     further: ClassVar[list[Callable[[Network], list[tuple[str, str]]]]] = []
     """What rooms above this one add to the lines of `print`: names and texts."""
+
+    def __post_init__(self) -> None:
+        """Arrays become views that cannot be written to; their owners still can write to them."""
+        for name, data in vars(self).items():
+            if isinstance(data, np.ndarray):
+                view = data.view()
+                view.flags.writeable = False
+                object.__setattr__(self, name, view)
 
     def once(self, name: str, make: Callable[[], Made]) -> Made:
         """What `make` gives, made when this name is first asked for and kept with the network."""

@@ -128,9 +128,9 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     shear = shear_components(network)
     network.known("cell_shift", "sample with its contacts in order")
     sample = Sample(
-        position=network.position,
-        side=network.cell_size[:2],
-        walls=network.wall_position,
+        position=network.position.copy(),
+        side=network.cell_size[:2].copy(),
+        walls=network.wall_position.copy(),
         friction=friction,
         shear=shear if shear.any() else None,
         radius=float(network.radius[0]),
