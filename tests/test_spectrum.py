@@ -123,7 +123,7 @@ def test_growth_is_told_from_round_off_at_every_order(orders):
 
     The recurrence's round-off grows as k^2, too: the same shares are seen, or not, at every order.
     """
-    grown(np.full(4, 1 + 1e-12), 1 / (1 + 1e-12), orders)
+    grown(np.full(4, 1 + 1e-13), 1 / (1 + 1e-13), orders)
     operator, start = Diagonal(np.full(4, 1 + 1e-15)), np.ones(4)
     chebyshev_moments(operator, start, start, 1.0, orders, Everything(4))
 

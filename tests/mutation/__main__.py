@@ -4,7 +4,7 @@
 
 Draws mutants from the modules of `TESTS`, puts each into a copy of the project and runs the tests
 of its module there, two mutants at a time. Each result is a line of FILE (by default in a temporary
-folder); the same command goes on where it was stopped. 300 mutants take about 40 minutes on two
+folder); the same command goes on where it was stopped. 300 mutants take about 20 minutes on two
 cores. Survivors that compute the same as the original are listed, with the reason, in
 tests/mutation/equivalent.toml.
 """

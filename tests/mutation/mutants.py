@@ -3,7 +3,7 @@
 Every change is a replaced stretch of text, so that comments and line numbers stay: another
 operator, another side of a comparison, a constant one more or of the other sign, a statement left
 out, indices swapped, a slice shifted, a function's counterpart called. Annotations, imports,
-decorators and texts are left alone: wrong ones do not change what is computed.
+decorators, texts and what draws or prints are left alone: they do not change what is computed.
 """
 
 from __future__ import annotations
@@ -38,6 +38,10 @@ COUNTERPARTS = {
     **{"full": "zeros", "eye": "ones", "inf": "nan", "sum": "max", "mean": "sum", "std": "var"},
     **{"triu": "tril", "argsort": "argmax", "cumsum": "array", "flatnonzero": "unique"},
 }
+
+
+SHOWN = ("plot", "__str__", "__repr__")
+"""Functions that show results only."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,8 @@ class Changes:
 
     def below(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
         """The changes of a node and of all its parts."""
+        if isinstance(node, ast.FunctionDef) and node.name in SHOWN:
+            return
         yield from self.of(node)
         for name, value in ast.iter_fields(node):
             if name in ("annotation", "returns", "decorator_list"):
