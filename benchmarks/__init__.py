@@ -1,1 +1,1 @@
-"""Run time against error: each module has run(quick) -> rows and prints a Markdown table."""
+"""Run time against error: each job is a module whose run(quick, folder) gives its page."""

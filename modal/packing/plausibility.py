@@ -1,4 +1,4 @@
-"""What a reader should look at before believing a network: no check can tell it for him.
+"""What a reader should look at before believing a network, where no check can refuse.
 
 Nothing here is refused. Laws of contact that this project does not know are sound, packings under
 gravity are not in balance without it, and bodies of several densities exist; but a permuted column
