@@ -26,7 +26,7 @@ from analysis.status import status_table
 from analysis.study import tables
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import packing_of, require_same_packing
-from modal.packing.network import read_network
+from modal.packing.network_file import read_network
 from modal.waves.signals import read_signals
 
 COMPARED = (

@@ -11,7 +11,7 @@ from modal.formats.hdf5 import InputError, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY
 from modal.modes.mode_set import SCHEMA as MODES
-from modal.packing.network import SCHEMA as NETWORK
+from modal.packing.network_file import SCHEMA as NETWORK
 from modal.packing.sample import SCHEMA as SAMPLE
 from modal.waves.response import SCHEMA as RESPONSE
 from modal.waves.signals import SCHEMA as SIGNALS

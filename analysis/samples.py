@@ -16,7 +16,8 @@ from analysis.settled import MARK, why_unsettled
 from analysis.table import Table
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import read_provenance
-from modal.packing.network import Network, read_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network
 from modal.packing.sample import read_sample
 from modal.packing.state import summary
 from modal.preparation.relax import balance_of

@@ -22,7 +22,7 @@ from benchmarks.harness.report import Page, Rows
 from modal.modes.counts import count_below
 from modal.modes.density import DensityOfStates, density_of_states
 from modal.modes.problem import Eigenproblem
-from modal.packing.network import read_network
+from modal.packing.network_file import read_network
 
 TITLE = "Density of states: moments and random vectors against exact counts"
 SPHERES = {True: 250, False: 700}

@@ -29,7 +29,7 @@ from modal.modes.highest import all_modes
 from modal.modes.lowest import lowest_modes
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
-from modal.packing.network import read_network, write_network
+from modal.packing.network_file import read_network, write_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 

@@ -29,7 +29,8 @@ from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import Network, read_network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import Sample, write_sample
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator

@@ -25,7 +25,8 @@ from benchmarks.wave import relative, step_and_records
 from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals

@@ -20,7 +20,8 @@ from benchmarks.harness.report import Page, Rows
 from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import Network, read_network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Pulse

@@ -12,7 +12,8 @@ import pytest
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import Network, read_network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import Sample, sample_of_network
 from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress

@@ -8,7 +8,7 @@ from analysis.__main__ import main
 from analysis.agreement import Agreement, over_time, split_by_cause
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.waves.leapfrog import leapfrog
 from modal.waves.signals import Signals, write_signals
 from modal.waves.source import Pulse

@@ -12,7 +12,7 @@ from benchmarks.harness import yade
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
 from modal.modes.problem import Eigenproblem
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample
 from modal.waves.signals import Signals, read_signals
 

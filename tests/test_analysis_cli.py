@@ -9,7 +9,7 @@ from analysis.__main__ import COMPARED, main
 from analysis.estimators.exact_chain import Chain, chain_signals
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.examples import fcc
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.waves.signals import write_signals
 
 

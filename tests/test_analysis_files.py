@@ -15,7 +15,7 @@ from analysis.estimators.exact_chain import Chain, chain_signals
 from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import InputError, atomic_h5, sha256
 from modal.packing.examples import fcc
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.packing.sample import sample_of_network, write_sample
 from modal.preparation.random_packing import random_network
 from modal.waves.leapfrog import leapfrog

@@ -19,7 +19,7 @@ from modal.modes.highest import all_modes
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem
 from modal.packing.examples import column, fcc
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
 
 

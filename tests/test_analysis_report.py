@@ -22,7 +22,7 @@ from analysis.figures.picture import Panel, Picture, read_picture, write_picture
 from modal.formats.hdf5 import InputError
 from modal.packing.affine import affine_stiffness, affine_velocity
 from modal.packing.examples import fcc
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator

@@ -21,7 +21,8 @@ from modal.formats.hdf5 import InputError
 from modal.modes.density import density_of_states
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import validate, write_network
+from modal.packing.network_file import write_network
+from modal.packing.validation import validate
 from modal.preparation.random_packing import random_network
 from modal.stiffness.matrices import stiffness_matrix
 from modal.waves.leapfrog import leapfrog

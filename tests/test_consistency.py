@@ -11,8 +11,10 @@ import pytest
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import Network, read_network, validate, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
+from modal.packing.validation import validate
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 8))
 

@@ -25,7 +25,7 @@ from modal.modes.highest import all_modes
 from modal.modes.mode_set import read_modes, write_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import read_network, write_network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample, write_sample
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals

@@ -15,7 +15,7 @@ from modal.formats.hdf5 import InputError, sha256
 from modal.modes.density import DensityOfStates, density_of_states
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator

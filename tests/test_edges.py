@@ -22,7 +22,8 @@ from modal.modes.lowest import lowest_modes
 from modal.modes.problem import Eigenproblem, slipping
 from modal.packing import examples as gallery
 from modal.packing.neighbours import tangents
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample
 from modal.stiffness.springs import contact_kinematics
 from modal.theory.fcc import FccLattice

@@ -15,7 +15,7 @@ from modal.modes.highest import highest_modes
 from modal.modes.lowest import SLICE, lowest_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.packing.sample import read_packing
 from modal.solvers.factor import available
 

@@ -23,7 +23,7 @@ import pytest
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import read_network, write_network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,7 +11,7 @@ from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import read_modes
 from modal.packing import examples as gallery
-from modal.packing.network import read_network, write_network
+from modal.packing.network_file import read_network, write_network
 from modal.waves.chain import wall_to_wall_chain
 from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 

@@ -15,7 +15,8 @@ from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of, slipping
 from modal.packing import examples as gallery
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
 from modal.stiffness.matrices import stiffness_matrix

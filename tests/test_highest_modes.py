@@ -14,7 +14,8 @@ from modal.modes.highest import all_modes, highest_modes
 from modal.modes.mode_set import read_modes
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.solvers.factor import SingularError, available, factorise
 
 

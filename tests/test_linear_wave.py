@@ -13,7 +13,8 @@ from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import SOURCE_WALL, Network, write_network
+from modal.packing.network import SOURCE_WALL, Network
+from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample
 from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
 from modal.stiffness.matrices import mass_diagonal

@@ -13,7 +13,8 @@ from modal.modes import problem as eigenproblem
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.problem import Eigenproblem, frequency_of, subset
 from modal.packing import examples as gallery
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 EPS = np.finfo(float).eps

@@ -8,7 +8,8 @@ from scipy.sparse.linalg import eigsh
 
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import Network, validate
+from modal.packing.network import Network
+from modal.packing.validation import validate
 from modal.stiffness import operator
 from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator

@@ -31,7 +31,7 @@ from modal.formats.provenance import (
     require_same_packing,
 )
 from modal.packing import examples as gallery
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_packing, sample_of_network, write_sample
 from modal.waves.energy_balance import EnergyBalance
 from modal.waves.signals import read_signals, write_signals

@@ -17,7 +17,7 @@ import pytest
 
 import modal
 from modal.__main__ import main
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,7 +11,8 @@ from analysis.measures import Measures
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, write_network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.network_file import write_network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.walls import wall_pattern
 from modal.waves.propagate import propagate

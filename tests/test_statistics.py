@@ -10,7 +10,8 @@ import pytest
 from modal.__main__ import main
 from modal.packing import examples as gallery
 from modal.packing.contact_law import RADIUS
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import (
     coordination_without_rattlers,

@@ -19,7 +19,8 @@ import pytest
 
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.network import Network, read_network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
 from modal.packing.state import stress_tensor, summary
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix

@@ -12,7 +12,7 @@ from modal.__main__ import main
 from modal.modes.highest import all_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.network import read_network, write_network
+from modal.packing.network_file import read_network, write_network
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse

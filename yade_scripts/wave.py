@@ -39,7 +39,7 @@ from modal.formats.provenance import (
 from modal.modes.mode_set import read_modes
 from modal.packing.affine import affine_velocity
 from modal.packing.layers import Layers
-from modal.packing.network import read_network
+from modal.packing.network_file import read_network
 from modal.packing.sample import sample_of_network
 from modal.waves.chain import wall_to_wall_chain
 from modal.waves.energy_balance import EnergyBalance, drift_limit

@@ -11,7 +11,8 @@ from scipy.linalg import eigh
 from benchmarks.harness.measure import ROOT
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.packing.sample import read_packing
 from modal.preparation.random_packing import random_network
 from modal.stiffness.springs import contact_kinematics, contact_springs

@@ -13,7 +13,8 @@ from modal.formats.hdf5 import InputError
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
 from modal.modes.problem import Eigenproblem
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
 from modal.packing.sample import Sample
 from modal.waves.signals import Signals, read_signals
 from modal.waves.source import INPUT_FREQUENCY

@@ -9,7 +9,7 @@ from typing import Any
 from modal.cli.options import add_if_stale, say
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, packing_of
-from modal.packing.network import write_network
+from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import summary
 from modal.preparation.relax import TOLERANCE, Balance, relax

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats
+from modal.formats.arrays import Bools, Floats
 from modal.formats.hdf5 import InputError
-from modal.packing.network import SOURCE_WALL, Network, refuse
+from modal.packing.network import SOURCE_WALL, Network
 
 ANGLE = 0.02
 """Between normal and branch, rad. Sound: up to 3e-5; a permuted normal: 0.1 to pi."""
@@ -234,3 +234,9 @@ def _check_forces(network: Network, name: str) -> None:
             f"{name}: tangential over normal stiffness is {np.median(ratio):.3g} in the median "
             "contact (elastic bodies: 2/3 to 1); give both in N/m"
         )
+
+
+def refuse(wrong: Bools, name: str, kind: str, fault: str) -> None:
+    """InputError about the first of the particles or contacts that are `wrong` (m,) bool."""
+    if wrong.any():
+        raise InputError(f"{name}: {kind} {int(np.argmax(wrong))} {fault}; mend the export")

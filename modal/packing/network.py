@@ -1,36 +1,33 @@
-"""The contact network: particles, contacts, periodic cell and walls, and its file format.
+"""The contact network: particles, contacts, periodic cell and walls.
 
-This module is the one definition of the format "granular-contact-network", version 1.
+Its file: `modal.packing.network_file`; which networks are refused: `modal.packing.validation`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-import h5py
 import numpy as np
 
 from modal.display import table
 from modal.formats.arrays import Array, Bools, Floats, Ints
-from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
+from modal.formats.hdf5 import InputError
 
-SCHEMA = "granular-contact-network"
-VERSION = 1
 SOURCE_WALL = -1
 """Value of particle_j for the wall at low z, which sends the wave."""
 RECEIVER_WALL = -2
 """Value of particle_j for the wall at high z."""
 
-_PARTICLES = {
+PARTICLES = {
     "position": ("f", (3,), "m"),
     "radius": ("f", (), "m"),
     "mass": ("f", (), "kg"),
     "inertia": ("f", (), "kg m^2"),
 }
-_CONTACTS = {
+"""Columns of the particles: kind of number, shape of a row, unit."""
+CONTACTS = {
     "particle_i": ("i", (), "1"),
     "particle_j": ("i", (), "1"),
     "normal": ("f", (3,), "1"),
@@ -44,7 +41,9 @@ _CONTACTS = {
     "sliding": ("b", (), "1"),
     "cell_shift": ("i", (3,), "1"),
 }
-_OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+"""The same of the contacts."""
+OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+"""Columns of the contacts that a program may not know."""
 Made = TypeVar("Made")
 
 
@@ -148,7 +147,7 @@ class Network:
     @property
     def absent(self) -> list[str]:
         """Names of the optional data of contacts that are not known."""
-        return [name for name in _OPTIONAL if getattr(self, name) is None]
+        return [name for name in OPTIONAL if getattr(self, name) is None]
 
     def known(self, name: str, purpose: str) -> Array:
         """The optional data `name` of the contacts; InputError where they are absent.
@@ -172,111 +171,7 @@ class Network:
 
     def with_contacts(self, kept: Bools | Ints) -> Network:
         """The same particles with the contacts that `kept` selects: (m,) bool, or indices."""
-        columns = {name: getattr(self, name) for name in _CONTACTS}
+        columns = {name: getattr(self, name) for name in CONTACTS}
         return replace(
             self, **{name: data[kept] for name, data in columns.items() if data is not None}
         )
-
-
-def write_network(path: str | Path, network: Network) -> None:
-    """Write the network atomically; the 4-byte integers of the format are chosen here."""
-    with atomic_h5(path) as file:
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION, creator="granular-wave-modes")
-        for group, fields in (("particles", _PARTICLES), ("contacts", _CONTACTS)):
-            for name, (kind, _, units) in fields.items():
-                data = getattr(network, name)
-                if data is None:
-                    continue
-                stored = np.asarray(data).astype({"f": np.float64, "i": np.int32, "b": bool}[kind])
-                put(file, f"{group}/{name}", stored, units)
-        put(file, "cell/size", np.asarray(network.cell_size, float), "m")
-        put(file, "cell/periodic", np.asarray(network.cell_periodic, bool), "1")
-        put(file, "walls/position", np.asarray(network.wall_position, float), "m")
-        file.create_group("study").attrs.update(network.study)
-        file.create_group("provenance").attrs.update(network.provenance)
-
-
-def read_network(path: str | Path) -> Network:
-    """Read and validate a network; raises InputError with one line for anything wrong."""
-    with open_h5(path, SCHEMA, VERSION) as file:
-        columns: dict[str, Any] = {}
-        n: int | None = None
-        for name, (kind, tail, _) in _PARTICLES.items():
-            columns[name] = get(file, f"particles/{name}", kind, (n, *tail))
-            n = len(columns[name])
-        m: int | None = None
-        for name, (kind, tail, _) in _CONTACTS.items():
-            full = f"contacts/{name}"
-            if name in _OPTIONAL and full not in file:
-                continue
-            columns[name] = get(file, full, kind, (m, *tail))
-            m = len(columns[name])
-        columns["cell_size"] = get(file, "cell/size", "f", (3,))
-        columns["cell_periodic"] = get(file, "cell/periodic", "b", (3,))
-        columns["wall_position"] = get(file, "walls/position", "f", (2,))
-        study = _attributes(file, "study")
-        provenance = _attributes(file, "provenance")
-    network = Network(**columns, study=study, provenance=provenance)
-    validate(network, str(path))
-    return network
-
-
-def _attributes(file: h5py.File, group: str) -> dict[str, Any]:
-    # `file.get` would take a damaged group for an absent one.
-    return dict(file[group].attrs) if group in file else {}
-
-
-def validate(network: Network, name: str = "network") -> None:
-    """Refuse a network that no packing can have; InputError names the first contact at fault.
-
-    Shapes of numbers and indices here, what they mean together in `modal.packing.consistency`.
-    """
-    from modal.packing.consistency import check_consistency  # it stands on this module
-
-    n = network.n_particles
-    if n == 0:
-        raise InputError(f"{name}: it has no particles; export a packing with at least one")
-    for group, fields in (("particles", _PARTICLES), ("contacts", _CONTACTS)):
-        for field_name, (kind, _, _) in fields.items():
-            data = getattr(network, field_name)
-            if kind == "f" and data is not None and not np.isfinite(data).all():
-                row = int(np.argwhere(~np.isfinite(data))[0, 0])
-                raise InputError(
-                    f"{name}: {group}/{field_name} is not finite in row {row}; mend the export"
-                )
-    for field_name in ("radius", "mass", "inertia"):
-        refuse(getattr(network, field_name) <= 0, name, "particle", f"has {field_name} <= 0")
-    for field_name in ("stiffness_normal", "stiffness_tangential"):
-        refuse(getattr(network, field_name) < 0, name, "contact", f"has negative {field_name}")
-    i, j = network.particle_i, network.particle_j
-    refuse((i < 0) | (i >= n), name, "contact", f"has particle_i outside 0 to {n - 1}")
-    refuse((j < RECEIVER_WALL) | (j >= n), name, "contact", f"has particle_j outside -2 to {n - 1}")
-    size = np.linalg.norm(network.normal, axis=1)
-    refuse(abs(size - 1) > 1e-6, name, "contact", "has a normal that is not a unit vector")
-    cell, axes = network.cell_size, network.cell_periodic
-    if not (np.isfinite(cell).all() and (cell[axes] > 0).all() and (cell >= 0).all()):
-        raise InputError(
-            f"{name}: cell/size must be positive along the periodic axes, and 0 or the width of "
-            "the packing along the others; mend the export"
-        )
-    if network.cell_shift is not None:
-        own = (i == j) & ~network.cell_shift.any(axis=1)
-        refuse(
-            own,
-            name,
-            "contact",
-            "joins a particle to itself without a period (cell_shift is zero)",
-        )
-        shifted = network.cell_shift.any(axis=0) & ~axes
-        if shifted.any():
-            axis = "xyz"[int(np.argmax(shifted))]
-            raise InputError(
-                f"{name}: cell_shift along {axis}, which is not periodic; mend the export"
-            )
-    check_consistency(network, name)
-
-
-def refuse(wrong: Bools, name: str, kind: str, fault: str) -> None:
-    """InputError about the first of the particles or contacts that are `wrong` (m,) bool."""
-    if wrong.any():
-        raise InputError(f"{name}: {kind} {int(np.argmax(wrong))} {fault}; mend the export")

@@ -24,8 +24,9 @@ from modal.packing.contact_law import (
     stiffness_tangential,
 )
 from modal.packing.neighbours import Touching, tangents, touching
-from modal.packing.network import Network, read_network
-from modal.packing.network import validate as validate_network
+from modal.packing.network import Network
+from modal.packing.network_file import read_network
+from modal.packing.validation import validate as validate_network
 
 SCHEMA = "granular-sample"
 VERSION = 1
