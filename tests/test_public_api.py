@@ -9,8 +9,10 @@ import runpy
 import subprocess
 import sys
 import time
+from copy import copy, deepcopy
 from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
+from pickle import dumps, loads
 
 import numpy as np
 import pytest
@@ -188,12 +190,29 @@ def test_a_network_does_not_change():
         network.mass = mass
     with pytest.raises(ValueError, match="read-only"):
         network.mass[0] = 1.0
-    mass[0] = 3e-5  # whoever made the array may go on with it
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        network.mass.flags.writeable = True
     slow = modal.eigenmodes(network, all=True).frequency
+    mass[0] = 3e-5  # whoever made the array may go on with it, the network keeps its own
+    assert (network.mass == 2e-5).all()
     heavier = replace(network, mass=4 * network.mass, inertia=4 * network.inertia)
     assert modal.eigenmodes(heavier, all=True).frequency == pytest.approx(
         slow / 2, rel=1e-9, abs=1e-6 * slow[-1]
     )
+    heavier.study["density"] = 1.0
+    assert network.study["density"] != 1.0
+
+
+@pytest.mark.parametrize("copied", [copy, deepcopy, lambda network: loads(dumps(network))])
+def test_a_copy_of_a_network_does_not_change_either(copied):
+    """It has the same numbers, locked as well, and makes its results itself."""
+    network = modal.fcc(cells=(1, 1, 8))
+    modes = modal.eigenmodes(network, lowest=3)
+    twin = copied(network)
+    with pytest.raises(ValueError, match="read-only"):
+        twin.mass[0] = 1.0
+    assert (twin.mass == network.mass).all() and not twin._made and network._made
+    assert (modal.eigenmodes(twin, lowest=3).frequency == modes.frequency).all()
 
 
 def test_what_is_dear_is_made_once_for_a_network(monkeypatch):

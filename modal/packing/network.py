@@ -86,12 +86,24 @@ class Network:
     """What rooms above this one add to the lines of `print`: names and texts."""
 
     def __post_init__(self) -> None:
-        """Arrays become views that cannot be written to; their owners still can write to them."""
+        """Arrays and notes become the network's own; the arrays cannot be written to."""
         for name, data in vars(self).items():
             if isinstance(data, np.ndarray):
-                view = data.view()
-                view.flags.writeable = False
-                object.__setattr__(self, name, view)
+                own = data
+                if own.flags.writeable:
+                    own = data.copy("K")
+                    own.flags.writeable = False
+                object.__setattr__(self, name, own.view())
+        for name in ("study", "provenance"):
+            object.__setattr__(self, name, dict(getattr(self, name)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy, or what is pickled: without the results, which are made again when needed."""
+        return {**vars(self), "_made": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.__post_init__()
 
     def once(self, name: str, make: Callable[[], Made]) -> Made:
         """What `make` gives, made when this name is first asked for and kept with the network."""
