@@ -89,6 +89,8 @@ def open_h5(
     Without a schema every file is taken.
     """
     path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: a folder, no file; name the file in it")
     if not path.is_file():
         raise InputError(f"{path}: no such file; check the name")
     try:

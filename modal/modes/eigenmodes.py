@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from modal.formats.hdf5 import InputError
 from modal.modes.highest import all_modes, highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
@@ -58,6 +60,8 @@ def eigenmodes(
         raise InputError(
             "certify=False is for the highest modes only; elsewhere it saves hardly any time"
         )
+    if between is not None and np.shape(between) != (2,):
+        raise InputError(f"between {between}: give two frequencies in Hz, the lower one first")
     problem = Eigenproblem.of(
         network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
     )

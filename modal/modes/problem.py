@@ -307,12 +307,12 @@ def subset(modes: ModeSet, chosen: slice, interval: str) -> ModeSet:
 
 
 def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None:
-    """Raise InputError unless 1 <= `count` <= `available_modes`.
+    """Raise InputError unless `count` is whole and 1 <= `count` <= `available_modes`.
 
     `available_modes` is the number of modes that can be listed: all degrees of freedom, less the
     zero modes where these are not listed.
     """
-    if not 1 <= count <= available_modes:
+    if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
         raise InputError(
             f"{count} modes asked, the network has {problem.size} degrees of freedom and "
             f"{available_modes} modes to list; ask for 1 to {available_modes}"
