@@ -66,7 +66,7 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
     provenance = provenance_table(cases)
     body.append(f"<h2>Provenance</h2>{_table(provenance)}")
     page = output / "report.html"
-    title = "Waves in sphere packings: " + ", ".join(m.case.name for m in cases)
+    title = html.escape("Waves in sphere packings: " + ", ".join(m.case.name for m in cases))
     text = io.StringIO()
     text.write(f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>")
     text.write(f"<style>{CSS}</style><h1>{title}</h1>")
@@ -125,7 +125,7 @@ def provenance_table(cases: list[Measures]) -> Table:
     for m in cases:
         for kind in (*KINDS, *EXTRA_KINDS):
             path = m.case.path(kind)
-            if path.is_file():
+            if m.case.has(kind):
                 made = read_provenance(path)
                 how = made.command or "of unknown origin"
                 sources = ", ".join(map(str, made.sources))

@@ -12,6 +12,8 @@ import pytest
 from analysis.__main__ import main
 from analysis.belonging import cases_of, cases_of_files, kind_of
 from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.measures import Measures
+from analysis.report import provenance_table
 from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import InputError, atomic_h5, sha256
 from modal.packing.examples import fcc
@@ -124,6 +126,13 @@ def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
     assert case.name == "grains" and case.network.n_particles == 150 and not case.is_crystal
     both = cases_of_files([sample, folder / "heap.h5"])  # not exported from it: two packings
     assert [case.name for case in both] == ["heap", "grains"]
+
+
+def test_a_file_beside_the_given_ones_is_not_listed_as_read(folder):
+    """heap.signals.h5 has the name that a case of this name would look for."""
+    (case,) = cases_of_files(files(folder, "heap.h5", "low.h5"))
+    said = {row[0]: row[1] for row in provenance_table([Measures(case)]).rows}
+    assert said["heap.signals.h5"] == "absent" and said["low.h5"] != "absent"
 
 
 def test_a_name_in_a_folder_need_be_no_number(folder, tmp_path, capsys):
