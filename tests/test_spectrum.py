@@ -199,6 +199,7 @@ def test_expansion_of_a_line_has_two_coefficients():
     # 3 + x / 4 with x = 4 (1 + X): 4 T_0 + T_1.
     assert coefficient == pytest.approx(np.outer([4, 1], time), abs=1e-14)
     assert left_out < 1e-13
+    assert expansion(Linear(-3.0, -0.25), time, 8.0, 1e-9)[0] == pytest.approx(-coefficient)
     assert expansion(Linear(3.0, 0.0), time, 8.0, 1e-9)[0] == pytest.approx(3 * time[None])
     coefficient, left_out = expansion(Linear(0.0, 0.0), time, 8.0, 1e-9)
     assert coefficient.shape == (1, 3) and not coefficient.any() and left_out == 0
@@ -207,7 +208,7 @@ def test_expansion_of_a_line_has_two_coefficients():
 CRYSTAL = gallery.fcc(cells=(2, 2, 100))
 TASKS = {
     "wave, many times": (wave, partial(propagate, CRYSTAL, 5e-4, interval=1e-7)),
-    "wave, many spheres": (wave, partial(propagate, CRYSTAL, 1e-3, interval=1e-5, particles=True)),
+    "wave, many spheres": (wave, partial(propagate, CRYSTAL, 1e-3, interval=1e-4, particles=True)),
     "density, exact": (
         density,
         partial(density_of_states, gallery.fcc(cells=(2, 2, 40)), resolution=100.0, tolerance=1e-4),
