@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.estimators.effective_medium import of_contacts
-from analysis.estimators.exact_chain import Chain, is_fcc
+from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.low_pass import RECORD
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.paper import matching_case
@@ -102,14 +102,14 @@ class Case:
         return self.path(kind)
 
     @cached_property
-    def chain(self) -> Chain:
-        """The planar chain that the theory of a crystal reduces to."""
+    def lattice(self) -> LayerLattice:
+        """The lattice of layers that the theory of a crystal reduces to."""
         if not self.is_crystal:
             raise InputError(
                 f"{self.name}: no FCC crystal between two walls, so it has no theory to compare "
                 "with; take another packing"
             )
-        return Chain.of_network(self.network)
+        return LayerLattice.of_network(self.network)
 
     @cached_property
     def is_crystal(self) -> bool:
@@ -263,7 +263,7 @@ class Case:
         (`modal.stiffness.pre_stress`) adds what the contacts' forces do.
         """
         recorded, motion, interval = self.signals, self._motion, 0.1 / self._motion.frequency
-        duration = self.network.length / self.chain.velocity
+        duration = self.network.length / self.lattice.velocity
         if recorded is not None:
             duration, interval = float(recorded.time[-1]), float(recorded.time[1])
         wave = propagate(

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.case import Case
 from analysis.estimators import damped_transform as disp
-from analysis.estimators.exact_chain import chain_signals, exact_twin
+from analysis.estimators.layer_lattice import exact_twin, lattice_signals
 from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves, wavelength
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.ridge import ridge
@@ -69,7 +69,7 @@ class Row:
 
 def compare(case: Case) -> list[Row]:
     """All rows for one crystal; columns of absent products stay empty."""
-    chain, network = case.chain, case.network
+    lattice, network = case.lattice, case.network
     rows: dict[str, Row] = {}
 
     def put(key: str, text: str, unit: str, note: str = "", **values: float | None) -> None:
@@ -77,18 +77,18 @@ def compare(case: Case) -> list[Row]:
         row.values.update(values)
         row.note = row.note or note
 
-    omega, _ = chain.eigenmodes()
+    omega, _ = lattice.eigenmodes()
     put("f_min", "lowest natural frequency", "kHz")
     put("f_max", "highest natural frequency", "kHz")
     put("f_1", "first P resonance", "kHz", theory=omega[0] / 2e3 / np.pi)
     put("f_200", "last P resonance", "kHz", theory=omega[-1] / 2e3 / np.pi)
-    put("resonances", "number of P resonances", "1", theory=float(chain.layers))
-    f_theory = chain.low_pass_frequency
+    put("resonances", "number of P resonances", "1", theory=float(lattice.layers))
+    f_theory = lattice.low_pass_frequency
     note = "theory Eq. 10; others: band edge, unbiased"
     put("f_low_pass", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
     note = "theory Eq. 6; others: slope at long waves, unbiased"
-    put("velocity", "V_P, long waves", "m/s", note, theory=chain.velocity)
-    lam = wavelength(chain.velocity, f_theory) / case.diameter
+    put("velocity", "V_P, long waves", "m/s", note, theory=lattice.velocity)
+    lam = wavelength(lattice.velocity, f_theory) / case.diameter
     note = "theory Eq. 7; modal: last resonance; others: where the waves turn round"
     put("lambda_edge", "lambda_low-pass / D, band edge", "1", note, theory=lam)
     text = "void ratio, wall to wall"
@@ -105,7 +105,7 @@ def compare(case: Case) -> list[Row]:
 
 
 def _modal_rows(case: Case, put) -> None:
-    modes, chain = case.modes, case.chain
+    modes, lattice = case.modes, case.lattice
     if modes is None:
         return
     full = len(modes.frequency) == 6 * case.network.n_particles
@@ -118,13 +118,13 @@ def _modal_rows(case: Case, put) -> None:
         put("f_200", "", "", modal=f[-1] / 1e3)
         put("resonances", "", "", modal=float(len(f)))
         if shape is not None and shape.shape[1] > 3:
-            measured = disp.mode_dispersion(f, shape, chain.distance)
+            measured = disp.mode_dispersion(f, shape, lattice.distance)
             edge, speed = measured.low_pass_frequency, measured.velocity
             put("f_low_pass", "", "", modal=edge / 1e3)
             put("velocity", "", "", modal=speed)
-            kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / chain.distance
+            kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / lattice.distance
             put("lambda_edge", "", "", modal=2 * np.pi / kappa / case.diameter)
-            rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
+            rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
             text = "dispersion, RMS deviation from Eq. 9"
             put("rms", text, "%", "up to kappa l = 0.9 pi", modal=100 * rms)
         if modes.resonance_wavenumber is not None:
@@ -132,26 +132,26 @@ def _modal_rows(case: Case, put) -> None:
             for name, values in (("phase", phase), ("group", group)):
                 value = at_frequency(f, values, 5e4)
                 note = "modal: lambda = 2 L / r (Eq. 4)"
-                exact = _exact_velocity(chain, name, 5e4)
+                exact = _exact_velocity(lattice, name, 5e4)
                 put(name, f"{name} velocity at 50 kHz", "m/s", note, modal=value, theory=exact)
     if case.translations is not None:
-        ratio = case.translations.frequency[-1] / chain.low_pass_frequency
+        ratio = case.translations.frequency[-1] / lattice.low_pass_frequency
         put("translations_only", "f_max without rotations / f_low-pass", "1", modal=ratio)
 
 
-def _exact_velocity(chain, name: str, frequency: float) -> float:
-    half = np.arcsin(min(1.0, frequency / chain.low_pass_frequency))
-    return chain.velocity * (np.sin(half) / half if name == "phase" else np.cos(half))
+def _exact_velocity(lattice, name: str, frequency: float) -> float:
+    half = np.arcsin(min(1.0, frequency / lattice.low_pass_frequency))
+    return lattice.velocity * (np.sin(half) / half if name == "phase" else np.cos(half))
 
 
 def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
-    chain = case.chain
+    lattice = case.lattice
     measured = disp.chain_dispersion(signals)
     edge, speed = measured.low_pass_frequency, measured.velocity
     put("f_low_pass", "", "", **{producer: edge / 1e3})
     put("velocity", "", "", **{producer: speed})
     put("lambda_edge", "", "", **{producer: ridge(signals).edge_wavelength / case.diameter})
-    rms = disp.rms_deviation(measured, chain.velocity, chain.low_pass_frequency)
+    rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
     text = "dispersion, RMS deviation from Eq. 9"
     put("rms", text, "%", "up to kappa l = 0.9 pi", **{producer: 100 * rms})
     omega = 2 * np.pi * 5e4
@@ -162,9 +162,9 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
         else:
             near = np.arccos(measured.cosine(omega * (1 + step))) / measured.distance
             value = omega * step / (near - kappa)
-        exact = _exact_velocity(chain, name, 5e4)
+        exact = _exact_velocity(lattice, name, 5e4)
         put(name, f"{name} velocity at 50 kHz", "m/s", theory=exact, **{producer: value})
-    twin = exact_twin(signals, chain)
+    twin = exact_twin(signals, lattice)
     biased = "paper's rule; theory: the rule on exact signals"
     length, wall = case.network.length, float(case.network.wall_position[0])
     for column, record, origin in (("theory", twin, 0.0), (producer, signals, wall)):
@@ -173,8 +173,8 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
         arrival, _ = arrival_velocity(record, origin, length)
         put("arrival", "V_P, 5 % arrival, middle half", "m/s", biased, **{column: arrival})
         time, u = record.time, record.chain_displacement
-        highest = REACH[True] * chain.velocity / case.diameter
-        distance, reach = record.chain_position - origin, (1 - FADE) * time[-1] * chain.velocity
+        highest = REACH[True] * lattice.velocity / case.diameter
+        distance, reach = record.chain_position - origin, (1 - FADE) * time[-1] * lattice.velocity
         curves = threshold_curves(time, u, (0.02, 0.01), highest)
         for percent, values in zip((2, 1), curves, strict=True):
             key, text = f"threshold_{percent}", f"f_low-pass, {percent} % rule"
@@ -191,10 +191,10 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
 
 
 def _gain_rows(case: Case, put) -> None:
-    passage = case.network.length / case.chain.velocity
+    passage = case.network.length / case.lattice.velocity
     duration = TRAVELS * passage
     time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
-    records = {"theory": chain_signals(case.chain, time), "yade": case.signals}
+    records = {"theory": lattice_signals(case.lattice, time), "yade": case.signals}
     gains = {name: r and gain_factor(r, duration) for name, r in records.items()}
     for column, found in ({"linear": network_gain(case.network, passage)} | gains).items():
         if found is not None:
@@ -218,12 +218,12 @@ def stress_rows(cases: list[Case]) -> dict[str, np.ndarray]:
     columns = {"stress_Pa": np.array([float(case.network.study["stress"]) for case in cases])}
     table = {"theory": [], "modal": [], "yade": []}
     for case in cases:
-        chain, modes = case.chain, case.modes
-        table["theory"].append((chain.velocity, chain.low_pass_frequency))
+        lattice, modes = case.lattice, case.modes
+        table["theory"].append((lattice.velocity, lattice.low_pass_frequency))
         found = None
         if modes is not None and modes.resonance_shape is not None:
             found = disp.mode_dispersion(
-                modes.resonance_frequency, modes.resonance_shape, chain.distance
+                modes.resonance_frequency, modes.resonance_shape, lattice.distance
             )
         seen = None if case.signals is None else disp.chain_dispersion(case.signals)
         for name, result in (("modal", found), ("yade", seen)):

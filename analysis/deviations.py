@@ -38,13 +38,13 @@ def _modal_edge(m: Measures) -> float:
     if modes is None or modes.resonance_shape is None:
         return np.nan
     shape = modes.resonance_shape
-    found = mode_dispersion(modes.resonance_frequency, shape, m.case.chain.distance)
+    found = mode_dispersion(modes.resonance_frequency, shape, m.case.lattice.distance)
     return found.low_pass_frequency / 1e3
 
 
 def _translations(m: Measures) -> float:
     only = m.case.translations
-    return np.nan if only is None else only.frequency[-1] / m.case.chain.low_pass_frequency
+    return np.nan if only is None else only.frequency[-1] / m.case.lattice.low_pass_frequency
 
 
 def _largest_chi(m: Measures, low: float, high: float, chain: bool) -> tuple[float, str]:
@@ -70,7 +70,7 @@ SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
     ("f_1", "P resonance r = 1, kHz", lambda m: _resonance(m, 1)),
     ("f_200", "P resonance r = 200, kHz", lambda m: _resonance(m, 200)),
     ("resonances", "number of P resonances", lambda m: float(len(m.resonances[0]) or np.nan)),
-    ("f_low_pass", "f_low-pass, Eq. 10, kHz", lambda m: m.case.chain.low_pass_frequency / 1e3),
+    ("f_low_pass", "f_low-pass, Eq. 10, kHz", lambda m: m.case.lattice.low_pass_frequency / 1e3),
     ("f_low_pass_modal", "f_low-pass, modes, kHz", _modal_edge),
     ("threshold_2", "f_low-pass, 2 % rule, YADE, kHz", lambda m: m.passband.of_yade[0].value / 1e3),
     ("threshold_2", "f_low-pass, 2 % rule, linear, kHz", lambda m: m.low_pass[0].value / 1e3),

@@ -207,7 +207,7 @@ class Measures:
         f, kappa = self.resonances
         modes = self.case.modes
         if self.case.is_crystal and modes is not None and modes.resonance_shape is not None:
-            chain = self.case.chain
+            chain = self.case.lattice
             return Estimate(mode_dispersion(f, modes.resonance_shape, chain.distance).velocity)
         if len(f) < LOW_ORDER:
             return Estimate(np.nan)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimators.exact_chain import is_fcc
+from analysis.estimators.layer_lattice import is_fcc
 from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
 from analysis.settled import MARK, why_unsettled
 from analysis.table import Table

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analysis.estimators.damped_transform import chain_dispersion, rms_deviation
-from analysis.estimators.exact_chain import Chain, exact_twin
+from analysis.estimators.layer_lattice import LayerLattice, exact_twin
 from benchmarks.harness import diagram, yade
 from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import resized, sample_or_small
@@ -71,7 +71,7 @@ PACKING_ERRORS = {
 }
 
 
-def errors(signals: Signals, chain: Chain) -> dict[str, float]:
+def errors(signals: Signals, chain: LayerLattice) -> dict[str, float]:
     """Relative errors of what the estimators say of a record, and of the record itself."""
     found = chain_dispersion(signals, decay=DECAY)
     exact = exact_twin(signals, chain).chain_displacement
@@ -102,7 +102,7 @@ class Column:
     def __init__(self, layers: int, folder: Path, times: int) -> None:
         self.layers, self.folder, self.times = layers, folder, times
         self.network = yade.in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, layers)))
-        self.chain = Chain.of_network(self.network)
+        self.chain = LayerLattice.of_network(self.network)
         yade.prepare_wave(self.network, self.folder)
         self.start = yade.wave_start(self.folder, times)
 

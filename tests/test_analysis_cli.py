@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.__main__ import COMPARED, main
-from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
@@ -20,9 +20,9 @@ def products(tmp_path_factory):
     for number, stress in ((1, 1e4), (2, 1e5), (3, 1e6)):
         network = fcc(stress, (1, 1, 200))
         write_network(folder / f"case{number:02d}.network.h5", network)
-        chain = Chain.of_network(network)
+        chain = LayerLattice.of_network(network)
         if number < 3:
-            signals = chain_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
+            signals = lattice_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
             write_signals(folder / f"case{number:02d}.signals.h5", signals)
         if number == 1:
             omega, shape = chain.eigenmodes()

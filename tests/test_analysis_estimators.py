@@ -13,8 +13,8 @@ from analysis.estimators.damped_transform import (
     mode_dispersion,
     rms_deviation,
 )
-from analysis.estimators.exact_chain import Chain, chain_signals
 from analysis.estimators.fk import both_ends, far_end, fk_map, frequency_wavenumber
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.low_pass import plateau, threshold_curves, threshold_frequency
 from analysis.estimators.transfer import at_frequency, cross_spectrum, wall_velocity
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
@@ -24,16 +24,16 @@ from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 from modal.waves.signals import source_pulse
 
-CHAIN = Chain.of_crystal(FccLattice(1e5))
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity
 
 
 @pytest.fixture(scope="module")
 def record():
-    return chain_signals(CHAIN, np.arange(0, END, 1e-7))
+    return lattice_signals(CHAIN, np.arange(0, END, 1e-7))
 
 
-def leapfrog(chain: Chain, step: float, end: float, amplitude=2.5e-9, frequency=1e5):
+def leapfrog(chain: LayerLattice, step: float, end: float, amplitude=2.5e-9, frequency=1e5):
     """Displacement (nt, n) by the leapfrog rule, u[k] at time k * step."""
     times = np.arange(round(end / step) + 1) * step
     drive = source_pulse(times, amplitude, frequency)
@@ -52,8 +52,8 @@ def leapfrog(chain: Chain, step: float, end: float, amplitude=2.5e-9, frequency=
 
 
 def test_chain_of_network_is_chain_of_crystal():
-    found = Chain.of_network(fcc(cells=(2, 2, 12)))
-    wanted = Chain.of_crystal(FccLattice(1e5), 12)
+    found = LayerLattice.of_network(fcc(cells=(2, 2, 12)))
+    wanted = LayerLattice.of_crystal(FccLattice(1e5), 12)
     for name in ("mass", "stiffness", "wall_stiffness", "distance", "layers", "area", "wall_gap"):
         assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-9)
 
@@ -85,7 +85,7 @@ def test_exact_chain_keeps_its_energy_after_the_pulse():
 @pytest.mark.parametrize("frequency", [1e5, 2e5])
 @pytest.mark.parametrize("end", [0.9 * END, END])
 def test_damped_transform_is_nearly_unbiased(frequency, end):
-    found = chain_dispersion(chain_signals(CHAIN, np.arange(0, end, 2e-7), frequency=frequency))
+    found = chain_dispersion(lattice_signals(CHAIN, np.arange(0, end, 2e-7), frequency=frequency))
     assert found.velocity == pytest.approx(CHAIN.velocity, rel=1e-5)
     assert found.low_pass_frequency == pytest.approx(CHAIN.low_pass_frequency, rel=1e-5)
     assert rms_deviation(found, CHAIN.velocity, CHAIN.low_pass_frequency) < 1e-5
@@ -113,7 +113,7 @@ def test_five_percent_noise_scatters_but_does_not_bias():
 def test_signals_of_the_springs_give_the_crystals_theory():
     """FCC, 800 spheres with rotations, by the linear wave: V_P, band edge and group velocity."""
     network = fcc(cells=(2, 2, 200))
-    chain = Chain.of_network(network)
+    chain = LayerLattice.of_network(network)
     record = propagate(network, 1.2 * network.length / chain.velocity, interval=1e-6).signals
     found = chain_dispersion(record)
     assert found.velocity == pytest.approx(chain.velocity, rel=2e-3)
@@ -126,9 +126,9 @@ def test_signals_of_the_springs_give_the_crystals_theory():
 
 def test_another_chain():
     """Nothing is tuned to the FCC: 120 light masses on stiff springs between soft walls."""
-    chain = Chain(mass=1e-6, stiffness=3e6, wall_stiffness=1e5, distance=1e-3, layers=120)
+    chain = LayerLattice(mass=1e-6, stiffness=3e6, wall_stiffness=1e5, distance=1e-3, layers=120)
     time = np.arange(0, 0.9 * 120 * chain.distance / chain.velocity, 2e-8)
-    found = chain_dispersion(chain_signals(chain, time, frequency=4e5))
+    found = chain_dispersion(lattice_signals(chain, time, frequency=4e5))
     assert found.velocity == pytest.approx(chain.velocity, rel=2e-3)
     assert found.low_pass_frequency == pytest.approx(chain.low_pass_frequency, rel=2e-3)
 
@@ -158,7 +158,7 @@ def test_damped_transform_sees_the_dispersion_of_the_time_step(record):
     """A leapfrog raises the band edge by asin(x) / x, x = half the band edge times the step."""
     step = 4e-7
     times, u = leapfrog(CHAIN, step, END)
-    coarse = chain_signals(CHAIN, times)
+    coarse = lattice_signals(CHAIN, times)
     coarse.chain_displacement = u
     x = np.pi * CHAIN.low_pass_frequency * step
     wanted = CHAIN.low_pass_frequency * np.arcsin(x) / x
@@ -214,7 +214,7 @@ def test_cross_spectrum_of_a_delayed_pulse():
 def test_wall_velocity_needs_a_received_wave(record):
     length = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
     assert wall_velocity(record, length) is None
-    long = chain_signals(CHAIN, np.arange(0, 1.7 * END, 2e-7))
+    long = lattice_signals(CHAIN, np.arange(0, 1.7 * END, 2e-7))
     found = wall_velocity(long, length)
     assert found is not None
     assert at_frequency(found[0], found[1], 2e4) == pytest.approx(CHAIN.velocity, rel=0.03)

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.belonging import cases_of, cases_of_files, kind_of
-from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.measures import Measures
 from analysis.report import provenance_table
 from modal.__main__ import main as modal_main
@@ -33,9 +33,9 @@ def folder(tmp_path_factory):
     """A crystal of 120 layers and 150 random spheres, each with what belongs to it."""
     folder = tmp_path_factory.mktemp("mine")
     crystal = fcc(STRESS, (1, 1, 120))
-    chain = Chain.of_network(crystal)
+    chain = LayerLattice.of_network(crystal)
     write_network(folder / "quartz.network.h5", crystal)
-    recorded = chain_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
+    recorded = lattice_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
     digest = sha256(folder / "quartz.network.h5")
     write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
     packing = replace(random_network(150, 1e5, seed=3), study={})
@@ -77,7 +77,7 @@ def test_report_of_a_crystal_that_is_no_case(folder, tmp_path):
     assert main(["report", *given, "-o", str(tmp_path)]) == 0
     rows = table_of(tmp_path / "table1.csv")
     assert rows["quantity"] == ["FCC, 250 kPa (quartz)"]
-    chain = Chain.of_network(fcc(STRESS, (1, 1, 120)))
+    chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
     # The damped transform's bias is below 1e-5; the table has four digits. The modes' is 1e-6.
     for name in ("V_P long waves, YADE, m/s", "V_P modes, m/s"):
         assert float(rows[name][0]) == pytest.approx(chain.velocity, rel=1e-3)
@@ -154,8 +154,8 @@ def test_linear_waves_are_no_record(folder, tmp_path):
 def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
     with atomic_h5(tmp_path / "odd.h5") as file:
         file.attrs["schema"] = "something-else"
-    chain = Chain.of_network(fcc(STRESS, (1, 1, 120)))
-    write_signals(tmp_path / "stray.h5", chain_signals(chain, np.arange(0, 2e-5, 2e-7)))
+    chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
+    write_signals(tmp_path / "stray.h5", lattice_signals(chain, np.arange(0, 2e-5, 2e-7)))
     odd, stray = str(tmp_path / "odd.h5"), str(tmp_path / "stray.h5")
     for given, words in (
         (files(folder, "heap.h5", "run7.h5"), "run7.h5: made from"),

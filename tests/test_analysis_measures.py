@@ -7,7 +7,7 @@ import pytest
 
 from analysis.case import Case
 from analysis.deviations import deviations
-from analysis.estimators.exact_chain import chain_signals
+from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
@@ -37,7 +37,7 @@ def test_standing_waves_of_a_crystal_are_its_pure_modes():
     case.network = network
     modes = all_modes(Eigenproblem.of(network))
     found = standing_modes(modes, network)
-    exact = case.chain.eigenmodes()[0][:10] / (2 * np.pi)
+    exact = case.lattice.eigenmodes()[0][:10] / (2 * np.pi)
     assert found.frequency[:10] == pytest.approx(exact, rel=1e-6)
     # The wall springs are not rigid, so the modes are sines of a length that is about a layer
     # longer: what is missing grows as (r / layers)^2, 6 % at r = 5 of 40 layers.
@@ -63,7 +63,7 @@ def test_power_law_and_its_error():
 
 def test_crystal_from_its_network_alone(crystal):
     """The linear wave stands in for a run; all columns of a crystal are one."""
-    chain = crystal.case.chain
+    chain = crystal.case.lattice
     assert crystal.long_wave.value == pytest.approx(chain.velocity, rel=2e-3)
     assert crystal.band_edge == pytest.approx(chain.low_pass_frequency, rel=2e-3)
     assert crystal.effective[0] == pytest.approx(chain.velocity, rel=1e-6)
@@ -109,7 +109,7 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
         assert case.is_crystal == crystal
         if not crystal:
             with pytest.raises(InputError, match="no FCC crystal"):
-                _ = case.chain
+                _ = case.lattice
 
 
 @pytest.mark.parametrize(
@@ -155,9 +155,9 @@ def two_producers(tmp_path_factory):
         case = Case(name, folder)
         case.network = fcc(stress, (1, 1, 200))
         if name == "case02":
-            time = np.arange(0, case.network.length / case.chain.velocity, 5e-7)
-            slow = replace(case.chain, mass=case.chain.mass / 0.81)
-            case.signals = replace(chain_signals(slow, time), producer="yade")
+            time = np.arange(0, case.network.length / case.lattice.velocity, 5e-7)
+            slow = replace(case.lattice, mass=case.lattice.mass / 0.81)
+            case.signals = replace(lattice_signals(slow, time), producer="yade")
         cases.append(Measures(case))
     return cases
 
@@ -183,7 +183,7 @@ def test_no_exponent_through_two_producers(two_producers):
 def test_static_velocity_stands_beside_the_waves(two_producers):
     """Eq. 6 from a steady push: strain of the bulk to 1e-6, walls 5 diameters away."""
     for m in two_producers:
-        assert m.static == pytest.approx(m.case.chain.velocity, rel=1e-3)
+        assert m.static == pytest.approx(m.case.lattice.velocity, rel=1e-3)
     assert any(row[0] == "V_P static, m/s" for row in table_1(two_producers).rows)
 
 

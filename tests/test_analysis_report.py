@@ -9,7 +9,7 @@ from scipy.special import ndtr
 from analysis.__main__ import main
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.effective_medium import of_contacts, of_means
-from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.low_pass import flattest, threshold_curves
 from analysis.estimators.structure_factor import (
     read_structure,
@@ -29,7 +29,7 @@ from modal.stiffness.operator import ContactOperator
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import write_signals
 
-CHAIN = Chain.of_crystal(FccLattice(1e5))
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 LENGTH = 200 * CHAIN.distance
 
 
@@ -43,8 +43,8 @@ def made(tmp_path_factory):
     """The report of one crystal without modes, by the command line."""
     folder, output = tmp_path_factory.mktemp("products"), tmp_path_factory.mktemp("report")
     network = fcc(cells=(1, 1, 200))
-    chain = Chain.of_network(network)
-    signals = chain_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
+    chain = LayerLattice.of_network(network)
+    signals = lattice_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
     write_network(folder / "case02.network.h5", network)
     write_signals(folder / "case02.signals.h5", signals)
     assert main(["report", "2", "--products", str(folder), "-o", str(output)]) == 0
@@ -170,7 +170,7 @@ def test_structure_factor_ridge_is_the_crystals_dispersion():
     network = fcc(cells=(1, 1, 60))
     orders = np.array([5, 20, 40])
     peak, width = structure_factor(network, orders, resolution=1e3).ridge()
-    chain = Chain.of_network(network)
+    chain = LayerLattice.of_network(network)
     exact = chain.eigenmodes()[0][orders - 1] / (2 * np.pi)
     assert peak == pytest.approx(exact, rel=3e-3)
     assert np.nanmax(width) < 500  # half a resolution: a mode has no width
@@ -186,7 +186,7 @@ def test_standing_waves_are_unit_vectors(packing):
 @pytest.mark.parametrize("passages", [0.8, 1.0, 1.3])
 def test_coherent_wave_of_the_exact_chain(passages):
     """Phase velocity to 0.1 %, group velocity to 1 % up to 0.8 of the band edge."""
-    record = chain_signals(CHAIN, np.arange(0, passages * LENGTH / CHAIN.velocity, 2e-7))
+    record = lattice_signals(CHAIN, np.arange(0, passages * LENGTH / CHAIN.velocity, 2e-7))
     found = coherent_wave(record, LENGTH)
     f = found.frequency[1:]
     inside = f < 0.8 * CHAIN.low_pass_frequency
@@ -205,16 +205,16 @@ def test_coherent_wave_does_not_see_the_reflection(passages):
     """
     length = 2 * CHAIN.wall_gap + (CHAIN.layers - 1) * CHAIN.distance
     time = np.arange(0, passages * length / CHAIN.velocity, 5e-7)
-    found, _ = longest_waves(coherent_wave(chain_signals(CHAIN, time), length))
+    found, _ = longest_waves(coherent_wave(lattice_signals(CHAIN, time), length))
     assert found == pytest.approx(CHAIN.velocity, rel=3.2e-4)
-    reversed_wall = chain_signals(CHAIN, time, amplitude=-2.5e-9)
+    reversed_wall = lattice_signals(CHAIN, time, amplitude=-2.5e-9)
     again, _ = longest_waves(coherent_wave(reversed_wall, length))
     assert again == pytest.approx(found, rel=1e-9)
 
 
 def test_coherent_wave_with_five_percent_noise():
     """At a quarter of the band edge mean and scatter of ten draws are within 1 %."""
-    record = chain_signals(CHAIN, np.arange(0, LENGTH / CHAIN.velocity, 5e-7))
+    record = lattice_signals(CHAIN, np.arange(0, LENGTH / CHAIN.velocity, 5e-7))
     clean, top = record.chain_displacement, abs(record.chain_displacement).max()
     rng, seen = np.random.default_rng(5), []
     f = 0.25 * CHAIN.low_pass_frequency

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from analysis.estimators.exact_chain import Chain
+from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import density, modes, preparation, scaling, time_step, wave
 from benchmarks.__main__ import JOBS, main
 from benchmarks.harness import machine, yade
@@ -168,7 +168,7 @@ def test_lower_part_keeps_its_stiffness():
 
 def test_dispersion_error_of_the_time_step_has_order_two():
     network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
-    chain = Chain.of_network(network)
+    chain = LayerLattice.of_network(network)
     found = [
         time_step.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
         for step in (2e-7, 1e-7)
@@ -181,7 +181,7 @@ def test_dispersion_error_of_the_time_step_has_order_two():
 def test_pre_stress_shifts_the_velocity_and_springs_do_not():
     """C loses 2 N / l where the springs give 2 (kn + kt): V_P falls by half of that share."""
     network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
-    chain = Chain.of_network(network)
+    chain = LayerLattice.of_network(network)
     inner = network.particle_j >= 0
     lateral = np.median(network.force_normal[inner]) / (2 * network.radius[0])
     expected = lateral / chain.stiffness

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.linalg import qr
 
-from analysis.estimators.exact_chain import Chain
+from analysis.estimators.layer_lattice import LayerLattice
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below, count_negative
@@ -68,7 +68,7 @@ def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
     """P resonances against the chain of layers; stress 2e-8 Pa is an overlap of 1e-12 R."""
     network = gallery.fcc(stress, (1, 1, 20))
     modes = all_modes(Eigenproblem.of(network))
-    omega, _ = Chain.of_network(network).eigenmodes()
+    omega, _ = LayerLattice.of_network(network).eigenmodes()
     assert modes.resonance_frequency == pytest.approx(omega / 2 / np.pi, rel=1e-11)
     # A compact sample keeps positions: an overlap is a difference of them.
     rebuilt = Sample(network.position, network.cell_size[:2], network.wall_position, 0.1).network()
@@ -236,7 +236,7 @@ def test_far_from_the_origin(distance):
 def test_thousand_layers():
     network = gallery.fcc(cells=(1, 1, 1000))
     problem = Eigenproblem.of(network)
-    exact = Chain.of_network(network).eigenmodes()[0] / 2 / np.pi
+    exact = LayerLattice.of_network(network).eigenmodes()[0] / 2 / np.pi
     found = lowest_modes(problem, 12)
     assert found.attributes["certified"]
     planar = found.frequency[found.chi_z > 0.999]
@@ -250,7 +250,7 @@ def test_hundred_thousand_layers():
     """One sphere wide, 600,000 degrees of freedom; the first P resonance is 2.16 Hz."""
     network = gallery.fcc(cells=(1, 1, 100_000))
     problem = Eigenproblem.of(network)
-    chain, crystal = Chain.of_network(network), FccLattice(1e5)
+    chain, crystal = LayerLattice.of_network(network), FccLattice(1e5)
     # A fixed chain of n layers: f_r = f_low-pass sin(pi r / 2 n'), n' the walls' springs included.
     compliance = chain.layers - 1 + 2 * chain.stiffness / chain.wall_stiffness
     planar = crystal.low_pass_frequency * np.sin(np.pi / 2 * np.arange(1, 3) / compliance)

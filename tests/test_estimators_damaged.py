@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 
 from analysis.estimators.damped_transform import chain_dispersion
-from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
 from modal.formats.hdf5 import InputError
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
 
-CHAIN = Chain.of_crystal(FccLattice(1e5))
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 
 
 @pytest.fixture(scope="module")
 def record() -> Signals:
-    return chain_signals(CHAIN, np.arange(0, END, 5e-7))
+    return lattice_signals(CHAIN, np.arange(0, END, 5e-7))
 
 
 def off(signals: Signals) -> tuple[float, float]:

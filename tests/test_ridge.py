@@ -5,14 +5,14 @@ import pytest
 from scipy.linalg import eigh
 
 from analysis.case import Case
-from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.ridge import ridge
 from analysis.measures import Measures
 from modal.packing.examples import fcc
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
 
-CHAIN = Chain.of_crystal(FccLattice(1e5))
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 DIAMETER = np.sqrt(2) * CHAIN.distance
 
 
@@ -34,7 +34,7 @@ def second_neighbours(share: float, passages: float) -> Signals:
     omega, drive = np.sqrt(square), 2 * np.pi * 1e5
     velocity = np.sqrt(1 + 4 * share) * CHAIN.velocity
     time = np.arange(0, passages * n * CHAIN.distance / velocity, 4e-7)
-    record = chain_signals(CHAIN, time)
+    record = lattice_signals(CHAIN, time)
 
     def answer(t):
         """To 1 - cos(drive t) from rest at t = 0."""
@@ -74,9 +74,9 @@ def test_each_lattice_gives_its_own_wavelengths(share, passages):
 
 def test_other_distance_gives_other_ratio_to_the_diameter():
     """Spheres in a straight row are a diameter apart: 2 D, with nothing of the FCC in it."""
-    row = Chain(mass=1e-6, stiffness=3e6, wall_stiffness=1e6, distance=1e-3, layers=120)
+    row = LayerLattice(mass=1e-6, stiffness=3e6, wall_stiffness=1e6, distance=1e-3, layers=120)
     time = np.arange(0, 120 * row.distance / row.velocity, 1e-7)
-    found = ridge(chain_signals(row, time, frequency=3e5))
+    found = ridge(lattice_signals(row, time, frequency=3e5))
     assert found.edge_wavelength == pytest.approx(2e-3, rel=1e-2)
 
 
@@ -87,12 +87,12 @@ def test_no_wavelength_beyond_the_band_edge(over):
 
 
 def test_noise_that_hides_the_edge_gives_none_rather_than_another():
-    record = chain_signals(CHAIN, np.arange(0, 3.5e-4, 4e-7))
+    record = lattice_signals(CHAIN, np.arange(0, 3.5e-4, 4e-7))
     rng, top = np.random.default_rng(3), abs(record.chain_displacement).max()
     exact = 2 * CHAIN.distance
     for share, seen in ((1e-3, True), (0.3, False)):
         noise = share * top * rng.standard_normal(record.chain_displacement.shape)
-        noisy = chain_signals(CHAIN, record.time)
+        noisy = lattice_signals(CHAIN, record.time)
         noisy.chain_displacement = record.chain_displacement + noise
         found = ridge(noisy).edge_wavelength
         assert found == pytest.approx(exact, rel=1e-2) if seen else np.isnan(found)
@@ -104,7 +104,7 @@ def test_measured_case_has_no_wavelength_above_its_edge(tmp_path):
     case.network = fcc(cells=(1, 1, 200))
     found = Measures(case)
     assert found.edge_wavelength[0] == pytest.approx(np.sqrt(2), rel=1e-2)
-    edge = case.chain.low_pass_frequency
+    edge = case.lattice.low_pass_frequency
     assert np.isnan(found.wavelength_at(1.05 * edge)) and np.isnan(found.wavelength_at(2 * edge))
-    half = 2 * np.pi / (np.pi / 2 / case.chain.distance)  # kappa l = pi / 2
+    half = 2 * np.pi / (np.pi / 2 / case.lattice.distance)  # kappa l = pi / 2
     assert found.wavelength_at(edge * np.sin(np.pi / 4)) == pytest.approx(half, rel=5e-3)

@@ -1,9 +1,10 @@
 """The estimators on trial: signals of known answer in, bias and scatter of every rule out.
 
-The signals are exact: the planar wave of the FCC crystal at 100 kPa (`exact_chain`), where V_P and
-the band edge are those of Eqs. 6 and 10 and the group velocity is V_P cos(kappa l / 2); the same
-with white noise; and, for rules that read times of arrival, two pulses of different speeds in a
-medium without dispersion. Noise is 5 % of the largest displacement, at every sample of every layer.
+The signals are exact: the planar wave of the FCC crystal at 100 kPa (`layer_lattice`), where V_P
+and the band edge are those of Eqs. 6 and 10 and the group velocity is V_P cos(kappa l / 2); the
+same with white noise; and, for rules that read times of arrival, two pulses of different speeds in
+a medium without dispersion. Noise is 5 % of the largest displacement, at every sample of every
+layer.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
-from analysis.estimators.exact_chain import Chain, chain_signals
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import MIDDLE, arrival_velocity, first_peak_velocity
@@ -24,7 +25,7 @@ from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
 
 INTERVAL, NOISE, DRAWS, SEED = 4e-7, 0.05, 10, 20170729
-CHAIN = Chain.of_crystal(FccLattice(1e5))
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity
 DIAMETER = np.sqrt(2) * CHAIN.distance
@@ -49,7 +50,7 @@ class Condition:
     def records(self) -> list[Signals]:
         """The exact record, or so many draws of it with noise."""
         time = np.arange(0, self.passages * PASSAGE, INTERVAL)
-        clean = chain_signals(CHAIN, time, frequency=self.frequency)
+        clean = lattice_signals(CHAIN, time, frequency=self.frequency)
         if not self.noise:
             return [clean]
         rng = np.random.default_rng(SEED)
@@ -156,7 +157,7 @@ def _errors(off: np.ndarray) -> tuple[float, float]:
 
 def two_arrivals(share: float, noise: float, draws: int) -> list[Signals]:
     """Pulses of speeds V_P and 0.6 V_P, the slower `share` as high, without dispersion."""
-    record = chain_signals(CHAIN, np.arange(0, PASSAGE, INTERVAL))
+    record = lattice_signals(CHAIN, np.arange(0, PASSAGE, INTERVAL))
     delay = record.chain_position / CHAIN.velocity
     u = source_pulse(record.time[:, None] - delay, 2.5e-9, 1e5)
     u = u + share * source_pulse(record.time[:, None] - delay / 0.6, 2.5e-9, 1e5)

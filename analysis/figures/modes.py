@@ -64,7 +64,7 @@ def highest_frequency(cases: list[Measures]) -> Picture:
         text = f"{name}: {law}" if np.isfinite(law.exponent) else name
         panel.line(stress, top, text, marker=marker, mfc="none", ls="none", color="k", ms=7)
         if kind:
-            edge = [m.case.chain.low_pass_frequency / 1e3 for m in members]
+            edge = [m.case.lattice.low_pass_frequency / 1e3 for m in members]
             panel.line(stress, edge, "FCC, Eq. 10", ls="--", color="0.5")
             some = [m for m in members if m.case.translations is not None]
             only = [m.case.translations.frequency[-1] / 1e3 for m in some]

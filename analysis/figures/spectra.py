@@ -36,7 +36,7 @@ def dispersion(cases: list[Measures]) -> Picture:
         panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", alpha=0.6)
         kappa = np.linspace(0, widest, 101)
         if case.is_crystal:
-            chain = case.chain
+            chain = case.lattice
             theory = eq_9(kappa, chain.stiffness, chain.mass, chain.distance) / (2e3 * np.pi)
             panel.line(kappa, theory, "theory (Eq. 9)", color="k")
             ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.case import Case
-from analysis.estimators.exact_chain import exact_twin
+from analysis.estimators.layer_lattice import exact_twin
 from analysis.figures.picture import Panel, Picture
 from analysis.measures import Measures
 from modal.waves.signals import Signals
@@ -39,7 +39,7 @@ def _signal(case: Case, wanted: float) -> Panel:
     _curve(panel, record, n, record.time[-1], producer_name(record), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if case.is_crystal:
-        twin = exact_twin(record, case.chain)
+        twin = exact_twin(record, case.lattice)
         _curve(panel, twin, n, record.time[-1], "exact chain", **thin)
     elif record is not case.wave:
         m = int(np.flatnonzero(case.wave.chain_particle == record.chain_particle[n])[0])

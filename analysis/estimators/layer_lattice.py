@@ -1,7 +1,7 @@
-"""Exact signals of the planar crystal: a chain of layers between two walls, in closed form.
+"""Exact signals of the planar crystal: a lattice of layers between two walls, in closed form.
 
 A planar P-wave along [001] of an FCC crystal moves each layer as a whole, so it is that of a
-chain of n masses m with springs C (Eq. 8) and a wall spring at each end. The eigenmodes of the
+lattice of n masses m with springs C (Eq. 8) and a wall spring at each end. The eigenmodes of the
 tridiagonal matrix and Duhamel's integral give its motion without any time stepping.
 """
 
@@ -44,7 +44,7 @@ def is_fcc(network: Network) -> bool:
 
 
 @dataclass(frozen=True)
-class Chain:
+class LayerLattice:
     """`layers` masses (kg), springs C and wall springs (N/m), layer distance and area per mass.
 
     first, wall_gap: z of the first centre and its distance from the wall, m; area, m^2, turns
@@ -60,7 +60,7 @@ class Chain:
     wall_gap: float = 0.0
 
     @classmethod
-    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> Chain:
+    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> LayerLattice:
         """The chain of an FCC crystal between flat walls of its own material."""
         material, radius = crystal.material, crystal.radius
         wall = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
@@ -75,7 +75,7 @@ class Chain:
         )
 
     @classmethod
-    def of_network(cls, network: Network) -> Chain:
+    def of_network(cls, network: Network) -> LayerLattice:
         """The chain whose theory belongs to an FCC crystal (`is_fcc`) of equal layers."""
         z = np.sort(network.position[:, 2])
         layers = 1 + int(np.count_nonzero(np.diff(z) > 0.5 * network.radius.min()))
@@ -133,8 +133,8 @@ def _response(time: np.ndarray, omega: np.ndarray, drive: float) -> np.ndarray:
     return static - beat * np.sin((omega + drive) * t / 2) / (omega + drive)
 
 
-def chain_signals(
-    chain: Chain, time: np.ndarray, amplitude: float = 2.5e-9, frequency: float = 1e5
+def lattice_signals(
+    chain: LayerLattice, time: np.ndarray, amplitude: float = 2.5e-9, frequency: float = 1e5
 ) -> Signals:
     """Signals of the exact chain, as a run would have recorded them at `time` (nt,) s."""
     u = chain.displacement(time, amplitude, frequency)
@@ -158,6 +158,6 @@ def chain_signals(
     )
 
 
-def exact_twin(signals: Signals, chain: Chain) -> Signals:
+def exact_twin(signals: Signals, chain: LayerLattice) -> Signals:
     """The exact chain at the very times, amplitude and input frequency of a recorded run."""
-    return chain_signals(chain, signals.time, signals.amplitude, signals.input_frequency)
+    return lattice_signals(chain, signals.time, signals.amplitude, signals.input_frequency)
