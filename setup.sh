@@ -1,25 +1,26 @@
 #!/usr/bin/env bash
 # Set up what is missing: YADE, and h5py and scipy for its Python, from Debian; a virtual
 # environment in .venv.
-#   ./setup.sh [--extra analysis|test] [--without-yade]
+#   ./setup.sh [--extra analysis|workflow|slurm|test] [--without-yade | --is-yade-there]
 # YADE is the program named by the variable YADE, the one in PATH, or Debian's.
 # Does nothing where all is there. As root or with sudo it installs; otherwise it prints the
-# exact command and ends with status 2.
+# exact command and ends with status 2. With --is-yade-there it only looks, and says so by its status.
 set -euo pipefail
 cd "$(dirname "$0")"
-extra=analysis need_yade=1
+extra=analysis need_yade=1 only_look=
 while [ $# -gt 0 ]; do
     case "$1" in
-        --extra) extra=${2:?"setup.sh: --extra needs a name: analysis or test"}; shift ;;
+        --extra) extra=${2:?"setup.sh: --extra needs a name, as in pyproject.toml"}; shift ;;
         --without-yade) need_yade= ;;
-        *) echo "setup.sh: unknown option $1; use --extra analysis or --extra test" >&2; exit 2 ;;
+        --is-yade-there) only_look=1 ;;
+        *) echo "setup.sh: unknown option $1; use --extra NAME or --without-yade" >&2; exit 2 ;;
     esac
     shift
 done
 
 packages=()
 if [ -n "$need_yade" ]; then
-    yade=$(command -v "${YADE:-yade}" || command -v /usr/bin/yade || true)
+    yade=$(command -v "${YADE:-yade}" || { [ -z "${YADE:-}" ] && command -v /usr/bin/yade; } || true)
     if [ -z "$yade" ] && [ -n "${YADE:-}" ]; then
         echo "setup.sh: YADE=$YADE: no such program; name another or leave it out" >&2
         exit 2
@@ -31,8 +32,10 @@ if [ -n "$need_yade" ]; then
     lacking=()
     # The scripts inside YADE find the recorded chain of contacts with scipy's shortest path.
     for name in h5py scipy; do
-        "$python" -c "import $name" 2>/dev/null || lacking+=("$name")
+        "$python" -c "import importlib.util as i, sys; sys.exit(not i.find_spec('$name'))" \
+            2>/dev/null || lacking+=("$name")
     done
+    [ -z "$only_look" ] || { [ -n "$yade" ] && [ ${#lacking[@]} = 0 ]; exit; }
     if [[ $python = /usr/bin/python3* ]]; then
         packages+=("${lacking[@]/#/python3-}")
     elif [ ${#lacking[@]} -gt 0 ]; then

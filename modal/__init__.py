@@ -18,13 +18,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from modal.elasticity.moduli import elastic_moduli
     from modal.formats.hdf5 import InputError
     from modal.modes.counts import count_modes
     from modal.modes.density import density_of_states
     from modal.modes.eigenmodes import eigenmodes
     from modal.packing.examples import fcc
     from modal.packing.network import Network
-    from modal.packing.sample import read_packing as read
+    from modal.packing.reading import read_packing as read
     from modal.preparation.packings import random_packing
     from modal.theory.fcc import FccLattice
     from modal.waves.propagate import propagate
@@ -38,6 +39,7 @@ __all__ = [
     "count_modes",
     "density_of_states",
     "eigenmodes",
+    "elastic_moduli",
     "fcc",
     "frequency_response",
     "propagate",
@@ -51,21 +53,13 @@ _HOME = {
     "count_modes": ("modal.modes.counts", "count_modes"),
     "density_of_states": ("modal.modes.density", "density_of_states"),
     "eigenmodes": ("modal.modes.eigenmodes", "eigenmodes"),
+    "elastic_moduli": ("modal.elasticity.moduli", "elastic_moduli"),
     "fcc": ("modal.packing.examples", "fcc"),
     "frequency_response": ("modal.waves.response", "frequency_response"),
     "propagate": ("modal.waves.propagate", "propagate"),
     "random_packing": ("modal.preparation.packings", "random_packing"),
-    "read": ("modal.packing.sample", "read_packing"),
+    "read": ("modal.packing.reading", "read_packing"),
 }
-
-
-def _floppy_modes(network: Network) -> list[tuple[str, str]]:
-    """A line of `print(network)` that the packing alone, without scipy, cannot tell."""
-    from modal.modes.problem import Eigenproblem
-
-    floppy = Eigenproblem.of(network).floppy
-    kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)
-    return [("floppy modes", f"{floppy.total}" + f" ({kinds})" * bool(kinds))]
 
 
 if not TYPE_CHECKING:  # a type checker follows the imports above and reports other names
@@ -73,10 +67,8 @@ if not TYPE_CHECKING:  # a type checker follows the imports above and reports ot
     def __getattr__(name: str) -> Any:
         if name not in _HOME:
             raise AttributeError(f"module 'modal' has no attribute {name!r}")
+        importlib.import_module("modal.description")  # adds to what print(network) says
         module, attribute = _HOME[name]
-        further = importlib.import_module("modal.packing.network").Network.further
-        if _floppy_modes not in further:
-            further.append(_floppy_modes)
         return getattr(importlib.import_module(module), attribute)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,9 +23,31 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
         return f"{value:g} {unit}"
     # Rounded first: 999.96 with four digits is 1 k.
     rounded = float(f"{value:.{digits}g}")
-    power = 3 * math.floor(math.log10(abs(rounded)) / 3)
-    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    power = _power(rounded)
     return f"{rounded / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
+
+
+def quantities(values: Sequence[float], unit: str, digits: int = 4) -> str:
+    """Numbers with the one prefix that suits the largest, and as many decimals as that one has.
+
+    >>> quantities([99976.5, 100012.3, 3.2], "Pa")
+    '100.0, 100.0, 0.0 kPa'
+    """
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    if largest == 0:
+        return ", ".join(f"{value:g}" for value in values) + f" {unit}"
+    power = _power(float(f"{largest:.{digits}g}"))
+    scaled = [value / 10.0**power for value in values]
+    decimals = max(0, digits - 1 - math.floor(math.log10(float(f"{largest:.{digits}g}")) - power))
+    # Added to zero, a number that is rounded to -0 is 0.
+    rounded = (round(value, decimals) + 0.0 for value in scaled)
+    return ", ".join(f"{value:.{decimals}f}" for value in rounded) + f" {PREFIXES[power]}{unit}"
+
+
+def _power(rounded: float) -> int:
+    """The power of ten, a multiple of three, of the prefix of a number that is not zero."""
+    power = 3 * math.floor(math.log10(abs(rounded)) / 3)
+    return min(max(power, min(PREFIXES)), max(PREFIXES))
 
 
 def table(rows: list[tuple[str, str]]) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -13,14 +15,17 @@ from modal.formats.hdf5 import InputError
 LONGEST = 86400.0
 """Seconds on this machine above which a computation is refused: a day."""
 
+ANNOUNCED = 20.0
+"""Seconds from which on an estimate is said on a terminal before the work starts."""
+
 
 def memory_at_hand() -> float:
-    """Physical memory that is free, bytes; infinite where the system does not tell."""
+    """Physical memory that is free, bytes; where only its size is told, that; else infinite."""
+    with suppress(OSError), open("/proc/meminfo") as file:  # Linux
+        for line in file:
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * int(line.split()[1])
     try:
-        with open("/proc/meminfo") as file:
-            for line in file:
-                if line.startswith("MemAvailable:"):
-                    return 1024.0 * int(line.split()[1])
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (OSError, ValueError):
         return np.inf
@@ -38,6 +43,9 @@ def refuse_endless(
     started = time.perf_counter()
     operator.apply(motion)
     seconds = products * (time.perf_counter() - started)
+    if seconds > ANNOUNCED and sys.stderr.isatty():
+        said = f"about {products:.2g} products with K, {_duration(seconds)}"
+        print(f"{task}: {said}, {_size(bytes_needed)} more", file=sys.stderr, flush=True)
     refuse_above(
         seconds, bytes_needed, f"{task} takes about {products:.2g} products with K,", remedy
     )
@@ -57,6 +65,15 @@ def refuse_above(
         f"{task} {_duration(seconds)} here, and {_size(bytes_needed)} of memory "
         f"({_size(at_hand)} are free); {remedy}"
     )
+
+
+def refuse_above_memory(bytes_needed: float, task: str, remedy: str) -> None:
+    """InputError where a computation needs more than the free memory; words as `refuse_above`."""
+    at_hand = memory_at_hand()
+    if bytes_needed > at_hand:
+        raise InputError(
+            f"{task} takes {_size(bytes_needed)} of memory ({_size(at_hand)} are free); {remedy}"
+        )
 
 
 def _duration(seconds: float) -> str:

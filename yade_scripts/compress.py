@@ -24,10 +24,11 @@ from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
 from modal.formats.hdf5 import InputError
-from modal.packing.sample import read_sample, write_sample
+from modal.packing.sample import write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
-from modal.preparation.protocol import END, Stage, Study, goes_on, stages, steps_of
+from modal.preparation.protocol import END, Stage, Study, resumed, stages, steps_of
+from modal.progress import time_left
 from yade_scripts import servo
 from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell
@@ -96,7 +97,7 @@ def leg(sample, study):
             raise InputError(f"{stage.name}: the stress is not finite; unstable time step")
         left = (stage.patience - seconds) * (time.perf_counter() - started)
         left /= seconds - before["stage_time"]
-        to_go = f", at most {left:.0f} s to go in this stage" if left < math.inf else ""
+        to_go = f", at most {time_left(left)} to go in this stage" if left < math.inf else ""
         report(f"{progress(stage, steps)}{to_go}")
         if ended:
             break
@@ -146,13 +147,8 @@ def main():
     checkpoint = folder / "checkpoint.sample.h5"
     names = stages(tuple(stress for stress in protocol.STRESSES if stress <= table.highest))
     files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}
-    if checkpoint.exists():
-        sample = read_sample(checkpoint)
-        study.refuse_other(sample.study, checkpoint)
-        sample.study["stage"] = goes_on(sample.study, files, checkpoint)
-        for path in filter(Path.exists, files.values()):
-            study.refuse_other(read_sample(path).study, path)
-    else:
+    sample = resumed(checkpoint, files, study)
+    if sample is None:
         sample = compacted(study)
         write_sample(checkpoint, sample)
     while sample.study["stage"] != END:

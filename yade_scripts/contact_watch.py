@@ -1,40 +1,76 @@
-"""Which contacts open or slip while a wave passes: what makes a packing's wave non-linear."""
+"""Which contacts open or slip while a wave passes, and what slip dissipates.
+
+YADE's law keeps two shear displacements of a contact, both in the present frame: all of it, and the
+elastic part, which slip shortens. Their difference is the slip, and stays exactly zero where there
+was none. What slip takes from the wave is the shear force times the increment of the slip. The
+law's own count, the force times all shear displacement of a sliding step, misses the slip of a
+contact that merely loses normal force, which is of first order in the wave.
+"""
 
 from yade import O
 
-AT_LIMIT = 1 - 1e-9
-"""Shear force over its Coulomb limit from which a contact counts as slipping."""
 SHOWN = 12
 """Depths that the report names."""
 
 
 class ContactWatch:
-    """Collects contacts that have opened or slipped at any look, and where they are."""
+    """Collects contacts that have opened or slipped, where they are, and the energy of the slip.
 
-    def __init__(self):
-        self.depth = dict(self._now())
-        self.opened, self.slid = set(), set()
+    `reach` (m) is the largest displacement of the wave: contacts that slip or open when their ends
+    move by as much are followed at every step, all others are looked at by `look` alone.
+    `dissipated` is the energy of the slip so far, J, by the trapezoidal rule between steps.
+    """
+
+    def __init__(self, reach):
+        self.depth, self.opened, self.slid = {}, set(), set()
+        self.dissipated = 0.0
+        self._followed, self._last = {}, {}
+        for key, contact in self._now():
+            self.depth[key] = contact.geom.contactPoint[2]
+            phys = contact.phys
+            # A state from a file has shear forces, but no displacement that they belong to.
+            phys.usElastic = phys.usTotal = phys.shearForce / phys.ks
+            least = phys.tangensOfFrictionAngle * (phys.normalForce.norm() - phys.kn * reach)
+            if phys.shearForce.norm() + phys.ks * reach >= least:
+                self._followed[key] = contact
 
     @staticmethod
     def _now():
-        """(bodies and period, z of the contact point) of each present contact."""
+        """(Bodies and period, contact) of each present contact."""
         for contact in O.interactions:
             if contact.isReal:
-                key = (contact.id1, contact.id2, tuple(contact.cellDist))
-                yield key, contact.geom.contactPoint[2]
+                yield (contact.id1, contact.id2, tuple(contact.cellDist)), contact
 
-    def look(self):
-        """Compare the present contacts with those at the start."""
-        present = set()
-        for contact in O.interactions:
+    def follow(self):
+        """Add what has slipped since the last step, of the contacts that may."""
+        before, self._last = self._last, {}
+        for key, contact in self._followed.items():
             if not contact.isReal:
                 continue
-            key, phys = (contact.id1, contact.id2, tuple(contact.cellDist)), contact.phys
+            phys = contact.phys
+            elastic, total = phys.usElastic, phys.usTotal
+            if elastic == total:
+                continue
+            slip, force = total - elastic, phys.shearForce
+            old_slip, old_force, _ = before.get(key, (0 * slip, force, 0))
+            self.dissipated += 0.5 * (slip - old_slip).dot(force + old_force)
+            self._last[key] = slip, force, 0.5 * elastic.dot(force)
+        self.slid |= self._last.keys()
+        # A contact opens without shear force: what it had stored in shear has slipped away.
+        self.dissipated += sum(before[key][2] for key in before.keys() - self._last.keys())
+
+    def look(self):
+        """Compare all present contacts with those of the start; new ones are followed from now."""
+        present = set()
+        for key, contact in self._now():
             present.add(key)
-            limit = phys.tangensOfFrictionAngle * phys.normalForce.norm()
-            if phys.shearForce.norm() >= AT_LIMIT * limit:
-                self.slid.add(key)
+            if key not in self._followed and (
+                key not in self.depth or contact.phys.usElastic != contact.phys.usTotal
+            ):
+                self._followed[key] = contact
         self.opened |= self.depth.keys() - present
+        for key in self._followed.keys() - present:
+            del self._followed[key]
 
     def report(self):
         """One line: how many of how many, and at which depths, m."""

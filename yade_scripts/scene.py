@@ -25,11 +25,10 @@ from yade.wrapper import (
 
 from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import GLASS, RADIUS
+from modal.progress import LOG_INTERVAL
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS
-LOG_INTERVAL = 60.0
-"""Seconds between two lines of progress in a log."""
 NO_TIME = 1e-15
 """A time step, s, in which nothing moves; a step of zero gives undefined displacements."""
 

@@ -101,6 +101,8 @@ def resume_cell():
 
 def build_scene(sample, *, margin, damping):
     """Build the sample's scene: contacts found, shear forces and velocities as they were."""
+    if sample.radii is not None:
+        raise InputError("the sample has spheres of several sizes; YADE's scenes have equal ones")
     n = len(sample.position)
     O.reset()
     place(sample.position, sample.side, sample.walls, sample.friction)

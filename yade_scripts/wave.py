@@ -1,4 +1,4 @@
-"""P-wave through a case's sample: the source wall moves by one pulse; caseNN.signals.h5.
+"""Wave through a case's sample: the source wall moves by one pulse; caseNN.signals.h5.
 
     yade -n -x -j1 yade_scripts/wave.py                  (case 2)
     yade-batch cases/fcc.table yade_scripts/wave.py
@@ -7,9 +7,12 @@ Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction`
 the exact limit of the leapfrog scheme. Columns of the table, or environment variables WAVE_FRACTION
 and so on, which override them: fraction, amplitude (m; negative reverses the wall), duration (s;
 default until the wave front has made `passage` passages to the receiver wall), interval (s; longest
-between two records), particles (1 records every particle, not only chain and layers). All are
-recorded in the product; signals that were made with others, or of other files, are stale and made
-again. WAVE_PRODUCTS names the folder.
+between two records), particles (1 records every particle, not only chain and layers), direction (x
+or y: the wall slides and sends an S-wave), damping ("0.05 0.03": dashpots of the contacts, normal
+and tangential, in parts of the critical; such a run has no energy book), motion (a file of two
+columns, s and m: how the wall moves in the place of the pulse). All are recorded in the product;
+signals that were made with others, or of other files, are stale and made again. WAVE_PRODUCTS names
+the folder.
 """
 
 import math
@@ -41,9 +44,12 @@ from modal.packing.affine import affine_velocity
 from modal.packing.layers import Layers
 from modal.packing.network_file import read_network
 from modal.packing.sample import sample_of_network
+from modal.progress import time_left
+from modal.stiffness.damping import ContactDamping
 from modal.waves.chain import wall_to_wall_chain
 from modal.waves.energy_balance import EnergyBalance, drift_limit
-from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
+from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
+from modal.waves.source import Pulse, read_motion
 from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import Report, finish, products_folder
 from yade_scripts.state import build_scene
@@ -51,7 +57,7 @@ from yade_scripts.state import build_scene
 RECORDING_INTERVAL = 5e-7
 """Longest interval between records, s, by default: five samples a period at 400 kHz."""
 LOOKS = 40
-"""Looks at the contacts in a run: which have opened or slid. Few, since a look costs a step."""
+"""Looks at all contacts in a run: which have opened or formed. Few, since a look costs a step."""
 TURNING_ROUND = -0.5
 """Correlation of the velocities of two steps: the cosine of what a mode turns in a step, 0.5 or
 more for all modes at half the limit, and -1 for a mode that grows."""
@@ -69,6 +75,9 @@ readParamsFromTable(
     duration=None,
     interval=RECORDING_INTERVAL,
     particles=0,
+    direction="z",
+    damping="",
+    motion="",
     # Columns of the tables that the sample has used.
     mu_comp=0.0,
     stress=1e5,
@@ -86,6 +95,15 @@ def setting(name):
         return None if value is None else float(value)
     except ValueError:
         raise InputError(f"{name} {value!r}: not a number") from None
+
+
+def dashpots_of(ratios):
+    """Damping of the contacts from two texts; InputError where they are no ratios."""
+    try:
+        normal, tangential = (float(ratio) for ratio in ratios)
+    except ValueError:
+        raise InputError(f"damping {' '.join(ratios)!r}: give two numbers") from None
+    return ContactDamping(normal, tangential)
 
 
 def momenta():
@@ -119,29 +137,36 @@ def total_energy():
 
 
 def wall_stress(wall):
-    """Pressure on a wall, Pa."""
-    return -O.forces.f(wall, sync=True)[2] / area * (1 if wall == n else -1)
+    """Stress on a wall along the direction of the wave, Pa; of a P-wave its pressure."""
+    return -O.forces.f(wall, sync=True)[axis] / area * (1 if wall == n else -1)
 
 
 def drive():
     """Between forces and motion: record state k, then send the wall to its place k + 1."""
-    global step, stable, elastic_energy_of_step
+    global step, stable, elastic_energy_of_step, work, wall_force
     if step in balance_steps:
         elastic_energy_of_step = elastic_energy()
+    watch.follow()
     now = step * O.dt
-    here, there = source_pulse(np.array([now, now + O.dt]), amplitude, input_frequency)
+    here, there = motion.displacement(np.array([now, now + O.dt]))
+    if now < motion.corners[-1] + O.dt:
+        # The mean of the forces at both ends of a step: exact in a linear system, as the energy is.
+        force = O.forces.f(n, sync=True)[axis]
+        before = motion.displacement(np.array([now - O.dt]))[0]
+        work -= 0.5 * (force + wall_force) * (here - before)
+        wall_force = force
     if step % every == 0:
-        z = np.array([state.pos[2] for state in states]) - start
-        records.append((now, here, wall_stress(n), wall_stress(n + 1), *z[chain]))
-        layer_records.append(layers.means(z))
+        moved = np.array([state.pos[axis] for state in states]) - start
+        records.append((now, here, wall_stress(n), wall_stress(n + 1), *moved[chain]))
+        layer_records.append(layers.means(moved))
         if len(records) % look_every == 0:
             watch.look()
         if every_particle:
-            particle_records.append(z)
-        if not abs(z[chain[0]]) < BLOW_UP * max(abs(amplitude), 1e-9):
+            particle_records.append(moved)
+        if not abs(moved[chain[0]]) < BLOW_UP * max(abs(amplitude), 1e-9):
             O.pause()
             stable = False
-    O.bodies[n].state.vel = (0, 0, (there - here) / O.dt)
+    O.bodies[n].state.vel = np.eye(3)[axis] * (there - here) / O.dt
     step += 1
 
 
@@ -159,16 +184,27 @@ def highest_frequency(path, packing):
 def main():
     """Load, run, write; InputError for what the user can mend."""
     global n, area, step, every, records, layer_records, particle_records
-    global chain, layers, states, start, watch, look_every, law
-    global balance_steps, stable, amplitude, input_frequency, every_particle
+    global chain, layers, states, start, watch, look_every, law, axis, motion
+    global balance_steps, stable, amplitude, input_frequency, every_particle, work, wall_force
     folder, case = products_folder(), f"case{table.case:02d}"
     network_path = folder / f"{case}.network.h5"
     modes_path = folder / f"{case}.highest.modes.h5"
     path = folder / f"{case}.signals.h5"
     names = ("fraction", "amplitude", "input_frequency", "duration", "interval", "particles")
     settings = {name: setting(name) for name in (*names, "passage")}
+    direction = os.environ.get("WAVE_DIRECTION", table.direction)
+    if direction not in DIRECTIONS:
+        raise InputError(f"direction {direction!r}: choose x, y or z")
+    axis = DIRECTIONS.index(direction)
+    # Said where it is not what earlier products had, so that these stay current.
+    settings |= {} if direction == "z" else {"direction": direction}
+    ratios = os.environ.get("WAVE_DAMPING", str(table.damping)).split()
+    damped = dashpots_of(ratios) if ratios else None
+    settings |= {"damping": " ".join(ratios)} if ratios else {}
     packing = packing_of(network_path)
     sources = (*packing, Source.of("highest modes", modes_path))
+    file = os.environ.get("WAVE_MOTION", table.motion)
+    sources += (Source.of("motion", file),) if file else ()
     made = Provenance(
         "yade_scripts/wave.py",
         settings | {"mu_wave": float(table.mu_wave)},
@@ -180,6 +216,9 @@ def main():
         return
     set_aside(path)
     fraction, amplitude, input_frequency = (settings[name] for name in names[:3])
+    motion = read_motion(file) if file else Pulse(amplitude, input_frequency)
+    if file:
+        amplitude, input_frequency = motion.amplitude, motion.frequency
     every_particle = settings["particles"] == 1
     if not 0 < fraction <= 1:
         raise InputError(f"WAVE_FRACTION {fraction}: the time step is stable from 0 to 1 only")
@@ -188,6 +227,9 @@ def main():
     build_scene(sample_of_network(network, table.mu_wave), margin=0.01, damping=0.0)
     (law,) = O.engines[2].lawDispatcher.functors
     law.calcEnergy = True
+    if damped:
+        for contact in O.interactions:
+            contact.phys.betan, contact.phys.betas = damped.normal, damped.tangential
     # Over a wave nobody moves by a millionth of a radius: the collider may sleep.
     O.engines[1].dead = True
     n, area = network.n_particles, network.area
@@ -197,9 +239,10 @@ def main():
     every = max(1, int(settings["interval"] / O.dt))
     chain, layers = wall_to_wall_chain(network), Layers(network)
     states = [O.bodies[k].state for k in range(n)]
-    start = np.array([state.pos[2] for state in states])
+    start = np.array([state.pos[axis] for state in states])
     records, layer_records, particle_records, step, stable = [], [], [], 0, True
-    watch = ContactWatch()
+    work, wall_force = 0.0, 0.0
+    watch = ContactWatch(2 * abs(amplitude))
     O.engines = [*O.engines[:3], PyRunner(command="drive()", iterPeriod=1), O.engines[3]]
     steps = int(math.ceil(duration / O.dt)) + 1
     look_every = max(1, steps // every // LOOKS)
@@ -207,19 +250,22 @@ def main():
     started = time.perf_counter()
     books, dissipated, report = [], [], Report()
     # The wall rests from 1/f on: kinetic plus elastic energy is then constant.
-    quiet = int(math.ceil(1 / (input_frequency * O.dt))) + 2
+    quiet = int(math.ceil(motion.corners[-1] / O.dt)) + 2
+    if file and quiet > steps:
+        raise InputError("the wall moves beyond the end of the record; take a longer duration")
     balance_steps = {quiet, steps}
     for target in (quiet, steps):
         while step < target and stable:
             O.run(min(200, target - step), wait=True)
-            report(f"{case}: step {step} of {steps}")
+            left = (time.perf_counter() - started) * (steps / max(step, 1) - 1)
+            report(f"{case}: wave, step {step} of {steps}, {time_left(left)} to go")
         if not stable:
             raise InputError(
                 f"the wave blew up after {step} steps: the time step is unstable, "
                 "lower WAVE_FRACTION"
             )
         books.append(total_energy() - static)
-        dissipated.append(law.frictionDissipation)
+        dissipated.append(watch.dissipated)
     seconds = time.perf_counter() - started
     recorded = np.array(records)
     if not np.isfinite(recorded).all():
@@ -233,8 +279,7 @@ def main():
         )
     lost = dissipated[1] - dissipated[0]
     slid = len(watch.slid)
-    slipped = slid > 0 or dissipated[1] > 0
-    limit = math.nan if slipped else drift_limit(network, fraction, amplitude, books[0])
+    limit = math.nan if slid else drift_limit(network, fraction, amplitude, books[0])
     balance = EnergyBalance(
         energy=books[0],
         drift=(books[1] - books[0]) / books[0],
@@ -243,11 +288,13 @@ def main():
         opened=len(watch.opened),
         slid=slid,
         limit=limit,
+        work=work,
+        gap=(books[1] + dissipated[1] - work) / work,
     )
     signals = Signals(
         time=recorded[:, 0],
         chain_particle=chain,
-        chain_position=start[chain],
+        chain_position=network.position[chain, 2],
         chain_displacement=recorded[:, 4:],
         source_displacement=recorded[:, 1],
         source_stress=recorded[:, 2] - recorded[0, 2],
@@ -259,18 +306,20 @@ def main():
         time_step=O.dt,
         run_time=seconds,
         network_sha256=packing[0].sha256,
+        direction=direction,
         layer_position=layers.position,
         layer_displacement=np.array(layer_records),
         particle_displacement=np.array(particle_records) if every_particle else None,
-        balance=balance,
+        balance=None if damped else balance,
     )
     write_signals(path, signals, made)
     print(
         f"\r{path}: {steps} steps of {O.dt:.3e} s in {seconds:.0f} s; "
-        f"energy drift {balance.drift:.1e}, limit {limit:.1e}, to friction {balance.friction:.1e}"
+        f"energy drift {balance.drift:.1e}, limit {limit:.1e}, to friction {balance.friction:.1e}, "
+        f"gap to the work of the wall {balance.gap:.1e}"
     )
-    if not balance.kept:
-        print(f"{path}: warning: the energy drifts beyond its limit although nothing slid")
+    if not (damped or balance.kept):
+        print(f"{path}: warning: the energy books do not close; do not trust this run")
     print(f"{path}: {watch.report()}")
 
 

@@ -13,9 +13,18 @@ from modal.packing.plausibility import read_remarked
 
 def add(commands: Any) -> None:
     """The options of `count`."""
-    command = network_command(commands, "count", "exact number of modes below each frequency")
-    command.add_argument("--at", nargs="+", required=True, metavar="HZ")
-    command.add_argument("--solver", choices=("pardiso", "superlu", "layers"))
+    command = network_command(
+        commands,
+        "count",
+        "exact number of modes below each frequency",
+        "count mine.network.h5 --at 1000 5000",
+    )
+    command.add_argument("--at", nargs="+", required=True, metavar="HZ", help="frequencies")
+    command.add_argument(
+        "--solver",
+        choices=("pardiso", "superlu", "layers"),
+        help="factorisation; default: the fastest",
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

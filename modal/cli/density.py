@@ -21,7 +21,12 @@ read_product = None
 
 def add(commands: Any) -> None:
     """The options of `density`."""
-    command = network_command(commands, "density", "how all modes are distributed")
+    command = network_command(
+        commands,
+        "density",
+        "how all modes are distributed",
+        "density mine.network.h5 --resolution 2000 -o mine.density.h5",
+    )
     command.add_argument("--resolution", type=float, default=2e3, metavar="HZ", help="2000")
     command.add_argument(
         "--tolerance", type=float, default=1e-3, help="error of a count in parts of all; 1e-3"

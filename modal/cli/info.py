@@ -3,19 +3,42 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import Any
 
 from modal.cli.options import network_command
+from modal.cli.terminal import COST, Groups
+from modal.display import quantity
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
-from modal.packing.sample import read_packing
+from modal.packing.reading import read_packing
 from modal.packing.state import contacts_per_particle, profile, summary, write_profile
+
+GROUPS = {
+    "packing": ("particles", "contacts", "wall_contacts", "length_m", "degrees_of_freedom"),
+    "state": (
+        *("stress_pa", "largest_off_diagonal_stress_pa", "wall_stress_pa", "void_ratio"),
+        *("coordination_number", "coordination_number_without_rattlers", "rattlers"),
+        *("particles_with_0_1_2_contacts", "fabric_diagonal"),
+    ),
+    "order, and how the bulk differs along z": (
+        *("crystalline_share", "crystalline_share_of_bulk", "void_ratio_of_bulk"),
+        *("coordination_number_of_bulk", "solid_fraction_deviation_along_z"),
+        *("coordination_number_deviation_along_z", "stress_deviation_along_z"),
+    ),
+    "motions without energy": ("floppy_modes", "floppy_modes_by_kind"),
+}
+"""Titles for people and what stands under them; the rest is about contacts and the file."""
+NOTES_IN = {"stress": "pa", "young": "pa", "density": "kg_per_m3", "seconds": "s"}
+"""Units of notes that do not carry them in their names."""
+OF_STAGE = re.compile(r"(steps|seconds|contacts)_(\w+)")
+"""Notes that a compression leaves of each of its stages."""
 
 
 def add(commands: Any) -> None:
     """The options of `info`."""
     text = "what is in a packing: stresses, density, coordination"
-    command = network_command(commands, "info", text)
+    command = network_command(commands, "info", text, "info mine.network.h5")
     command.add_argument("--layers", metavar="FILE", help="write the layers along z, *.csv")
 
 
@@ -39,3 +62,36 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "floppy_modes_by_kind": floppy.by_kind(),
         "study": {key: str(value) for key, value in network.study.items()},
     }
+
+
+def shown(result: dict[str, Any]) -> Groups:
+    """The result in titled groups, notes of the file last and without what stands above them."""
+    groups = {
+        title: {name: result[name] for name in names if name in result}
+        for title, names in GROUPS.items()
+    }
+    apart = {name for names in GROUPS.values() for name in names}
+    apart |= {"study", *COST}
+    groups["contacts and their balance"] = {k: v for k, v in result.items() if k not in apart}
+    notes, stages = dict[str, Any](), dict[str, dict[str, str]]()
+    for name, text in result["study"].items():
+        if of_stage := OF_STAGE.fullmatch(name):
+            what, stage = of_stage.groups()
+            unit = "s" if what == "seconds" else what
+            label = quantity(float(stage), "Pa") if stage.isdigit() else stage
+            stages.setdefault(label, {})[what] = f"{float(text):,.0f} {unit}"
+        elif name not in result and name not in ("stress_xx", "stress_yy", "stress_zz"):
+            notes[f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name] = _as_number(text)
+    if stages:
+        notes["stages"] = {stage: ", ".join(said.values()) for stage, said in stages.items()}
+    groups["notes of the file"] = notes
+    return groups
+
+
+def _as_number(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return text

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from modal.cli.options import add_command
 from modal.theory.fcc import FccLattice
 
 
 def add(commands: Any) -> None:
     """The options of `lattice`."""
-    command = commands.add_parser("lattice", help="the analytic FCC crystal (Eqs. 5-10)")
-    command.add_argument("--stress", type=float, default=1e5, metavar="PA")
-    command.add_argument("--json", action="store_true", help="print one JSON object")
+    command = add_command(
+        commands, "lattice", "the analytic FCC crystal (Eqs. 5-10)", "lattice --stress 1e5"
+    )
+    command.add_argument("--stress", type=float, default=1e5, metavar="PA", help="isotropic; 1e5")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

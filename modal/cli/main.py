@@ -3,40 +3,57 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
+import os
 import resource
 import sys
 import time
+from pathlib import Path
 from types import ModuleType
-from typing import Any
 
-from modal.cli import count, density, info, lattice, modes, pack, relax, response, wave
 from modal.cli.options import SHORT, Parser, say
+from modal.cli.terminal import page
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
 
-COMMANDS: dict[str, ModuleType] = {
-    "pack": pack,
-    "relax": relax,
-    "info": info,
-    "modes": modes,
-    "count": count,
-    "density": density,
-    "wave": wave,
-    "response": response,
-    "lattice": lattice,
+COMMANDS = {
+    "pack": "pack",
+    "relax": "relax",
+    "info": "info",
+    "modes": "modes",
+    "count": "count",
+    "density": "density",
+    "moduli": "moduli",
+    "wave": "wave",
+    "response": "response",
+    "lattice": "lattice",
+    "import": "importing",
+    "export": "exporting",
+    "tile": "tile",
 }
-"""Each has `add(commands)`, its options, and `run(options)`, its result. One that writes a product
-from sources and settings has `read_product` too, who reads it, or None; one whose product may fall
-short has `short_of(path)`."""
+"""Each command and its module in this room, which is loaded when it is called."""
 
 
-def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
-    whole = Parser(prog="python -m modal", description="Eigenmodes of granular packings")
+def command_of(name: str) -> ModuleType:
+    """The module of a command.
+
+    It has `add(commands)`, its options, and `run(options)`, its result. One that writes a product
+    from sources and settings has `read_product` too, who reads it, or None; one whose product may
+    fall short has `short_of(path)`; one whose result is long sorts it for people with
+    `shown(result)`.
+    """
+    return importlib.import_module(f"modal.cli.{COMMANDS[name]}")
+
+
+def parser(called: str = "") -> argparse.ArgumentParser:
+    """The parser of the command that is `called`; of all commands where it is none of them."""
+    script = Path(sys.argv[0]).stem
+    prog = script if script == "granular-modes" else "python -m modal"
+    whole = Parser(prog=prog, description="Eigenmodes of granular packings")
     commands = whole.add_subparsers(dest="command", required=True, parser_class=Parser)
-    for command in COMMANDS.values():
-        command.add(commands)
+    for name in [called] if called in COMMANDS else COMMANDS:
+        command_of(name).add(commands)
     return whole
 
 
@@ -47,11 +64,11 @@ def main(argv: list[str] | None = None) -> int:
     """
     start = time.perf_counter()
     try:
-        options = parser().parse_args(argv)
-        command = COMMANDS[options.command]
+        arguments = sys.argv[1:] if argv is None else argv
+        options = parser("".join(arguments[:1])).parse_args(arguments)
+        command = command_of(options.command)
         options.made, options.remarks = None, []
         if hasattr(command, "read_product") and options.output:
-            arguments = sys.argv[1:] if argv is None else argv
             options.made = made_by(options.command, vars(options), arguments)
         elif getattr(options, "if_stale", False):
             raise InputError("--if-stale is about the file of -o; give one")
@@ -79,22 +96,12 @@ def main(argv: list[str] | None = None) -> int:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     result["peak_memory_bytes"] = peak * (1 if sys.platform == "darwin" else 1024)
     if options.json:
-        print(json.dumps(result))
+        text = json.dumps(result)
     else:
-        _print(result)
+        text = page(result, command.shown(result) if hasattr(command, "shown") else None)
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # The reader, `head` for one, has seen enough; what is written at exit goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return SHORT if result.get("missing") or not result.get("at_rest", True) else 0
-
-
-def _print(result: dict[str, Any]) -> None:
-    for key, value in result.items():
-        if isinstance(value, list) and len(value) > 12:
-            head = ", ".join(f"{item:.6g}" for item in value[:5])
-            tail = ", ".join(f"{item:.6g}" for item in value[-5:])
-            value = f"{head}, ... {tail} ({len(value)} values)"
-        elif isinstance(value, list):
-            value = ", ".join(i if isinstance(i, str) else f"{i:.9g}" for i in value)
-        elif isinstance(value, dict):
-            value = ", ".join(f"{name}: {item}" for name, item in value.items())
-        elif isinstance(value, float):
-            value = f"{value:.9g}"
-        print(f"{key.replace('_', ' '):34s} {value}")

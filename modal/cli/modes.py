@@ -7,26 +7,32 @@ from typing import Any
 
 from modal.cli.options import SHORT, add_if_stale, network_command, say
 from modal.formats.hdf5 import InputError
+from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
-from modal.modes.highest import memory_of_all
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
-from modal.modes.problem import SMALL, Eigenproblem, slipping
+from modal.modes.problem import SMALL, Eigenproblem
 from modal.packing.plausibility import read_remarked
 from modal.solvers.factor import SOLVERS
+from modal.stiffness.springs import slipping
 
 read_product = read_modes
 
 
 def add(commands: Any) -> None:
     """The options of `modes`."""
-    command = network_command(commands, "modes", "natural frequencies and mode shapes")
+    command = network_command(
+        commands,
+        "modes",
+        "natural frequencies and mode shapes",
+        "modes mine.network.h5 --lowest 20 -o mine.modes.h5",
+    )
     command.epilog = f"Exit status {SHORT}: modes are missing from the list; it says how many."
     choice = command.add_mutually_exclusive_group()
-    choice.add_argument("--lowest", type=int, metavar="K")
-    choice.add_argument("--highest", type=int, metavar="K")
-    choice.add_argument("--below", type=float, metavar="HZ")
-    choice.add_argument("--between", type=float, nargs=2, metavar="HZ")
-    choice.add_argument("--all", action="store_true")
+    choice.add_argument("--lowest", type=int, metavar="K", help="the K lowest modes")
+    choice.add_argument("--highest", type=int, metavar="K", help="the K highest modes")
+    choice.add_argument("--below", type=float, metavar="HZ", help="all modes below HZ")
+    choice.add_argument("--between", type=float, nargs=2, metavar="HZ", help="all between two")
+    choice.add_argument("--all", action="store_true", help="all modes; dense, for small ones")
     command.add_argument(
         "--uncertified", action="store_true", help="--highest without its exact count: faster"
     )
@@ -39,7 +45,12 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
     command.add_argument("--solver", choices=SOLVERS, help="factorisation; default: the fastest")
-    command.add_argument("--sliding", choices=("elastic", "slip"), default="elastic")
+    command.add_argument(
+        "--sliding",
+        choices=("elastic", "slip"),
+        default="elastic",
+        help="contacts at the friction limit: with their tangential springs (default), or without",
+    )
     command.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
     add_if_stale(command)
 

@@ -18,16 +18,35 @@ that has not come to rest within the tolerance."""
 class Parser(argparse.ArgumentParser):
     """A parser that raises InputError where argparse would print its usage and end the program."""
 
+    def __init__(self, *arguments: Any, example: str = "", **settings: Any) -> None:
+        """A parser whose help ends in an example: what stands behind the program's name."""
+        layout = argparse.RawDescriptionHelpFormatter
+        super().__init__(*arguments, **{"formatter_class": layout, **settings})
+        self.example = example
+
+    def format_help(self) -> str:
+        """The help, its example last."""
+        program = self.prog.rsplit(" ", 1)[0]
+        return super().format_help() + f"\nexample: {program} {self.example}\n" * bool(self.example)
+
     def error(self, message: str) -> NoReturn:
         """A mistake in the command line, in one line."""
         raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
 
 
-def network_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
-    """A command that reads a packing: its parser, with the file and --json."""
-    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
-    command.add_argument("network", help="*.network.h5, or *.sample.h5")
+def add_command(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
+    """A command: its parser, with --json. `example` is what one types behind `python -m modal`."""
+    command: argparse.ArgumentParser = commands.add_parser(
+        name, help=text, description=text, example=example
+    )
     command.add_argument("--json", action="store_true", help="print one JSON object")
+    return command
+
+
+def network_command(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
+    """A command that reads a packing: its parser, with the file and --json."""
+    command = add_command(commands, name, text, example)
+    command.add_argument("network", help="*.network.h5, or *.sample.h5")
     return command
 
 

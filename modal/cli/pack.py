@@ -7,19 +7,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import say, typed
+from modal.cli.options import add_command, say, typed
+from modal.cli.terminal import COST, Groups
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample
 from modal.preparation import compress
 from modal.preparation.packings import width_of
 from modal.preparation.protocol import STRESSES, Study
-from modal.preparation.random_packing import ASPECT, WALK, check_stress, cloud, walk
+from modal.preparation.random_packing import ASPECT, PEAK, WALK, check_stress, cloud, walk
+from modal.preparation.sizes import KINDS
 
 WITH_FRICTION = {
     "approach_rate": "strain rate of the agitated spheres, 1/s",
     "agitated_damping": "their local damping",
     "inertial_number": "of the servo's largest strain rate",
     "fraction": "time step over its limit",
+    "hot_stress": "mean stress of the agitated spheres at which the compaction ends, Pa",
+    "damping": "local damping after that",
+    "residual": "mean residual over contact force of a settled state",
 }
 """Numbers of the protocol that a study may change."""
 
@@ -27,20 +32,23 @@ WITH_FRICTION = {
 def add(commands: Any) -> None:
     """The options of `pack`."""
     text = "pack spheres from a cloud to each stress: without friction over 200 MPa, or with it"
-    pack = commands.add_parser("pack", help=text, description=text)
-    pack.add_argument("--spheres", type=int, default=35201, metavar="N")
+    pack = add_command(
+        commands, "pack", text, "pack --spheres 2000 --friction 0.4 --stress 1e5 -o loose"
+    )
+    pack.add_argument("--spheres", type=int, default=35201, metavar="N", help="35201")
     pack.add_argument("--aspect", type=float, default=ASPECT, metavar="A", help="length over width")
-    pack.add_argument("--seed", type=int, default=1, metavar="S")
-    pack.add_argument("--stress", type=float, nargs="+", metavar="PA")
+    pack.add_argument("--seed", type=int, default=1, metavar="S", help="of the cloud; 1")
+    pack.add_argument("--stress", type=float, nargs="+", metavar="PA", help="of each state")
     pack.add_argument("--friction", type=float, default=0.0, metavar="MU", help="0 to 1; 0")
     pack.add_argument("--tolerance", type=float, help="mean net force over contact force; 1e-3")
+    pack.add_argument("--peak", type=float, metavar="PA", help=f"without friction; {PEAK:g}")
+    pack.add_argument("--sizes", nargs="+", metavar="S", help=f"without friction: {KINDS}")
     with_friction = pack.add_argument_group("with friction alone")
     study = Study()
     with_friction.add_argument("--width", type=float, metavar="D", help="diameters, for --aspect")
     for name, text in WITH_FRICTION.items():
         default = getattr(study, name)
         with_friction.add_argument(typed(name), type=float, help=f"{text}; {default:g}")
-    pack.add_argument("--json", action="store_true", help="print one JSON object")
     pack.add_argument("-o", "--output", required=True, metavar="DIR", help="goes on where it was")
 
 
@@ -48,7 +56,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run or continue a compression; names of the files that hold its states."""
     for stress in options.stress or ():
         check_stress(stress)
-    unused = ("tolerance",) if options.friction != 0 else ("width", *WITH_FRICTION)
+    unused = ("tolerance", "peak", "sizes") if options.friction != 0 else ("width", *WITH_FRICTION)
     for name in unused:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
@@ -62,13 +70,20 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     tolerance = 1e-3 if options.tolerance is None else options.tolerance
     if not 0 < tolerance < 1:
         raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; 1e-3 is usual")
-    start = cloud(options.spheres, options.aspect, options.seed)
+    peak = PEAK if options.peak is None else options.peak
+    if not max(options.stress or WALK) <= peak <= 10 * PEAK:
+        raise InputError(
+            f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * PEAK:g} Pa; "
+            f"{PEAK:g} is usual"
+        )
+    start = cloud(options.spheres, options.aspect, options.seed, options.sizes)
+    sizes = {"sizes": " ".join(options.sizes)} if options.sizes else {}
     start = replace(
         start,
-        study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed},
+        study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed} | sizes,
         provenance={"seed": options.seed},
     )
-    files = walk(Path(options.output), start, options.stress or list(WALK), tolerance, say)
+    files = walk(Path(options.output), start, options.stress or list(WALK), tolerance, say, peak)
     return {"samples": {str(path): stress for stress, path in files}}
 
 
@@ -85,3 +100,9 @@ def _study_of(options: argparse.Namespace) -> Study:
         seed=options.seed,
         **{name: value for name, value in given.items() if value is not None},
     )
+
+
+def shown(result: dict[str, Any]) -> Groups:
+    """The result with the stresses of its states in Pa."""
+    named = {"samples_pa" if name == "samples" else name: result[name] for name in result}
+    return {"": {name: value for name, value in named.items() if name not in COST}}

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import add_if_stale, say
+from modal.cli.options import add_command, add_if_stale, say
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, packing_of
 from modal.packing.network_file import write_network
@@ -20,12 +20,13 @@ read_product = read_sample
 def add(commands: Any) -> None:
     """The options of `relax`."""
     text = "bring a sample to the balance of its contact law"
-    balance = commands.add_parser("relax", help=text, description=text)
+    balance = add_command(
+        commands, "relax", text, "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
+    )
     balance.add_argument("sample", help="*.sample.h5")
     balance.add_argument("--friction", type=float, metavar="MU", help="of the wave; as it is")
     balance.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-10")
     balance.add_argument("--network", metavar="FILE", help="write the contact network as well")
-    balance.add_argument("--json", action="store_true", help="print one JSON object")
     balance.add_argument("-o", "--output", required=True, metavar="FILE", help="*.sample.h5")
     add_if_stale(balance)
 

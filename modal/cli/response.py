@@ -10,6 +10,7 @@ from modal.formats.hdf5 import sha256
 from modal.packing.plausibility import read_remarked
 from modal.stiffness.pre_stress import PRE_STRESS
 from modal.waves.response import frequency_response, write_response
+from modal.waves.signals import DIRECTIONS
 
 read_product = None
 
@@ -17,10 +18,18 @@ read_product = None
 def add(commands: Any) -> None:
     """The options of `response`."""
     text = "transfer functions from the source wall, gain factor"
-    command = network_command(commands, "response", text)
+    command = network_command(
+        commands,
+        "response",
+        text,
+        "response mine.network.h5 --highest 20000 -o mine.response.h5",
+    )
     command.add_argument("--highest", type=float, metavar="HZ", help="default: whole spectrum")
-    command.add_argument("--resolution", type=float, default=1e3, metavar="HZ")
-    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none")
+    command.add_argument("--resolution", type=float, default=1e3, metavar="HZ", help="1000")
+    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none", help="default: none")
+    command.add_argument(
+        "--direction", choices=DIRECTIONS, help="of the wall's motion: x or y send S-waves; z"
+    )
     command.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
     add_if_stale(command)
 
@@ -32,6 +41,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         highest=options.highest,
         resolution=options.resolution,
         pre_stress=options.pre_stress,
+        direction=options.direction or "z",
     )
     if options.output:
         write_response(options.output, found, sha256(options.network), options.made)

@@ -5,60 +5,131 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_if_stale, network_command
+from modal.cli.options import add_if_stale, network_command, typed
 from modal.formats.hdf5 import InputError, sha256
 from modal.packing.plausibility import read_remarked
+from modal.stiffness.damping import ContactDamping
 from modal.stiffness.pre_stress import PRE_STRESS
 from modal.waves.leapfrog import leapfrog, steps_between_records
 from modal.waves.propagate import propagate
-from modal.waves.signals import read_signals, write_signals
-from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, read_motion
+from modal.waves.signals import DIRECTIONS, read_signals, write_signals
+from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
 
 read_product = read_signals
 
 
 def add(commands: Any) -> None:
     """The options of `wave`."""
-    command = network_command(commands, "wave", "signals of a wave in the linear network")
-    command.add_argument("--amplitude", type=float, default=AMPLITUDE, metavar="A", help="m")
-    command.add_argument("--input-frequency", type=float, default=INPUT_FREQUENCY, metavar="HZ")
-    command.add_argument("--duration", type=float, default=5e-4, metavar="S")
+    command = network_command(
+        commands,
+        "wave",
+        "signals of a wave in the linear network",
+        "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5",
+    )
+    command.add_argument(
+        "--amplitude",
+        type=float,
+        default=AMPLITUDE,
+        metavar="A",
+        help="half the wall's stroke, m; 2.5e-9",
+    )
+    command.add_argument(
+        "--input-frequency",
+        type=float,
+        default=INPUT_FREQUENCY,
+        metavar="HZ",
+        help="of the pulse; 1e5",
+    )
+    command.add_argument(
+        "--duration", type=float, default=5e-4, metavar="S", help="of the record; 5e-4"
+    )
+    command.add_argument(
+        "--motion", choices=("pulse", "chirp", "step"), help="of the source wall; pulse"
+    )
+    command.add_argument("--cycles", type=int, metavar="N", help="of a pulse; 1")
+    command.add_argument("--last-frequency", type=float, metavar="HZ", help="of a chirp")
+    command.add_argument(
+        "--sweep", type=float, metavar="S", help="how long a chirp lasts, or a step rises"
+    )
     command.add_argument("--source", metavar="FILE", help="wall motion, two columns: s, m")
     command.add_argument("--interval", type=float, metavar="S", help="between records; 1e-6")
     command.add_argument("--tolerance", type=float, default=1e-9, help="relative; 1e-9")
-    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none")
+    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none", help="default: none")
+    command.add_argument(
+        "--direction", choices=DIRECTIONS, help="of the wall's motion: x or y send S-waves; z"
+    )
     command.add_argument("--particles", action="store_true", help="record every particle")
+    command.add_argument(
+        "--damping", nargs=2, type=float, metavar=("N", "T"),
+        help="of the contacts, in parts of the critical: normal, tangential; 0 0",
+    )  # fmt: skip
     command.add_argument("--method", choices=("chebyshev", "leapfrog"), default="chebyshev")
     command.add_argument("--time-step", type=float, metavar="S", help="of the leapfrog")
     command.add_argument("-o", "--output", metavar="FILE", help="write *.signals.h5")
     add_if_stale(command)
 
 
+def _motion(options: argparse.Namespace) -> Motion:
+    """The motion of the source wall; InputError for options that another motion has."""
+    name = "file" if options.source else options.motion or "pulse"
+    has = {
+        "file": (),
+        "pulse": ("cycles",),
+        "chirp": ("last_frequency", "sweep"),
+        "step": ("sweep",),
+    }
+    if options.source and options.motion:
+        raise InputError("--source and --motion: take one of them")
+    for option in ("cycles", "last_frequency", "sweep"):
+        given = getattr(options, option) is not None
+        if given and option not in has.get(name, ()):
+            raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
+        if not given and option in has.get(name, ()) and option != "cycles":
+            raise InputError(f"--motion {name} needs {typed(option)}")
+    if name == "file":
+        return read_motion(options.source)
+    if name == "chirp":
+        return chirp(
+            options.amplitude, options.input_frequency, options.last_frequency, options.sweep
+        )
+    if name == "step":
+        return step(options.amplitude, options.sweep)
+    return Pulse(
+        options.amplitude, options.input_frequency, 1 if options.cycles is None else options.cycles
+    )
+
+
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source wall sends, and how exact it is."""
     network = read_remarked(options.network, options.remarks.append)
-    motion: Motion = Pulse(options.amplitude, options.input_frequency)
-    if options.source:
-        motion = read_motion(options.source)
     settings = {
-        "motion": motion,
+        "motion": _motion(options),
         "pre_stress": options.pre_stress,
         "particles": options.particles,
+        "direction": options.direction or "z",
         "network_sha256": sha256(options.network),
     }
     interval = 1e-6 if options.interval is None else options.interval
-    step = options.time_step
+    time_step = options.time_step
     if options.method == "leapfrog":
-        if step is None:
+        if time_step is None:
             raise InputError("--method leapfrog needs --time-step; give it in s")
-        every = steps_between_records(interval, step)
-        signals = leapfrog(network, options.duration, step, every=every, **settings)
-        accuracy = {"time_step_s": step}
+        if options.damping:
+            raise InputError("--damping and --method leapfrog: take one of them")
+        every = steps_between_records(interval, time_step)
+        signals = leapfrog(network, options.duration, time_step, every=every, **settings)
+        accuracy = {"time_step_s": time_step}
     else:
-        if step is not None:
+        if time_step is not None:
             raise InputError("--time-step is for --method leapfrog; chebyshev takes --tolerance")
+        damping = ContactDamping(*options.damping) if options.damping else None
         wave = propagate(
-            network, options.duration, interval=interval, tolerance=options.tolerance, **settings
+            network,
+            options.duration,
+            interval=interval,
+            tolerance=options.tolerance,
+            damping=damping,
+            **settings,
         )
         signals = wave.signals
         accuracy = {"products_with_k": wave.products, "truncation": wave.truncation}

@@ -68,6 +68,11 @@ def write_whole(path: str | Path, data: bytes | memoryview, *, make_folder: bool
             partial.unlink(missing_ok=True)
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text whole or not at all."""
+    write_whole(path, text.encode())
+
+
 def _remove_abandoned(path: Path) -> None:
     """Remove the parts that killed processes have left of this file."""
     for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
@@ -168,7 +173,7 @@ def get(file: h5py.File, name: str, kind: str, shape: tuple[int | None, ...]) ->
     allowed = {"f": "fiu", "i": "iu", "b": "biu"}[kind]
     if node.dtype.kind not in allowed:
         raise InputError(f"{file.filename}: {name} has type {node.dtype}, which is not numeric")
-    data: Array = node[()].astype({"f": np.float64, "i": np.int64, "b": bool}[kind])
+    data: Array = node[()].astype({"f": np.float64, "i": np.int64, "b": bool}[kind], copy=False)
     return data
 
 

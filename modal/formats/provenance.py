@@ -12,7 +12,8 @@ import math
 import os
 import platform
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import InputError, open_h5, sha256
+from modal.formats.hdf5 import InputError, atomic_h5, open_h5, sha256
 
 GROUP = "provenance"
 PACKING = "packing"
@@ -97,6 +98,18 @@ class Provenance:
         file.require_group(GROUP).attrs.update(self.attributes())
 
 
+@contextmanager
+def new_product(
+    path: str | Path, schema: str, version: int, made: Provenance | None
+) -> Iterator[h5py.File]:
+    """A new file of one schema that says what it was made from, whole or absent."""
+    with atomic_h5(path) as file:
+        if made:
+            made.write(file)
+        file.attrs.update(schema=schema, schema_version=version)
+        yield file
+
+
 def versions(**others: str) -> str:
     """Versions of Python and of the packages that are installed; `others` such as yade="2023"."""
     found = dict(others) | {"python": platform.python_version()}
@@ -149,7 +162,7 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
         if name not in _NOT_SETTINGS and value is not False
     }
     sources: tuple[Source, ...] = ()
-    if command != "relax":
+    if command not in ("relax", "import"):
         sources = packing_of(options["network"])
     for name, role in _ROLES.items():
         if options.get(name):
@@ -157,12 +170,17 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
     return Provenance(command_line("python -m modal", arguments), settings, sources)
 
 
-_ROLES = {"sample": STATE, "source": "motion"}
+_ROLES = {"sample": STATE, "source": "motion", "file": "spheres"} | {
+    name: name for name in ("contacts", "log")
+}
 _NOT_SETTINGS = {
     "command",
     "network",
     "sample",
     "source",
+    "file",
+    "contacts",
+    "log",
     "output",
     "json",
     "if_stale",

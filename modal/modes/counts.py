@@ -7,13 +7,17 @@ complements S_1 = A_11, S_k = A_kk - A_k,k-1 S_k-1^-1 A_k-1,k, each factorised w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import overload
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from modal.formats.arrays import Floats, Ints
+from modal.arguments import checked
+from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.effort import factorisation, refuse_endless_search
 from modal.modes.problem import SMALL, Eigenproblem
@@ -95,21 +99,38 @@ def _negative_of_pivots(factor: Floats, pivots: Ints) -> int:
     return int((factor.diagonal()[~double] < 0).sum() + double.sum() // 2)
 
 
-def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = None) -> Ints:
+@overload
+def count_modes(network: Network, frequency: float, *, solver: str | None = None) -> int: ...
+
+
+@overload
+def count_modes(
+    network: Network, frequency: Sequence[float] | Array, *, solver: str | None = None
+) -> Ints: ...
+
+
+@checked
+def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = None) -> Ints | int:
     """How many natural frequencies a packing has below each of some frequencies, exactly.
 
-    Motions without energy count, as they lie at zero. `frequency` in Hz, a number or an array of
-    any shape; the counts, whole numbers, have the same shape. Nothing is estimated: the signs of a
+    Motions without energy count, as they lie at zero. `frequency` in Hz: a number, whose count is
+    an int, or an array, whose counts have its shape. Nothing is estimated: the signs of a
     factorised K - omega^2 M tell (Sylvester's law of inertia). `solver` names a factorisation:
-    pardiso, superlu or layers. InputError where a frequency is not a number, or lies on a mode.
+    pardiso, superlu or layers. InputError where a frequency is negative or lies on a mode.
 
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
     array([  0,  79, 480])
     """
     problem = Eigenproblem.of(network, solver=solver)
-    asked = np.asarray(frequency, float)
-    return np.array([count_below(problem, f) for f in asked.ravel()], int).reshape(asked.shape)
+    try:
+        asked = np.asarray(frequency, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"count_modes: frequency is {frequency!r}, not numbers of Hz") from error
+    if (asked < 0).any():
+        raise InputError(f"{asked.min():g} Hz is no frequency; give a number from 0 Hz on")
+    counts = [count_below(problem, f) for f in asked.ravel().tolist()]
+    return np.array(counts, int).reshape(asked.shape) if asked.ndim else counts[0]
 
 
 def count_below(problem: Eigenproblem, frequency: float) -> int:
@@ -122,7 +143,7 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
     and counts if both agree; otherwise the layers are tried. InputError where no way is certain.
     """
     if not np.isfinite(frequency):
-        raise InputError(f"{frequency} is not a frequency; give a number of Hz")
+        raise InputError(f"{frequency} Hz is no frequency; give a number from 0 Hz on")
     square = (2 * np.pi * frequency) ** 2
     if frequency <= 0:
         return 0

@@ -19,14 +19,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh
 
+from modal.arguments import checked
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, atomic_h5, put
-from modal.formats.provenance import Provenance
+from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.provenance import Provenance, new_product
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
+from modal.stiffness.contact_loops import component_sums
 from modal.stiffness.operator import ContactOperator
 from modal.workload import refuse_endless
 
@@ -37,8 +39,6 @@ SCHEMA = "granular-density-of-states"
 VERSION = 1
 FEWEST = 6
 """Random vectors: enough to see their scatter."""
-BLOCK = 6
-"""Random vectors that share one pass over the contacts: bounds the memory."""
 FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 """Full width at half height of a Gaussian over its standard deviation."""
 CHUNK = 256
@@ -108,6 +108,16 @@ class DensityOfStates:
 
         return self._mean_and_error(frequency, terms)
 
+    def reduced(self, frequency: Floats) -> tuple[Floats, Floats]:
+        """Modes per Hz over f^2, 1/Hz^3, and its standard error, each (nf,); f above zero.
+
+        Waves of a solid make it level at low frequency, at its `debye_level` times the volume
+        (`modal.elasticity.moduli`); what stands above that is the boson peak.
+        """
+        value, error = self.density(frequency)
+        square = np.asarray(frequency, float) ** 2
+        return value[:, 6] / square, error[:, 6] / square
+
     def count_below(self, frequency: Floats) -> tuple[Floats, Floats]:
         """Number of modes below frequencies (nf,) in Hz, zero modes included: the integral.
 
@@ -151,6 +161,7 @@ class DensityOfStates:
         return value, error
 
 
+@checked
 def density_of_states(
     network: Network,
     *,
@@ -192,7 +203,7 @@ def density_of_states(
     zero = problem.floppy.basis
     at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
     exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
-    numbers = size * (count + 4 * size) if exact else 6 * (vectors * count + 4 * size)
+    numbers = size * (count + 4 * size) if exact else 6 * vectors * count + 4 * size
     refuse_endless(
         f"a density with resolution {resolution:g} Hz and tolerance {tolerance:g}",
         operator,
@@ -205,12 +216,11 @@ def density_of_states(
         return DensityOfStates(moments, highest, at_zero, resolution, products + size)
     signs = np.random.default_rng(seed)
     moments = np.empty((vectors, 6, count))
-    for first in range(0, vectors, BLOCK):
-        part = slice(first, min(first + BLOCK, vectors))
-        start = signs.integers(0, 2, (size, part.stop - first)).astype(float) * 2 - 1
+    # One vector after the other: a cache holds two of its states and the contacts, but not of six.
+    for k in range(vectors):
+        start = 2.0 * signs.integers(0, 2, size, np.int8) - 1
         start -= zero @ (zero.T @ start)
-        label = f"density {first // BLOCK + 1}/{-(-vectors // BLOCK)}"
-        moments[part] = _moments(operator, start, top, count, label)
+        moments[k] = _moments(operator, start, top, count, f"density {k + 1}/{vectors}")
     return DensityOfStates(
         moments, highest, at_zero, resolution, products + vectors * (1 + count // 2)
     )
@@ -230,38 +240,35 @@ def _exact_moments(operator: ContactOperator, at_zero: Floats, top: float, count
 def _moments(
     operator: ContactOperator, start: Floats, top: float, count: int, label: str
 ) -> Floats:
-    """Shape (vectors, 6, count): <r| P_c T_k(X) |r> for start vectors r (6n, vectors).
+    """Shape (6, count): <r| P_c T_k(X) |r> for a start vector r (6n,).
 
     One product gives two moments: tr P_c T_j T_k = tr T_j P_c T_k, and
     2 T_j T_k = T_(j+k) + T_|j-k|. InputError where the spectrum is not within 0 to `top`.
     """
-    shape = (-1, 6, start.shape[1])
-
-    def by_component(a: Floats, b: Floats) -> Floats:
-        return np.einsum("ncv,ncv->vc", a.reshape(shape), b.reshape(shape))
-
-    moments = np.empty((start.shape[1], 6, count + 2))
-    before, now = start.copy(), -start
-    operator.accumulate(start, now, 2 / top)
-    moments[:, :, 0] = by_component(start, start)
-    moments[:, :, 1] = by_component(start, now)
-    spare = np.empty_like(start)
+    moments = np.empty((6, count + 2))
+    before, now = start.copy(), np.empty_like(start)
+    operator.combine(start, now, 2 / top, own=-1.0)
+    moments[:, 0], moments[:, 1] = by_component(before, now)
     for k in progress(count // 2, label):
         # Here now = T_(k+1) r and before = T_k r.
         if k > 0:
-            moments[:, :, 2 * k] = 2 * by_component(before, before) - moments[:, :, 0]
-            moments[:, :, 2 * k + 1] = 2 * by_component(before, now) - moments[:, :, 1]
-        np.multiply(now, 2, out=spare)
-        before += spare
-        np.negative(before, out=before)
-        operator.accumulate(now, before, 4 / top)
+            squares, products = by_component(before, now)
+            moments[:, 2 * k] = 2 * squares - moments[:, 0]
+            moments[:, 2 * k + 1] = 2 * products - moments[:, 1]
+        operator.combine(now, before, 4 / top, own=-2.0, kept=-1.0)
         before, now = now, before
     last = 2 * (count // 2)
-    moments[:, :, last] = 2 * by_component(before, before) - moments[:, :, 0]
-    first, largest = (moments[:, :, k].sum(axis=1) for k in (0, last))
-    if not (abs(largest) <= largest_growth(operator, last) * first).all():
+    moments[:, last] = 2 * by_component(before, now)[0] - moments[:, 0]
+    first, largest = moments[:, 0].sum(), moments[:, last].sum()
+    if not abs(largest) <= largest_growth(operator, last) * first:
         raise InputError(NEGATIVE)
-    return moments[:, :, :count]
+    return moments[:, :count]
+
+
+def by_component(a: Floats, b: Floats) -> Floats:
+    """Shape (2, 6): sums of a a, and of a b, over all particles, of motions a and b (6n,)."""
+    shape = (-1, 6)
+    return component_sums(a.reshape(shape), b.reshape(shape))
 
 
 def write_density(
@@ -274,10 +281,8 @@ def write_density(
     frequency = states.grid()
     density, density_error = states.density(frequency)
     below, below_error = states.count_below(frequency)
-    with atomic_h5(path) as file:
-        if made:
-            made.write(file)
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
+    with new_product(path, SCHEMA, VERSION, made) as file:
+        file.attrs["network_sha256"] = network_sha256
         file.attrs.update(resolution=states.resolution, vectors=states.random_vectors)
         put(file, "frequency", frequency, "Hz")
         for name, columns in (
@@ -289,3 +294,15 @@ def write_density(
             put(file, f"{name}/density_error", density_error[:, columns], "1/Hz")
             put(file, f"{name}/count_below", below[:, columns], "1")
             put(file, f"{name}/count_below_error", below_error[:, columns], "1")
+
+
+def read_density(path: str | Path) -> tuple[Floats, Floats, Floats]:
+    """Frequency (nf,), Hz, modes per Hz without the zero modes, and modes below with them.
+
+    Motions of all kinds together, as `write_density` has written them. InputError with one line
+    for anything wrong.
+    """
+    with open_h5(path, SCHEMA, VERSION) as file:
+        frequency = get(file, "frequency", "f", (None,))
+        density = get(file, "all/density", "f", frequency.shape)
+        return frequency, density, get(file, "all/count_below", "f", frequency.shape)

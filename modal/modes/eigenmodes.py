@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.arguments import checked
 from modal.formats.hdf5 import InputError
-from modal.modes.highest import all_modes, highest_modes
+from modal.modes.dense import all_modes
+from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem
@@ -16,6 +18,7 @@ FEW = 10
 """Lowest modes where nothing else is asked for."""
 
 
+@checked
 def eigenmodes(
     network: Network,
     *,

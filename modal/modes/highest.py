@@ -1,168 +1,19 @@
-"""All modes of a packing, or the highest (Otsubo et al. 2017, Eq. 1).
+"""The highest modes of a packing: block Lanczos with products of A, certified where asked.
 
-Small networks are dense; a laterally periodic crystal is block-diagonalised by its translations;
-the highest modes come from block Lanczos. The low end and intervals: `modal.modes.lowest`.
+All modes: `modal.modes.dense`; the low end and intervals: `modal.modes.lowest`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-import scipy.sparse as sp
-from scipy.linalg import eigh
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below
-from modal.modes.effort import from_the_top, of_blocks, refuse_endless_search
-from modal.modes.mode_set import ModeSet
-from modal.modes.observables import chi_z, particle_motion, planar_resonances, rotation_share
-from modal.modes.problem import (
-    SMALL,
-    Eigenproblem,
-    certificate,
-    check_count,
-    found_modes,
-    frequency_of,
-    relative_residual,
-    shapes_left_out,
-    subset,
-)
+from modal.modes.dense import dense_modes
+from modal.modes.effort import from_the_top, refuse_endless_search
+from modal.modes.mode_set import Choice, ModeSet, certificate, subset
+from modal.modes.problem import SMALL, Eigenproblem, check_count
 from modal.modes.search import SearchFromTop
-from modal.modes.translations import LateralTranslations, lateral_translations, symmetry_blocks
-
-DENSE_LIMIT = 6000
-"""Degrees of freedom up to which the dense solver (0.9 GB, about a minute) is used."""
-
-
-def all_modes(problem: Eigenproblem) -> ModeSet:
-    """Every mode; dense, or by symmetry. InputError where neither fits."""
-    return dense_modes(problem, lambda frequency: slice(0, problem.size), "all")
-
-
-def dense_modes(problem: Eigenproblem, chosen: Callable[[Floats], slice], interval: str) -> ModeSet:
-    """A part of all modes, from dense eigenproblems.
-
-    `chosen` takes the ascending frequencies (size,) of all modes, Hz, and gives the slice of those
-    that are wanted; `interval` describes them in words. InputError where the network is too large.
-    """
-    group = _group_of(problem)
-    if not group.trivial:
-        return _dense_by_symmetry(problem, group, chosen, interval)
-    square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
-    part = chosen(frequency_of(square))
-    modes = found_modes(problem, square[part], vector[:, part], interval, "dense")
-    modes.attributes |= certificate(0)
-    return modes
-
-
-def _group_of(problem: Eigenproblem) -> LateralTranslations:
-    """The lateral translations of a network, which cut its eigenproblem into blocks.
-
-    InputError where all modes would take too much memory or time.
-    """
-    group = lateral_translations(problem.network, problem.scaled, problem.dof)
-    if group.trivial and problem.size > DENSE_LIMIT:
-        raise InputError(
-            f"all {problem.size} modes would need {3 * 8 * problem.size**2 / 1e9:.0f} GB dense "
-            f"(limit {DENSE_LIMIT} degrees of freedom) and the network has no lateral symmetry; "
-            "ask for the lowest, the highest or those of an interval"
-        )
-    cells = len(group.orbit)
-    rows = problem.size // cells
-    task = f"all {problem.size} modes in {cells} blocks of {rows} rows take"
-    refuse_endless_search(problem, of_blocks(rows, cells), task, "ask for a part of them")
-    return group
-
-
-def memory_of_all(problem: Eigenproblem) -> str:
-    """How `all_modes` will solve the problem, and the memory that its largest matrices take."""
-    cells = len(_group_of(problem).orbit)
-    rows = problem.size // cells
-    gigabytes = of_blocks(rows, cells).bytes / 1e9
-    return f"{cells} dense blocks of {rows} rows, {gigabytes:.2g} GB at a time"
-
-
-def _dense_by_symmetry(
-    problem: Eigenproblem,
-    group: LateralTranslations,
-    chosen: Callable[[Floats], slice],
-    interval: str,
-) -> ModeSet:
-    """Modes of one symmetry block after the other, each block a dense eigenproblem.
-
-    A block belongs to one lateral wave vector q. Its modes are Bloch waves, of the same size in
-    every lateral cell, so their observables are computed on one column of cells. Only the block of
-    q = 0, laterally uniform motion, has planar resonances.
-    """
-    column = group.orbit[0]
-    column_mass = problem.mass.reshape(-1, problem.dof)[column].ravel()
-    in_column = np.full(problem.network.n_particles, -1)
-    for image in group.orbit:
-        in_column[image] = np.arange(len(column))
-    chain = problem.chain()
-    parts, waves = [], []
-    resonances: tuple[Floats, ...] | None = None
-    blocks = symmetry_blocks(problem.scaled, group, problem.dof)
-    for block, U, multiplicity in blocks:
-        square, inner = eigh(block, check_finite=False, driver="evd")
-        shape = particle_motion(inner, column_mass, problem.dof)
-        rotations = rotation_share(inner, problem.dof)
-        chain_chi = np.full(len(square), np.nan)
-        if chain is not None:
-            chain_chi = chi_z(shape, in_column[chain])
-            if resonances is None:
-                uniform = particle_motion(U @ inner, problem.mass, problem.dof)
-                resonances = planar_resonances(
-                    frequency_of(square), uniform, rotations, chain, problem.network
-                )
-        residual = relative_residual(block @ inner - inner * square, square, problem.resolution)
-        rows = (frequency_of(square), residual, chi_z(shape), chain_chi, rotations)
-        parts.extend([np.array(rows)] * multiplicity)
-        if problem.shapes:
-            waves.append((U, inner))
-    table = np.concatenate(parts, axis=1)
-    order = np.argsort(table[0], kind="stable")
-    modes = ModeSet(*table[:, order])
-    if resonances is not None:
-        modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
-    solver = f"symmetry {group.cells[0]}x{group.cells[1]}"
-    modes.attributes = {"solver": solver} | certificate(0)
-    part = chosen(modes.frequency)
-    modes = subset(modes, part, interval)
-    if problem.shapes:
-        left_out = shapes_left_out(problem, len(modes.frequency))
-        if left_out:
-            modes.attributes["shapes_left_out"] = left_out
-        else:
-            modes.mode_shape = _shapes_of_waves(problem, waves, order[part])
-    return modes
-
-
-def _shapes_of_waves(
-    problem: Eigenproblem, waves: list[tuple[sp.csr_matrix, Array]], wanted: Ints
-) -> Floats:
-    """Shape (k, n, 6): those mode shapes of the Bloch waves U w that are `wanted` (k,).
-
-    The waves of q and -q are each other's conjugates: sqrt(2) times real and imaginary part are
-    two orthonormal standing waves of the same frequency. They are numbered block by block.
-    """
-    place = np.full(problem.size, -1)
-    place[wanted] = np.arange(len(wanted))
-    shapes = np.empty((len(wanted), problem.network.n_particles, 6))
-    first = 0
-    for U, inner in waves:
-        wave = U @ inner
-        standing = [wave.real]
-        if np.iscomplexobj(wave):
-            standing = [np.sqrt(2) * wave.real, np.sqrt(2) * wave.imag]
-        for vector in standing:
-            rows = place[first : first + vector.shape[1]]
-            some = rows >= 0
-            shapes[rows[some]] = particle_motion(vector[:, some], problem.mass, problem.dof)
-            first += vector.shape[1]
-    return shapes
 
 
 def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) -> ModeSet:
@@ -172,9 +23,10 @@ def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) ->
     factorisation, which costs more than a few modes; without `certify` it is left out.
     """
     check_count(problem, count, problem.size)
+    choice = Choice("highest", count)
     if problem.size <= SMALL or count > problem.size // 4:
         top = slice(problem.size - count, problem.size)
-        return dense_modes(problem, lambda frequency: top, f"highest {count}")
+        return dense_modes(problem, lambda frequency: top, choice)
     effort = from_the_top(problem, count)
     refuse_endless_search(problem, effort, f"the highest {count} modes take", "ask for fewer")
     search = SearchFromTop(problem)
@@ -191,9 +43,9 @@ def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) ->
     missing = 0 if because else search.complete(count, -1, above)
     if because:
         missing = search.look_again(count)
-    modes = search.modes(-np.inf, np.inf, f"highest {count}")
+    modes = search.modes(-np.inf, np.inf, choice)
     found = len(modes.frequency)
     listed = min(found, count - max(missing, 0))
-    modes = subset(modes, slice(found - listed, found), f"highest {count}")
+    modes = subset(modes, slice(found - listed, found), choice)
     modes.attributes |= certificate(missing, because)
     return modes

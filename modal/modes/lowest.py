@@ -13,17 +13,10 @@ import numpy as np
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below
+from modal.modes.dense import DENSE_LIMIT, dense_modes
 from modal.modes.effort import near_a_shift, refuse_endless_search
-from modal.modes.highest import DENSE_LIMIT, dense_modes
-from modal.modes.mode_set import ModeSet
-from modal.modes.problem import (
-    SMALL,
-    Eigenproblem,
-    certificate,
-    check_count,
-    frequency_of,
-    subset,
-)
+from modal.modes.mode_set import Choice, ModeSet, certificate, subset
+from modal.modes.problem import SMALL, Eigenproblem, check_count, frequency_of
 from modal.modes.search import Search
 from modal.solvers.factor import available
 
@@ -45,8 +38,9 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     """
     floppy = problem.floppy.total
     check_count(problem, count, problem.size - floppy)
+    choice = Choice("lowest", count)
     if problem.size <= SMALL or count > problem.size // 4:
-        return dense_modes(problem, lambda f: slice(floppy, floppy + count), f"lowest {count}")
+        return dense_modes(problem, lambda f: slice(floppy, floppy + count), choice)
     effort = near_a_shift(problem, count, SLICE)
     refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
     if count > SLICE:
@@ -59,8 +53,8 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
             "below round-off; ask for the highest, or for an interval further up"
         )
-    modes = search.modes(0.0, np.inf, f"lowest {count}")
-    modes = subset(modes, slice(0, count - max(missing, 0)), f"lowest {count}")
+    modes = search.modes(0.0, np.inf, choice)
+    modes = subset(modes, slice(0, count - max(missing, 0)), choice)
     modes.attributes |= certificate(missing)
     return modes
 
@@ -73,14 +67,15 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
     """
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
-    low = max(low, 0.0)
+    low, high = max(float(low), 0.0), float(high)
+    choice = Choice("between", low=low, high=high)
     if problem.size <= DENSE_LIMIT:
 
         def inside(frequency: Floats) -> slice:
             first = max(int((frequency < low).sum()), problem.floppy.total)
             return slice(first, max(first, int((frequency < high).sum())))
 
-        return dense_modes(problem, inside, f"{low:g} {high:g}")
+        return dense_modes(problem, inside, choice)
     below = {low: problem.floppy.total if low == 0 else count_below(problem, low)}
     below[high] = count_below(problem, high)
     wanted = below[high] - below[low]
@@ -88,7 +83,7 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
     refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
     slices = _cut(problem, low, high, below)
     parts = [_slice(problem, a, b, below[b] - below[a], wanted) for a, b in slices]
-    return _joined(parts, f"{low:g} {high:g}")
+    return _joined(parts, choice)
 
 
 def _cut(
@@ -126,7 +121,7 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int)
     missing = search.gather(
         wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
     )
-    modes = search.modes(low, high, f"{low:g} {high:g}", of)
+    modes = search.modes(low, high, Choice("between", low=low, high=high), of)
     modes.attributes |= certificate(missing)
     return modes
 
@@ -141,14 +136,14 @@ def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
     while high < top and count_below(problem, high) - total < count:
         high *= 2 ** (1 / 3)
     modes = modes_between(problem, 0.0, high)
-    return subset(modes, slice(0, count), f"lowest {count}")
+    return subset(modes, slice(0, count), Choice("lowest", count))
 
 
-def _joined(parts: list[ModeSet], interval: str) -> ModeSet:
+def _joined(parts: list[ModeSet], choice: Choice) -> ModeSet:
     """One list from the lists of ascending intervals; complete if each of them is."""
     if not parts:
         empty = np.empty(0)
-        attributes = {"interval": interval, "solver": "count"} | certificate(0)
+        attributes = choice.attributes | {"solver": "count"} | certificate(0)
         return ModeSet(empty, empty, empty, empty, empty, attributes=attributes)
     whole = parts[0]
     if len(parts) > 1:
@@ -160,7 +155,7 @@ def _joined(parts: list[ModeSet], interval: str) -> ModeSet:
         whole = ModeSet(**arrays)
     whole.attributes = {
         **parts[0].attributes,
-        "interval": interval,
+        **choice.attributes,
         "solver": parts[0].attributes["solver"] + f"; {len(parts)} slices",
         **certificate(sum(part.attributes["missing"] for part in parts)),
     }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,14 +11,18 @@ import numpy as np
 
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
-from modal.formats.provenance import Provenance
+from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.provenance import Provenance, new_product
+from modal.modes.observables import chi_z, participation_ratio
+from modal.packing.network import Network
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "granular-modes"
 VERSION = 1
+OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
+"""Columns of a list of modes, besides its frequencies."""
 _UNITS = {
     "frequency": ((None,), "Hz"),
     "residual": ((None,), "1"),
@@ -31,6 +36,49 @@ _UNITS = {
 }
 
 
+@dataclass(frozen=True)
+class Choice:
+    """Which modes were asked for: the lowest or highest so many, an interval, or all.
+
+    kind: lowest, highest, between or all; count, of the first two; low, high, Hz, of an interval.
+    """
+
+    kind: str
+    count: int = 0
+    low: float = 0.0
+    high: float = np.inf
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What a file says of it: the kind, its limits, and all of it in words as `interval`."""
+        words = {
+            "between": f"{self.low:g} {self.high:g}",
+            "all": "all",
+        }.get(self.kind, f"{self.kind} {self.count}")
+        limits: dict[str, Any] = {}
+        if self.kind == "between":
+            limits = {"low": self.low, "high": self.high}
+        elif self.count:
+            limits = {"count": self.count}
+        return {"interval": words, "choice": self.kind} | limits
+
+    @classmethod
+    def of_attributes(cls, attributes: Mapping[str, Any]) -> Choice:
+        """From a file's attributes; of a file that has `interval` alone, from its words."""
+        if "choice" in attributes:
+            limits = {name: float(attributes.get(name, end)) for name, end in _ENDS.items()}
+            return cls(str(attributes["choice"]), int(attributes.get("count", 0)), **limits)
+        words = str(attributes.get("interval", "all")).split()
+        if words[0] in ("lowest", "highest"):
+            return cls(words[0], int(words[1]))
+        if len(words) == 2:
+            return cls("between", low=float(words[0]), high=float(words[1]))
+        return cls("all")
+
+
+_ENDS = {"low": 0.0, "high": np.inf}
+
+
 @dataclass(repr=False)
 class ModeSet:
     """k modes in ascending order of frequency.
@@ -40,7 +88,8 @@ class ModeSet:
     Eq. 2 over all particles and over the chain; rotation_share (k,) of the kinetic energy;
     mode_shape (k, n, 6), mass-normalised, where asked for. resonance_* hold the P-wave
     resonances r = 1, 2, ...: frequency, wave number pi r / L (Eq. 4) and the z-component along
-    the chain. attributes: interval, what was asked for; certified, whether an exact count says that
+    the chain. attributes: interval, what was asked for in words, and the same as choice, count, low
+    and high (`Choice`); certified, whether an exact count says that
     the list is complete; uncertified_because, why it does not; missing, how many modes were asked
     for and not found; solver; numbers of floppy modes; shapes_left_out, why there are no mode
     shapes although they were asked for.
@@ -63,6 +112,11 @@ class ModeSet:
         return bool(self.attributes.get("certified", False))
 
     @property
+    def choice(self) -> Choice:
+        """What was asked for."""
+        return Choice.of_attributes(self.attributes)
+
+    @property
     def missing(self) -> int:
         """How many modes were asked for and not found."""
         return int(self.attributes.get("missing", 0))
@@ -71,6 +125,28 @@ class ModeSet:
     def floppy_modes(self) -> int:
         """How many motions without energy the network has."""
         return int(self.attributes.get("floppy_modes", 0))
+
+    def chi(self, axis: str) -> Floats:
+        """Shape (k,): share of each mode's motion along x, y or z; `chi_z` is that along z.
+
+        InputError where the mode shapes were not kept.
+        """
+        if axis not in ("x", "y", "z"):
+            raise InputError(f"axis {axis!r}: choose x, y or z")
+        return chi_z(self.shapes(), axis="xyz".index(axis))
+
+    def shapes(self) -> Floats:
+        """Shape (k, n, 6): the mode shapes; InputError where they were not kept."""
+        if self.mode_shape is None:
+            raise InputError("no mode shapes were kept; ask for fewer modes, or with -o")
+        return self.mode_shape
+
+    def participation(self, network: Network) -> Floats:
+        """Shape (k,): share of the network's particles that take part in each mode, 0 to 1.
+
+        InputError where the mode shapes were not kept.
+        """
+        return participation_ratio(self.shapes(), network.mass, network.inertia)
 
     def __repr__(self) -> str:
         text = f"<ModeSet: {len(self.frequency)} modes"
@@ -95,11 +171,8 @@ class ModeSet:
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:
     """Write the modes atomically, and what they were made from."""
-    with atomic_h5(path) as file:
-        if made:
-            made.write(file)
+    with new_product(path, SCHEMA, VERSION, made) as file:
         file.attrs.update(modes.attributes)
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION)
         for name, (_, units) in _UNITS.items():
             data = getattr(modes, name)
             if data is not None:
@@ -141,3 +214,35 @@ def _validate(modes: ModeSet, name: str) -> None:
         absent = column == "chi_z_chain" and np.isnan(data).all()
         if data is not None and not (absent or np.isfinite(data).all()):
             raise InputError(f"{name}: {column} is not finite; make it again")
+
+
+def certificate(missing: int, because: str = "") -> dict[str, Any]:
+    """Attributes that say whether a list is complete, and how many modes it lacks.
+
+    `because` says why no count was made. A `missing` below zero is a count that contradicts.
+    """
+    if missing > 0:
+        because = f"{missing} modes are missing: they did not converge"
+    if missing < 0:
+        because = f"{-missing} more modes were found than the exact count allows"
+    attributes = {"certified": not because, "missing": max(missing, 0)}
+    return attributes | ({"uncertified_because": because} if because else {})
+
+
+def subset(modes: ModeSet, chosen: slice, choice: Choice) -> ModeSet:
+    """A list of the `chosen` modes only, with those P resonances whose frequencies it contains.
+
+    `choice` describes the new list in its attributes.
+    """
+    arrays: dict[str, Any] = {}
+    for name in ("frequency", *OBSERVABLES, "mode_shape"):
+        data = getattr(modes, name)
+        arrays[name] = None if data is None else data[chosen]
+    resonance = modes.resonance_frequency
+    if resonance is not None:
+        inside = np.isin(resonance, arrays["frequency"])
+        for name in ("resonance_frequency", "resonance_wavenumber", "resonance_shape"):
+            arrays[name] = getattr(modes, name)[inside]
+    before = modes.choice.attributes
+    kept = {name: value for name, value in modes.attributes.items() if name not in before}
+    return replace(modes, **arrays, attributes=kept | choice.attributes)

@@ -23,8 +23,10 @@ def particle_motion(vector: Array, mass: Floats, dof: int) -> Array:
     return shape
 
 
-def chi_z(shape: Array, particles: Ints | slice = slice(None)) -> Floats:
+def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) -> Floats:
     """Shape (k,): Eq. 2, the mean over particles of u_z^2 / |u|^2 (translations only).
+
+    With another `axis`, 0 or 1, the share along x or y, which tells S-waves as chi_z does P-waves.
 
     Each particle's displacement is normalised by its own size, so that 1 means that every
     particle moves along z only. The mean is over the particles that move: a particle at rest (below
@@ -34,7 +36,7 @@ def chi_z(shape: Array, particles: Ints | slice = slice(None)) -> Floats:
     total = u2.sum(axis=2)
     floor = 1e-18 * total.max(axis=1, keepdims=True)
     moving = total > floor
-    share = np.divide(u2[:, :, 2], total, out=np.zeros_like(total), where=moving)
+    share = np.divide(u2[:, :, axis], total, out=np.zeros_like(total), where=moving)
     return share.sum(axis=1) / np.maximum(moving.sum(axis=1), 1)
 
 
@@ -44,6 +46,18 @@ def rotation_share(vector: Array, dof: int) -> Floats:
         return np.zeros(vector.shape[1])
     energy = np.abs(vector.T.reshape(vector.shape[1], -1, 6)) ** 2
     return energy[:, :, 3:].sum(axis=(1, 2)) / energy.sum(axis=(1, 2))
+
+
+def participation_ratio(shape: Array, mass: Floats, inertia: Floats) -> Floats:
+    """Shape (k,): share of the particles that take part in modes of shapes (k, n, 6).
+
+    (sum e)^2 / (n sum e^2), e each particle's kinetic energy, rotations included: 1 where all move
+    alike, 2/3 in a plane standing wave, 1/n where one moves alone (R. J. Bell and P. Dean, Discuss.
+    Faraday Soc. 50, 55, 1970). `mass` (n,), kg; `inertia` (n,), kg m^2.
+    """
+    square = np.abs(shape) ** 2
+    energy = square[:, :, :3].sum(axis=2) * mass + square[:, :, 3:].sum(axis=2) * inertia
+    return energy.sum(axis=1) ** 2 / (len(mass) * (energy**2).sum(axis=1))
 
 
 def resonance_order(shape_z: Floats) -> Ints:

@@ -9,8 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.arrays import Bools, Floats
-from modal.modes.mode_set import ModeSet
-from modal.modes.problem import Eigenproblem, found_modes, frequency_of
+from modal.modes.measured import found_modes
+from modal.modes.mode_set import Choice, ModeSet
+from modal.modes.problem import Eigenproblem, frequency_of
 from modal.solvers.factor import Factor, SingularError, factorise
 from modal.solvers.lanczos import ROOM, WIDTH_ABOVE, Held, Nearest, modes_from_top, modes_nearest
 
@@ -114,14 +115,14 @@ class Search:
         """The solver and what it has spent."""
         return f"lanczos {self.solver}, {self.solves} solves"
 
-    def modes(self, low: float, high: float, interval: str, of: int = 0) -> ModeSet:
+    def modes(self, low: float, high: float, choice: Choice, of: int = 0) -> ModeSet:
         """What was found with low <= f < high, Hz, ascending; `of` as in `found_modes`."""
         self.release()
         order = np.argsort(self.square)
         frequency = frequency_of(self.square[order])
         order = order[(frequency >= low) & (frequency < high)]
         square, vector = self.square[order], self.vector[:, order]
-        return found_modes(self.problem, square, vector, interval, self.description(), of)
+        return found_modes(self.problem, square, vector, choice, self.description(), of)
 
 
 class SearchFromTop(Search):

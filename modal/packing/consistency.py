@@ -14,7 +14,8 @@ import numpy as np
 
 from modal.formats.arrays import Bools, Floats
 from modal.formats.hdf5 import InputError
-from modal.packing.network import SOURCE_WALL, Network
+from modal.packing.contact_law import sphere_volume
+from modal.packing.network import Network
 
 ANGLE = 0.02
 """Between normal and branch, rad. Sound: up to 3e-5; a permuted normal: 0.1 to pi."""
@@ -102,7 +103,7 @@ def _check_particles(network: Network, name: str) -> None:
 
 def density_of(network: Network) -> Floats:
     """Shape (n,), kg/m^3: mass over volume of each sphere."""
-    return network.mass / (4 / 3 * np.pi * network.radius**3)
+    return network.mass / sphere_volume(network.radius)
 
 
 def branches(network: Network) -> Floats:
@@ -118,9 +119,8 @@ def branches(network: Network) -> Floats:
     elif network.cell_periodic.any():
         missing = network.lever_i - network.lever_j - branch
         branch += np.round(missing / np.where(period > 0, period, np.inf)) * period
-    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
     branch[wall] = 0
-    branch[wall, 2] = (plane - network.position[i, 2])[wall]
+    branch[wall, 2] = network.wall_distance[wall]
     return branch
 
 

@@ -9,7 +9,7 @@ contacts are compiled from these very functions.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,10 +44,20 @@ class Material:
         """G* = G / (2 (2 - nu)), Pa, of two bodies of this material."""
         return self.young / (4 * (1 + self.poisson) * (2 - self.poisson))
 
+    def sphere(self, radius: Any) -> tuple[Any, Any]:
+        """Mass, kg, and moment of inertia, kg m^2, of a sphere, or of each, of `radius`, m."""
+        mass = self.density * 4 / 3 * np.pi * radius**3
+        return mass, 0.4 * mass * radius**2
+
     @property
     def moduli(self) -> Moduli:
         """E* and G*: all that the law of contact needs."""
         return Moduli(self.effective_young, self.effective_shear)
+
+
+def sphere_volume(radius: Floats) -> Floats:
+    """4/3 pi R^3, m^3, of each radius, m."""
+    return 4 / 3 * np.pi * radius**3
 
 
 Elastic = Material | Moduli

@@ -8,8 +8,9 @@ equal normal force. Its waves are in `modal.theory.fcc`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import sqrt
 
+from modal.arguments import refuse_other_kinds
 from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import (
     GLASS,
@@ -33,6 +34,7 @@ class FccPacking:
     material: Material = GLASS
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
         if not 0 < self.stress < LARGEST:
             raise InputError(f"stress {self.stress:g} Pa: outside 0 to {LARGEST:g}; give it in Pa")
 
@@ -74,7 +76,7 @@ class FccPacking:
     @property
     def mass(self) -> float:
         """Mass of a sphere, kg."""
-        return self.material.density * 4 / 3 * pi * self.radius**3
+        return float(self.material.sphere(self.radius)[0])
 
     @property
     def kn(self) -> float:

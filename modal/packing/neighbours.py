@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats, Ints
+from modal.formats.arrays import Floats, Ints
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
 
@@ -27,6 +27,17 @@ class Touching:
 
 def canonical_order(i: Ints, j: Ints, shift: Ints) -> Ints:
     """Shape (m,): the order of contacts by i, then j, then periods."""
+    count = int(max(i.max(initial=0), j.max(initial=0))) + 3
+    widest = abs(shift).max(axis=0, initial=0).astype(int)
+    if count**2 * float((2 * widest + 1).prod()) < 2.0**62:
+        # In one number, which is sorted ten times faster than five columns.
+        number = i.astype(np.int64)
+        number *= count
+        number += j + 2
+        for axis in range(3):
+            number *= 2 * widest[axis] + 1
+            number += shift[:, axis] + widest[axis]
+        return np.argsort(number, kind="stable")
     return np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
 
 
@@ -34,9 +45,22 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     """Pairs (i, j, shift) of points at most `distance` apart, each pair of images once.
 
     `position` (n, 3) with x and y inside the periodic cell of `side` (2,); z is not periodic.
-    Found with a k-d tree over the points and those images that lie within `distance` of the cell;
     i <= j, and a point meets its own image on one side only.
     """
+    from modal.pairs import pairs_by_cells, suit_cells  # not at import: it loads numba
+
+    low = position[:, 2].min(initial=np.inf)
+    lengths = np.array([*side, max(position[:, 2].max(initial=low) - low, distance)])
+    if suit_cells(len(position), lengths, distance):
+        ends, period = pairs_by_cells(position - [0.0, 0.0, low], lengths, distance)
+        shift = np.zeros((len(ends), 3), np.int8)
+        shift[:, :2] = period
+        return ends[:, 0].astype(int), ends[:, 1].astype(int), shift
+    return _pairs_by_tree(position, side, distance)
+
+
+def _pairs_by_tree(position: Floats, side: Floats, distance: float) -> tuple[Ints, Ints, Ints]:
+    """The same by a k-d tree over the points and those images within `distance` of the cell."""
     from scipy.spatial import cKDTree  # the DEM program's own Python may lack scipy
 
     reach = np.ceil(distance / np.asarray(side)).astype(int)
@@ -67,24 +91,39 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     return first[keep], owners[second][keep], shift[keep]
 
 
-def touching(position: Floats, side: Floats, walls: Floats, radius: float) -> Touching:
-    """All overlapping contacts of equal spheres between flat walls at z = `walls` (2,), m."""
-    i, j, shift = periodic_pairs(position, side, 2 * radius)
-    period = np.array([side[0], side[1], 0.0])
-    branch = position[j] + shift * period - position[i]
-    distance = np.linalg.norm(branch, axis=1)
-    parts: list[tuple[Array, ...]]
-    parts = [(i, j, shift, branch / distance[:, None], 2 * radius - distance)]
+def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floats) -> Touching:
+    """All overlapping contacts of spheres between flat walls at z = `walls` (2,), m.
+
+    `radius` in m, of all spheres, or of each (n,).
+    """
+    each = np.broadcast_to(radius, len(position))
+    i, j, shift = periodic_pairs(position, side, 2 * float(np.max(radius)))
+    parts = [(i, j, shift)]
     for wall, z, direction in ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1)):
-        overlap = radius - direction * (z - position[:, 2])
-        (at,) = np.nonzero(overlap > 0)
-        normal = np.broadcast_to((0.0, 0.0, float(direction)), (len(at), 3))
-        code = np.full(len(at), wall)
-        parts.append((at, code, np.zeros((len(at), 3), int), normal, overlap[at]))
-    i, j, shift, normal, overlap = (np.concatenate(column) for column in zip(*parts, strict=True))
+        (at,) = np.nonzero(each - direction * (z - position[:, 2]) > 0)
+        parts.append((at, np.full(len(at), wall), np.zeros((len(at), 3), shift.dtype)))
+    i, j, shift = (np.concatenate(column) for column in zip(*parts, strict=True))
+    del parts
     order = canonical_order(i, j, shift)
-    order = order[overlap[order] > 0]
-    return Touching(i[order], j[order], shift[order], normal[order], overlap[order])
+    i, j, shift = i[order], j[order], shift[order]
+    del order
+    # Millions of contacts: each array is worked on in place.
+    normal = position[j]
+    for axis in range(2):
+        normal[:, axis] += shift[:, axis] * side[axis]
+    normal -= position[i]
+    distance = np.linalg.norm(normal, axis=1)
+    distance[j < 0] = 1.0
+    normal /= distance[:, None]
+    overlap = np.subtract(each[i] + each[j], distance, out=distance)
+    for wall, z, direction in ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1)):
+        with_wall = j == wall
+        normal[with_wall] = 0.0, 0.0, direction
+        overlap[with_wall] = each[i[with_wall]] - direction * (z - position[i[with_wall], 2])
+    apart = overlap <= 0
+    if apart.any():
+        i, j, shift, normal, overlap = (of[~apart] for of in (i, j, shift, normal, overlap))
+    return Touching(i, j, shift, normal, overlap)
 
 
 def tangents(normal: Floats) -> tuple[Floats, Floats]:

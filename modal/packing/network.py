@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -47,6 +47,13 @@ OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shif
 Made = TypeVar("Made")
 
 
+def handed_over(**columns: Array) -> dict[str, Array]:
+    """Arrays that nobody else writes to: a `Network` takes them as they are, without a copy."""
+    for data in columns.values():
+        data.flags.writeable = False
+    return columns
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Network:
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
@@ -82,8 +89,6 @@ class Network:
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    further: ClassVar[list[Callable[[Network], list[tuple[str, str]]]]] = []
-    """What rooms above this one add to the lines of `print`: names and texts."""
 
     def __post_init__(self) -> None:
         """Arrays and notes become the network's own; the arrays cannot be written to."""
@@ -118,7 +123,7 @@ class Network:
     def __str__(self) -> str:
         from modal.packing.state import described  # it stands on this module
 
-        return table(described(self) + [row for told in self.further for row in told(self)])
+        return table(described(self))
 
     @property
     def n_particles(self) -> int:
@@ -144,6 +149,12 @@ class Network:
     def partner(self) -> Ints:
         """Shape (m,): index of the contact's second particle; 0, for none, at a wall."""
         return np.where(self.with_wall, 0, self.particle_j)
+
+    @property
+    def wall_distance(self) -> Floats:
+        """Shape (m,), m: how far above the centre of i the contact's wall lies; 0 without one."""
+        plane = self.wall_position[np.where(self.particle_j == SOURCE_WALL, 0, 1)]
+        return np.where(self.with_wall, plane - self.position[self.particle_i, 2], 0.0)
 
     @property
     def area(self) -> float:

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from modal.formats.hdf5 import atomic_h5, get, open_h5, put
-from modal.packing.network import CONTACTS, OPTIONAL, PARTICLES, Network
+from modal.packing.network import CONTACTS, OPTIONAL, PARTICLES, Network, handed_over
 from modal.packing.validation import validate
 
 SCHEMA = "granular-contact-network"
@@ -54,7 +54,7 @@ def read_network(path: str | Path) -> Network:
         columns["wall_position"] = get(file, "walls/position", "f", (2,))
         study = _attributes(file, "study")
         provenance = _attributes(file, "provenance")
-    network = Network(**columns, study=study, provenance=provenance)
+    network = Network(**handed_over(**columns), study=study, provenance=provenance)
     validate(network, str(path))
     return network
 

@@ -17,7 +17,7 @@ from modal.formats.arrays import Floats
 from modal.packing.consistency import branches, density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
-from modal.packing.sample import read_packing
+from modal.packing.reading import read_packing
 from modal.packing.state import net_forces
 
 LAWS = {"Hertz": 2 / 3, "linear": 1.0}
@@ -60,7 +60,7 @@ def plausibility(network: Network) -> dict[str, Any]:
 
 
 def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:
-    """The packing of a file, as `modal.packing.sample.read_packing`; `say` is told each remark."""
+    """The packing of a file, as `modal.packing.reading.read_packing`; `say` is told each remark."""
     network = read_packing(path)
     for remark in plausibility(network)["remarks"]:
         say(f"{path}: {remark}")

@@ -1,4 +1,4 @@
-"""The compact form of a sample of equal spheres, from which its contact network is rebuilt.
+"""The compact form of a sample of spheres, from which its contact network is rebuilt.
 
 This module is the one definition of the format "granular-sample", version 1. Overlaps, normals
 and stiffnesses follow from the positions; only shear forces, which depend on history, are kept,
@@ -15,18 +15,10 @@ import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
-from modal.packing.contact_law import (
-    GLASS,
-    RADIUS,
-    Material,
-    normal_force,
-    stiffness_normal,
-    stiffness_tangential,
-)
+from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.packing.equal_spheres import network_of
 from modal.packing.neighbours import Touching, tangents, touching
 from modal.packing.network import Network
-from modal.packing.network_file import read_network
-from modal.packing.validation import validate as validate_network
 
 SCHEMA = "granular-sample"
 VERSION = 1
@@ -34,13 +26,14 @@ VERSION = 1
 
 @dataclass
 class Sample:
-    """Equal spheres between flat walls at rest, or, with velocities, on their way; SI units.
+    """Spheres between flat walls at rest, or, with velocities, on their way; SI units.
 
     position (n, 3), x and y inside the cell; side (2,) of the lateral cell; walls (2,) z of source
     and receiver wall; shear (m, 2) shear force on i of each contact in canonical order along
     `neighbours.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
     strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
-    contacts; `study` and `provenance` are free attributes.
+    contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
+    of spheres of several sizes, the mean of `radii` (n,).
     """
 
     position: Floats
@@ -52,13 +45,19 @@ class Sample:
     angular_velocity: Floats | None = None
     strain_rate: Floats | None = None
     radius: float = RADIUS
+    radii: Floats | None = None
     material: Material = GLASS
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def sizes(self) -> float | Floats:
+        """The radius of all spheres, or that of each (n,), m."""
+        return self.radius if self.radii is None else self.radii
+
     def contacts(self) -> Touching:
         """All contacts, in canonical order; their overlaps follow from the positions."""
-        return touching(self.position, self.side, self.walls, self.radius)
+        return touching(self.position, self.side, self.walls, self.sizes)
 
     def network(self) -> Network:
         """The contact network: springs of the Hertz-Mindlin law at the present overlaps.
@@ -66,59 +65,40 @@ class Sample:
         Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
         """
         contact = self.contacts()
-        n, m = len(self.position), len(contact.particle_i)
-        wall = contact.particle_j < 0
-        effective = np.where(wall, self.radius, self.radius / 2)
-        force = normal_force(contact.overlap, effective, self.material)
-        tangential = np.zeros((m, 3))
+        tangential = None
         if self.shear is not None:
-            if len(self.shear) != m:
+            if len(self.shear) != len(contact.particle_i):
                 raise InputError(
-                    f"sample: {len(self.shear)} shear forces for {m} contacts; it was written by "
-                    "another program or is damaged, make it again"
+                    f"sample: {len(self.shear)} shear forces for {len(contact.particle_i)} "
+                    "contacts; it was written by another program or is damaged, make it again"
                 )
             first, second = tangents(contact.normal)
             tangential = self.shear[:, :1] * first + self.shear[:, 1:] * second
-        # The contact point lies in the middle of the overlap, also at a wall, as in the DEM law.
-        lever = (self.radius - contact.overlap / 2)[:, None] * contact.normal
-        mass = self.material.density * 4 / 3 * np.pi * self.radius**3
-        limit = self.friction * force
+        n, wall = len(self.position), contact.particle_j < 0
         length = float(self.walls[1] - self.walls[0])
         study = {
-            "young": self.material.young,
-            "poisson": self.material.poisson,
-            "density": self.material.density,
-            "void_ratio": void_ratio(n, self.radius, self.side, length),
+            "void_ratio": void_ratio(n, self.sizes, self.side, length),
             "coordination_number": float((2 * (~wall).sum() + wall.sum()) / n),
         }
-        return Network(
+        return network_of(
+            contact,
+            self.sizes,
+            self.material,
+            tangential=tangential,
+            friction=self.friction,
+            study=self.study | study,
             position=self.position,
-            radius=np.full(n, self.radius),
-            mass=np.full(n, mass),
-            inertia=np.full(n, 0.4 * mass * self.radius**2),
-            particle_i=contact.particle_i,
-            particle_j=contact.particle_j,
-            normal=contact.normal,
-            lever_i=lever,
-            lever_j=np.where(wall[:, None], 0.0, -lever),
-            stiffness_normal=stiffness_normal(contact.overlap, effective, self.material),
-            stiffness_tangential=stiffness_tangential(contact.overlap, effective, self.material),
-            force_normal=force,
-            force_tangential=tangential,
-            overlap=contact.overlap,
-            sliding=np.linalg.norm(tangential, axis=1) >= limit * (1 - 1e-9),
-            cell_shift=contact.cell_shift,
             cell_size=np.array([*self.side, length]),
             cell_periodic=np.array([True, True, False]),
             wall_position=np.asarray(self.walls, float),
-            study=self.study | study,
             provenance=self.provenance,
         )
 
 
-def void_ratio(n: int, radius: float, side: Floats, length: float) -> float:
-    """Volume of voids over volume of n spheres, wall to wall."""
-    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * radius**3) - 1)
+def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> float:
+    """Volume of voids over volume of n spheres, wall to wall; `radius` of all or of each (n,)."""
+    cube = float(np.mean(radius**3))
+    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * cube) - 1)
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
@@ -172,7 +152,11 @@ def write_sample(path: str | Path, sample: Sample) -> None:
     """Write the sample atomically."""
     with atomic_h5(path) as file:
         file.attrs.update(schema=SCHEMA, schema_version=VERSION, creator="granular-wave-modes")
-        file.attrs.update(radius=sample.radius, friction=sample.friction)
+        file.attrs["friction"] = sample.friction
+        if sample.radii is None:
+            file.attrs["radius"] = sample.radius
+        else:
+            put(file, "particles/radius", sample.radii, "m")
         material = sample.material
         file.attrs.update(young=material.young, poisson=material.poisson, density=material.density)
         put(file, "particles/position", sample.position, "m")
@@ -201,7 +185,12 @@ def read_sample(path: str | Path) -> Sample:
             if dataset in file:
                 columns[name] = get(file, dataset, "f", shapes.get(name, (n, 3)))
         try:
-            columns |= {name: float(file.attrs[name]) for name in ("radius", "friction")}
+            columns["friction"] = float(file.attrs["friction"])
+            if "particles/radius" in file:
+                columns["radii"] = get(file, "particles/radius", "f", (n,))
+                columns["radius"] = float(columns["radii"].mean())
+            else:
+                columns["radius"] = float(file.attrs["radius"])
             material = Material(
                 *(float(file.attrs[name]) for name in ("young", "poisson", "density"))
             )
@@ -214,13 +203,13 @@ def read_sample(path: str | Path) -> Sample:
 
 
 def validate(sample: Sample, name: str = "sample") -> None:
-    """Refuse what no packing of equal spheres can be; InputError with one line."""
-    for column in ("position", "side", "walls", *_OPTIONAL):
+    """Refuse what no packing of spheres can be; InputError with one line."""
+    for column in ("position", "side", "walls", "radii", *_OPTIONAL):
         data = getattr(sample, column)
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
     material, radius = sample.material, sample.radius
-    positive = (material.young, material.density, radius)
+    positive = (material.young, material.density, float(np.min(sample.sizes)))
     sound = all(0 < number < np.inf for number in positive) and -1 < material.poisson < 0.5
     if not (sound and 0 <= sample.friction < np.inf):
         raise InputError(
@@ -243,26 +232,15 @@ def validate(sample: Sample, name: str = "sample") -> None:
             f"{name}: sphere {int(np.argmax(outside))} lies outside the cell or the walls; "
             "make the sample again"
         )
-    if len(np.unique(sample.position, axis=0)) < n:
+    if _repeated(sample.position):
         raise InputError(f"{name}: two spheres lie in one place; make the sample again")
 
 
-def read_packing(path: str | Path) -> Network:
-    """A packing from a file: a contact network (`*.network.h5`) or a sample (`*.sample.h5`).
-
-    Both formats are described in `docs/formats.md`. What contacts a sample has, and how stiff they
-    are, follows from its positions. InputError, one line, for what is missing, damaged, or cannot
-    be a packing.
-
-    >>> import modal
-    >>> modal.read("nowhere.network.h5")
-    Traceback (most recent call last):
-        ...
-    modal.formats.hdf5.InputError: nowhere.network.h5: no such file; check the name
-    """
-    if not str(path).endswith(".sample.h5"):
-        return read_network(path)
-    network = read_sample(path).network()
-    # What follows from the positions agrees with them; spheres may still overlap beyond reason.
-    validate_network(network, str(path))
-    return network
+def _repeated(position: Floats) -> bool:
+    """Whether two rows of (n, 3) are equal; millions are sorted by one number each."""
+    bits = np.ascontiguousarray(position + 0.0).view(np.uint64)  # -0.0 is 0.0
+    number = bits @ np.array([1, 0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
+    order = np.argsort(number)
+    alike = np.flatnonzero(np.diff(number[order]) == 0)
+    rows = np.union1d(order[alike], order[alike + 1])
+    return len(np.unique(position[rows], axis=0)) < len(rows)

@@ -9,6 +9,7 @@ sigma_zz is then the same in every layer, and the layers add up to the total exa
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ import numpy as np
 
 from modal.display import quantity
 from modal.formats.arrays import Array, Bools, Floats, Ints
-from modal.formats.hdf5 import InputError, write_whole
+from modal.formats.hdf5 import InputError, write_text
+from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.order import crystalline
 from modal.packing.rattlers import force_bearing
@@ -25,6 +27,8 @@ from modal.packing.rattlers import force_bearing
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""
 FORCES = ("force_normal", "force_tangential")
+FURTHER: list[Callable[[Network], list[tuple[str, str]]]] = []
+"""What other rooms add to the lines of `described`: names and texts."""
 
 
 @dataclass
@@ -59,8 +63,7 @@ def _virials(network: Network) -> tuple[Floats, Floats]:
     """
     branch = network.lever_i - network.lever_j
     wall = network.with_wall
-    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
-    branch[wall, 2] = (plane - network.position[network.particle_i, 2])[wall]
+    branch[wall, 2] = network.wall_distance[wall]
     along, across = (network.known(name, "stress") for name in FORCES)
     on_j = along[:, None] * network.normal - across
     return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
@@ -75,7 +78,7 @@ def stress_tensor(network: Network) -> Floats:
 
 def void_ratio(network: Network) -> float:
     """Volume of voids over volume of spheres, wall to wall; what overlaps counts twice."""
-    solid = float((4 / 3 * np.pi * network.radius**3).sum())
+    solid = float(sphere_volume(network.radius).sum())
     return _volume(network) / solid - 1
 
 
@@ -90,6 +93,19 @@ def contacts_per_particle(network: Network) -> Ints:
     """Shape (n,): number of contacts, walls included."""
     n, j = network.n_particles, network.particle_j
     return np.bincount(network.particle_i, minlength=n) + np.bincount(j[j >= 0], minlength=n)
+
+
+def coordination_by_size(network: Network) -> tuple[Floats, Floats]:
+    """Mean radius, m, and mean number of contacts in each quarter of the spheres by size.
+
+    Shape (k,), k up to 4: spheres of one radius are never torn apart, so that two sizes give two
+    numbers.
+    """
+    edges = np.unique(np.quantile(network.radius, [0.25, 0.5, 0.75], method="higher"))
+    quarter = np.searchsorted(edges, network.radius, side="left")
+    _, quarter, size = np.unique(quarter, return_inverse=True, return_counts=True)
+    ends = contacts_per_particle(network)
+    return np.bincount(quarter, network.radius) / size, np.bincount(quarter, ends) / size
 
 
 def fabric_tensor(network: Network) -> Floats:
@@ -131,7 +147,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     volume = _volume(network) / count
     z, radius = network.position[:, 2], network.radius
     solid = np.zeros(count + 1)
-    solid[-1] = (4 / 3 * np.pi * radius**3).sum()
+    solid[-1] = sphere_volume(radius).sum()
     for edge in range(1, count):
         height = np.clip(edges[edge] - z + radius, 0, 2 * radius)
         solid[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
@@ -197,6 +213,10 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
         "rattlers": rattlers,
         "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
     }
+    if np.ptp(network.radius) > 1e-9 * network.radius.mean():
+        radius, ends = coordination_by_size(network)
+        result["radius_of_quarters_by_size_m"] = radius.tolist()
+        result["coordination_number_of_quarters_by_size"] = ends.tolist()
     if network.sliding is not None:
         result["sliding_contacts"] = int(network.sliding.sum())
     # A contact without friction, or one that pulls, has no limit that its shear could share in.
@@ -213,7 +233,7 @@ def described(network: Network) -> list[tuple[str, str]]:
     size = " x ".join(quantity(side, "m") for side in network.cell_size)
     rows = [
         ("spheres", f"{network.n_particles}, diameters {_range(2 * network.radius, 'm')}"),
-        ("cell", f"{size}, walls {quantity(network.length, 'm')} apart"),
+        ("cell", f"{size}, {_ends(network)}"),
         ("contacts", f"{network.n_contacts}, {wall} of them with the walls"),
     ]
     for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
@@ -224,7 +244,13 @@ def described(network: Network) -> list[tuple[str, str]]:
     bearing, rattlers = told["coordination_number_without_rattlers"], told["rattlers"]
     without = f", {bearing:.3f} without {rattlers} rattlers" if rattlers else ""
     rows.append(("coordination number", f"{told['coordination_number']:.3f}{without}"))
-    return rows
+    return rows + [row for more in FURTHER for row in more(network)]
+
+
+def _ends(network: Network) -> str:
+    if network.cell_periodic[2]:
+        return "periodic along z"
+    return f"walls {quantity(network.length, 'm')} apart"
 
 
 def _range(values: np.ndarray, unit: str) -> str:
@@ -273,7 +299,7 @@ def write_profile(path: str | Path, layers: Profile) -> None:
     }
     text, table = io.StringIO(), np.column_stack(list(columns.values()))
     np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
-    write_whole(path, text.getvalue().encode())
+    write_text(path, text.getvalue())
 
 
 def net_forces(network: Network) -> Floats:

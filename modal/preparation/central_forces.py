@@ -1,4 +1,4 @@
-"""Forces of frictionless equal spheres between two flat walls, all of which may move.
+"""Forces of frictionless spheres between two flat walls, all of which may move.
 
 They are what a minimiser needs: forces, the virial (stress times volume), energy, contacts.
 """
@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.loops import slabs_of
 from modal.packing.sample import Sample
 from modal.preparation.contact_forces import TOTALS, WITHOUT_HISTORY, forces_by_loop
-from modal.preparation.loops import slabs_of
 from modal.preparation.near_contacts import contacts_in_reach, still_complete
 
 SKIN = 0.1
@@ -21,10 +21,13 @@ NO_SUMS = np.zeros(0)
 class NearContacts:
     """Contacts that touch or may soon touch, good until spheres have come closer by the skin."""
 
-    def __init__(self, position: np.ndarray, lengths: np.ndarray, diameter: float) -> None:
-        self.radius = diameter / 2
+    def __init__(self, position: np.ndarray, lengths: np.ndarray, radius: np.ndarray) -> None:
+        self.radius, self.skin = float(radius.max()), SKIN * float(radius.mean())
         self.made_at, self.made_lengths = position.copy(), lengths.copy()
-        self.ends, self.shift = contacts_in_reach(position, lengths, (1 + SKIN) * diameter)
+        reach = 2 * (self.radius + self.skin)
+        self.ends, self.shift = contacts_in_reach(position, lengths, reach)
+        if radius.min() < self.radius:
+            self._leave_out_small_ones(position, lengths, radius)
         self.slabs = slabs_of(self.ends, len(position))
 
     def holds(self, position: np.ndarray, lengths: np.ndarray) -> bool:
@@ -32,18 +35,31 @@ class NearContacts:
         stretch = lengths / self.made_lengths
         moved = position - self.made_at * stretch
         largest = np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
-        return still_complete(SKIN, stretch, largest, self.radius)
+        return still_complete(self.skin / self.radius, stretch, largest, self.radius)
+
+    def _leave_out_small_ones(
+        self, position: np.ndarray, lengths: np.ndarray, radius: np.ndarray
+    ) -> None:
+        """Pairs that only larger spheres could reach across; walls are few."""
+        i, j = self.ends.T
+        branch = position[j] - position[i]
+        branch[:, :2] += self.shift * lengths[:2]
+        reach = radius[i] + radius[j] + 2 * self.skin
+        near = (j < 0) | ((branch**2).sum(axis=1) <= reach**2)
+        self.ends, self.shift = self.ends[near].copy(), self.shift[near].copy()
 
 
 class CentralForces:
     """Forces of a sample whose spheres and lengths move; `of` updates every attribute.
 
-    force (n, 3), N; virial (3,), N m, the stresses times the volume; energy, J; mean_force, N, and
+    force (n, 3), N; stiffness (n,), N/m, the sum of each sphere's contacts, of spheres of several
+    sizes alone; virial (3,), N m, the stresses times the volume; energy, J; mean_force, N, and
     mean_stiffness, N/m, of the `contacts` present.
     """
 
     def __init__(self, sample: Sample) -> None:
-        self.radius = sample.radius
+        self.radius = np.full(len(sample.position), sample.sizes)
+        self.stiffness = NO_SUMS if sample.radii is None else np.zeros(len(self.radius))
         self._moduli = sample.material.moduli
         self.force = np.zeros(sample.position.shape)
         self.rebuilt = 0
@@ -56,7 +72,7 @@ class CentralForces:
         """
         if self._near is None or not self._near.holds(position, lengths):
             position[:, :2] %= lengths[:2]
-            self._near = NearContacts(position, lengths, 2 * self.radius)
+            self._near = NearContacts(position, lengths, self.radius)
             self.rebuilt += 1
         totals = forces_by_loop(
             self._near.slabs,
@@ -69,7 +85,7 @@ class CentralForces:
             self._moduli,
             *WITHOUT_HISTORY,
             self.force,
-            NO_SUMS,
+            self.stiffness,
         )
         of = dict(zip(TOTALS, totals.tolist(), strict=True))
         self.virial, self.energy, self.contacts = totals[4:7], of["energy"], int(of["touching"])

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from modal.formats.hdf5 import InputError
-from modal.packing.sample import Sample, read_sample, validate, write_sample
+from modal.packing.sample import Sample, validate, write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.dynamics import Dynamics
@@ -25,7 +25,7 @@ from modal.preparation.protocol import (
     Servo,
     Stage,
     Study,
-    goes_on,
+    resumed,
     stages,
     steps_of,
 )
@@ -132,13 +132,8 @@ def walk(
     checkpoint = folder / "checkpoint.sample.h5"
     names = stages(tuple(stresses))
     files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}
-    if checkpoint.exists():
-        sample = read_sample(checkpoint)
-        study.refuse_other(sample.study, checkpoint)
-        sample.study["stage"] = goes_on(sample.study, files, checkpoint)
-        for path in filter(Path.exists, files.values()):
-            study.refuse_other(read_sample(path).study, path)
-    else:
+    sample = resumed(checkpoint, files, study)
+    if sample is None:
         sample = compacted(study)
         sample.provenance = study.provenance(command).attributes()
         write_sample(checkpoint, sample)

@@ -6,6 +6,9 @@ cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by 
 without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
 `modal.stiffness.pre_stress` with finite increments. Without friction there is no history.
 
+`radius` (n,) is that of each sphere, m. With history all must be equal: one lever arm then serves
+both ends of a contact.
+
 The law of a contact is written once, for numbers and for arrays: the loop over contacts, compiled
 by numba, and numpy, which is about ten times slower and the loop's oracle, both call it.
 """
@@ -14,6 +17,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.loops import (
+    compiled,
+    compiled_part,
+    cross,
+    dot,
+    elementwise,
+    fingerprint,
+    numba,
+    plus,
+    prange,
+)
+from modal.packing import contact_law
 from modal.packing.contact_law import (
     Moduli,
     contact_radius,
@@ -23,7 +38,6 @@ from modal.packing.contact_law import (
     stiffness_tangential,
 )
 from modal.packing.network import SOURCE_WALL
-from modal.preparation.loops import compiled, compiled_part, elementwise, numba, prange
 
 TOTALS = (
     *("normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"),
@@ -42,24 +56,6 @@ for _of_law in (
     stiffness_tangential,
 ):
     elementwise(_of_law)
-
-
-@elementwise
-def dot(a, b):
-    """Scalar product of two vectors (x, y, z)."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@elementwise
-def cross(a, b):
-    """Vector product."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@elementwise
-def plus(a, factor, b):
-    """a + factor b."""
-    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @elementwise
@@ -95,14 +91,15 @@ def _forces_of_slab(
     first, last, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
     normal, shear, load, stiffness, totals,
 ):  # fmt: skip
-    law, diameter, of_pair = Moduli(moduli[0], moduli[1]), 2 * radius, radius / 2
+    law = Moduli(moduli[0], moduli[1])
     summed = len(stiffness) > 0
     all_normal = all_contact = energy = all_stiffness = 0.0
     along_x = along_y = along_z = 0.0
     touching = sliding = 0
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
-        overlap = 0.0
+        overlap, effective = 0.0, 0.0
+        size = radius[i]
         if j >= 0:
             bx = position[j, 0] - position[i, 0]
             by = position[j, 1] - position[i, 1]
@@ -113,18 +110,20 @@ def _forces_of_slab(
             if b != 0:
                 by += b * side[1]
             square = bx * bx + by * by + bz * bz
-            if 0.0 < square < diameter * diameter:
+            reach = size + radius[j]
+            if 0.0 < square < reach * reach:
                 distance = np.sqrt(square)
-                overlap = diameter - distance
+                overlap = reach - distance
+                # In this order the half of a radius comes out to the last bit.
+                effective = size * (radius[j] / reach)
                 inverse = 1 / distance
                 nx, ny, nz = bx * inverse, by * inverse, bz * inverse
-            effective = of_pair
         else:
             a = b = 0
             nx, ny, nz = 0.0, 0.0, -1.0 if j == SOURCE_WALL else 1.0
             bx, by, bz = 0.0, 0.0, walls[0 if j == SOURCE_WALL else 1] - position[i, 2]
-            overlap = radius - nz * bz
-            effective = radius
+            overlap = size - nz * bz
+            effective = size
         if overlap <= 0:
             if shear is not None and normal[c].any():
                 normal[c, 0] = normal[c, 1] = normal[c, 2] = 0.0
@@ -133,7 +132,7 @@ def _forces_of_slab(
         pressed = normal_force(overlap, effective, law)
         fx, fy, fz = -pressed * nx, -pressed * ny, -pressed * nz
         if shear is not None:
-            n, lever = (nx, ny, nz), radius - overlap / 2
+            n, lever = (nx, ny, nz), size - overlap / 2
             apart = -motion[i, 0], -motion[i, 1], -motion[i, 2]
             turning = motion[i, 3], motion[i, 4], motion[i, 5]
             if j >= 0:
@@ -218,17 +217,18 @@ def forces_by_arrays(
     # A sphere beyond a wall is pushed back: its distance is negative.
     outward = np.where(j == SOURCE_WALL, -1.0, 1.0)
     distance = np.where(pair, np.sqrt((branch**2).sum(axis=1)), outward * face)
-    overlap = np.where(pair, 2 * radius, radius) - distance
+    reach = radius[i] + np.where(pair, radius[j], 0.0)
+    overlap = reach - distance
     (near,) = np.nonzero((overlap > 0) & ((distance > 0) | ~pair))
     i, j, pair, overlap, distance = (of[near] for of in (i, j, pair, overlap, distance))
     n = np.where(pair, branch[near].T / np.where(pair, distance, 1.0), 0.0)
     n[2, ~pair] = outward[near][~pair]
-    effective = np.where(pair, radius / 2, radius)
+    effective = np.where(pair, radius[i] * (radius[j] / (radius[i] + radius[j])), radius[i])
     pressed, kn = normal_force(overlap, effective, law), stiffness_normal(overlap, effective, law)
     force, slid, contact = -pressed * n, 0, 0.0
     load[:] = 0
     if shear is not None:
-        lever, second = radius - overlap / 2, np.where(pair, motion[j].T, 0.0)
+        lever, second = radius[i] - overlap / 2, np.where(pair, motion[j].T, 0.0)
         apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
         gained = np.where(pair, (shift[near] * change).T, 0.0)
         slip = increment(n, lever, apart, turning, dt, gained)
@@ -257,5 +257,6 @@ def forces_by_arrays(
 if numba is None:
     forces_by_loop = forces_by_arrays
 else:
-    _forces_of_slab = compiled_part(_forces_of_slab)
-    forces_by_loop = compiled(_forces_by_slabs, 1)
+    _LAW = fingerprint(contact_law)
+    _forces_of_slab = compiled_part(_forces_of_slab, _LAW)
+    forces_by_loop = compiled(_forces_by_slabs, 1, _LAW)

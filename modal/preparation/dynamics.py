@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from modal.formats.hdf5 import InputError
+from modal.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
 from modal.packing.sample import Sample, void_ratio
-from modal.preparation.loops import SLABS, compiled, compiled_part, numba, prange
 from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.near_contacts import still_complete
 
@@ -85,8 +85,8 @@ def advance_by_arrays(
 if numba is None:
     advance_by_loop = advance_by_arrays
 else:
-    _advance_some = compiled_part(_advance_some)
-    advance_by_loop = compiled(_advance, 0)
+    _advance_some = compiled_part(_advance_some, fingerprint())
+    advance_by_loop = compiled(_advance, 0, fingerprint())
 
 
 class Dynamics:
@@ -106,8 +106,7 @@ class Dynamics:
         if sample.angular_velocity is not None:
             self.velocity[:, 3:] = sample.angular_velocity
         self.rates = np.zeros(3) if sample.strain_rate is None else sample.strain_rate.copy()
-        mass = sample.material.density * 4 / 3 * np.pi * sample.radius**3
-        self.masses = np.array([mass, 0.4 * mass * sample.radius**2])
+        self.masses = np.array(sample.material.sphere(sample.radius))
         self._stretch = np.ones(3)
         self._far = False
         self._note_sought()

@@ -70,6 +70,7 @@ def minimise(
     scale = np.sqrt(len(position)) * 2 * sample.radius
     # Where hardly anything touches, the step is that of overlaps of 1e-8 R (below 10 Pa).
     softest = float(stiffness_normal(1e-8 * sample.radius, sample.radius, sample.material))
+    smallest = float(np.min(sample.sizes))
     velocity, drift = np.zeros_like(position), np.zeros(3)
     mixing, downhill, dt = MIXING, 0, 0.0
     best_score = np.inf
@@ -89,6 +90,9 @@ def minimise(
             if rest.converged or forces.energy == 0 and pressure is None:
                 break
         limit = STEP / np.sqrt(max(forces.mean_stiffness, softest))
+        if len(forces.stiffness):
+            # A large sphere among small ones has many contacts: omega^2 <= 2 sum kn / m.
+            limit = min(limit, 1 / np.sqrt(max(forces.stiffness.max(), softest)))
         dt = min(max(dt, 0.02 * limit), limit)
         power = _dot(forces.force, velocity) + pull @ drift
         if power > 0:
@@ -110,7 +114,7 @@ def minimise(
         fastest = np.sqrt((velocity**2).sum(axis=1).max())
         hold = min(
             1.0,
-            0.05 * 2 * sample.radius / max(fastest * dt, 1e-300),
+            0.05 * 2 * smallest / max(fastest * dt, 1e-300),
             0.01 / max(abs(drift).max() * dt / scale, 1e-300),
         )
         if hold < 1:

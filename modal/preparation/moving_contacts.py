@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from modal.formats.hdf5 import InputError
+from modal.loops import slabs_of
 from modal.packing.neighbours import tangents
 from modal.packing.sample import Sample
 from modal.preparation.contact_forces import TOTALS, forces_by_loop
-from modal.preparation.loops import slabs_of
 from modal.preparation.near_contacts import contacts_in_reach
 
 SKIN = 0.02
@@ -62,7 +63,13 @@ class MovingContacts:
         self.side = np.array(sample.side, float)
         self.walls = np.array(sample.walls, float)
         self.skin = skin
+        if sample.radii is not None:
+            raise InputError(
+                "the sample has spheres of several sizes: with friction, and to rest, only equal "
+                "ones are known; pack them without friction"
+            )
         self._moduli = sample.material.moduli
+        self._radius = np.full(n, sample.radius)
         self.position = sample.position.copy()
         self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
         self._ends = np.column_stack([network.particle_i, network.particle_j])
@@ -122,7 +129,7 @@ class MovingContacts:
             self._shift,
             self.side,
             self.walls,
-            self._sample.radius,
+            self._radius,
             self._moduli,
             velocity,
             dt,

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from modal.arguments import checked
+from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.sample import read_sample
 from modal.preparation import compress
@@ -27,6 +30,7 @@ def width_of(spheres: int, aspect: float) -> float:
     return float((spheres * math.pi / 6 / NOMINAL_FRACTION / aspect) ** (1 / 3))
 
 
+@checked
 def random_packing(
     spheres: int = 500,
     stress: float = 1e5,
@@ -34,21 +38,26 @@ def random_packing(
     seed: int = 1,
     *,
     aspect: float = SMALL_ASPECT,
+    sizes: Sequence[str | float] | None = None,
 ) -> Network:
-    """A random packing of equal glass spheres between two flat walls, at rest under a pressure.
+    """A random packing of glass spheres between two flat walls, at rest under a pressure.
 
     `stress`, Pa, is the same along all axes; x and y are periodic, and `aspect` is the length over
     the width. Without `friction` the energy is minimised, a second for 500 spheres; with it, up to
     1, a cloud is compressed as `modal.preparation.protocol` says, some minutes. Equal numbers give
-    equal packings. A warning says where a packing with friction has not settled; InputError, where
-    one without does not come to rest, or where there is no such packing.
+    equal packings. Spheres are equal unless `sizes` says ("lognormal", spread of ln R) or ("two",
+    ratio of radii, share of the large ones by volume), without friction. A warning says where a
+    packing with friction has not settled; InputError, where one without does not come to rest, or
+    where there is no such packing.
 
     >>> net = random_packing(spheres=100, stress=1e5, seed=3)
     >>> net.n_particles, net.study["void_ratio"] < 0.7
     (100, True)
     """
     if friction == 0:
-        return random_sample(spheres, stress, seed, aspect).network()
+        return random_sample(spheres, stress, seed, aspect, sizes=sizes).network()
+    if sizes is not None:
+        raise InputError("sizes: mixtures are packed without friction alone; leave one of them out")
     check_stress(stress)
     study = Study(mu_comp=friction, spheres=spheres, width=width_of(spheres, aspect), seed=seed)
     walk = [lower for lower in STRESSES if lower < stress] + [stress]

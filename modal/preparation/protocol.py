@@ -23,6 +23,7 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.packing.sample import Sample, read_sample
 
 HIGHEST = 0.6037
 """Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz
@@ -52,12 +53,13 @@ COMPACTION_RATE = 400.0
 COMPACTION_STRESS = 1e6
 """Mean stress, Pa, that the time step of the compaction allows for."""
 HOT = 5e5
-"""Mean stress, Pa, of the agitated spheres at which the compaction ends."""
+"""Mean stress, Pa, of the agitated spheres at which the compaction ends; without agitation and
+unloading, below the first stress of the walk."""
 APPROACH_RATE, AGITATED_DAMPING = 8.0, 0.02
 """Strain rate, 1/s, from LOOSE to HOT, and local damping until then, which decides how dense the
 packing jams."""
 DAMPING = 0.2
-"""Local damping after HOT."""
+"""Local damping once the compaction is over."""
 COOLING = 36.5
 """Own times at HOT, at constant volume, after which the agitation is over; 6,000 steps of a packing
 whose contacts have parted."""
@@ -164,7 +166,8 @@ class Servo:
 class Study:
     """What tells one compression from another; the defaults are the study's own at friction 0.4.
 
-    width: diameters; approach_rate: 1/s; fraction: time step over its limit.
+    width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
+    `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state.
     """
 
     mu_comp: float = 0.4
@@ -175,6 +178,9 @@ class Study:
     agitated_damping: float = AGITATED_DAMPING
     inertial_number: float = INERTIAL_NUMBER
     fraction: float = STABILITY
+    hot_stress: float = HOT
+    damping: float = DAMPING
+    residual: float = SETTLED[1]
 
     def __post_init__(self) -> None:
         for name, kind in Study.__annotations__.items():
@@ -190,10 +196,16 @@ class Study:
                 f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
                 f"lie between 0 and 1; {STABILITY:g} and {INERTIAL_NUMBER:g} are usual"
             )
-        if not (self.approach_rate > 0 and 0 <= self.agitated_damping < 1):
+        if not (self.approach_rate > 0 and 0 <= self.agitated_damping < 1 > self.damping > 0):
             raise InputError(
-                f"approach rate {self.approach_rate:g}, agitated damping "
-                f"{self.agitated_damping:g}: the rate must be positive, the damping from 0 to 1"
+                f"approach rate {self.approach_rate:g}, damping {self.agitated_damping:g} while "
+                f"agitated and {self.damping:g} later: the rate must be positive, each damping "
+                "below 1, the later one above 0"
+            )
+        if not (100 <= self.hot_stress <= 1e8 and 0 < self.residual < 1):
+            raise InputError(
+                f"hot stress {self.hot_stress:g} Pa, residual {self.residual:g}: the stress must "
+                "lie between 100 Pa and 1e8 Pa, the residual between 0 and 1"
             )
 
     @property
@@ -232,7 +244,7 @@ class Stage:
 
     def __init__(self, name: str, study: Study) -> None:
         self.name, self.study = name, study
-        self.damping, self.limits = DAMPING, (-math.inf, -math.inf)
+        self.damping, self.limits = study.damping, (-math.inf, -math.inf)
         if name in PREPARATION[:2]:
             self.control: ConstantRate | Servo = ConstantRate(
                 study.approach_rate if name == "approach" else 0.0
@@ -242,7 +254,9 @@ class Stage:
                 self.damping = study.agitated_damping
         else:
             target, self.limits = (
-                (JAMMING_STRESS, JAMMED) if name == "jam" else (float(name), SETTLED)
+                (JAMMING_STRESS, JAMMED)
+                if name == "jam"
+                else (float(name), (SETTLED[0], study.residual))
             )
             self.control = Servo(target, study.inertial_number)
             self.patience = duration(PATIENCE, target)
@@ -262,7 +276,7 @@ class Stage:
     def settled(self, unbalanced: float) -> bool:
         """Whether stresses and balance (residual over contact force) are as near as wanted."""
         if self.name == "approach":
-            return bool(self.control.stress.mean() > HOT)
+            return bool(self.control.stress.mean() > self.study.hot_stress)
         return self.control.error() < self.limits[0] and unbalanced < self.limits[1]
 
     def impatient(self, seconds: float) -> bool:
@@ -294,3 +308,19 @@ def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> 
             "take another folder"
         )
     return stage
+
+
+def resumed(checkpoint: Path, files: dict[str, Path], study: Study) -> Sample | None:
+    """The state that a walk goes on from, its stage in `study`; None where it is to begin.
+
+    `files` are those of the stresses by their names. InputError where the checkpoint or one of them
+    is of another study, or the walk is beyond a stress that it has not written.
+    """
+    if not checkpoint.exists():
+        return None
+    sample = read_sample(checkpoint)
+    study.refuse_other(sample.study, checkpoint)
+    sample.study["stage"] = goes_on(sample.study, files, checkpoint)
+    for path in filter(Path.exists, files.values()):
+        study.refuse_other(read_sample(path).study, path)
+    return sample

@@ -20,6 +20,7 @@ from modal.packing.contact_law import RADIUS
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
 from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
+from modal.preparation.sizes import radii_of
 
 PEAK = 2e8
 """Pressure, Pa, under which the cloud is packed before it is unloaded."""
@@ -36,14 +37,21 @@ SMALL_STEPS = 50_000
 """Steps allowed for each pressure of a small packing."""
 
 
-def cloud(spheres: int, aspect: float, seed: int) -> Sample:
-    """Overlapping random points in a cell of length over width `aspect`, numbered along z."""
+def cloud(
+    spheres: int, aspect: float, seed: int, sizes: Sequence[str | float] | None = None
+) -> Sample:
+    """Overlapping random points in a cell of length over width `aspect`, numbered along z.
+
+    `sizes` as in `modal.preparation.sizes`; equal spheres without.
+    """
     if spheres < 8 or not 0.2 <= aspect <= 1000:
         raise InputError(
             f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
         )
-    diameter = 2 * RADIUS
-    width = (spheres * np.pi / 6 * diameter**3 / CLOUD_FRACTION / aspect) ** (1 / 3)
+    radii = None if sizes is None else radii_of(spheres, sizes, seed)
+    diameter = 2 * (RADIUS if radii is None else float(radii.max()))
+    cubes = spheres * (2 * RADIUS) ** 3 if radii is None else float(((2 * radii) ** 3).sum())
+    width = (np.pi / 6 * cubes / CLOUD_FRACTION / aspect) ** (1 / 3)
     if width < 2 * diameter:
         raise InputError(
             f"{spheres} spheres at aspect {aspect:g}: the cell is narrower than two diameters; "
@@ -52,7 +60,8 @@ def cloud(spheres: int, aspect: float, seed: int) -> Sample:
     lengths = np.array([width, width, aspect * width])
     points = np.random.default_rng(seed).random((spheres, 3))
     position = points[np.argsort(points[:, 2])] * lengths
-    return Sample(position, lengths[:2], np.array([0.0, lengths[2]]), friction=0.0)
+    walls = np.array([0.0, lengths[2]])
+    return Sample(position, lengths[:2], walls, friction=0.0, radii=radii)
 
 
 def random_sample(
@@ -61,13 +70,14 @@ def random_sample(
     seed: int = 1,
     aspect: float = 2.5,
     tolerance: float = 1e-4,
+    sizes: Sequence[str | float] | None = None,
 ) -> Sample:
     """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
 
     InputError where it does not come to rest at the peak pressure, or at this stress.
     """
     check_stress(stress)
-    sample, _ = minimise(cloud(spheres, aspect, seed), None, tolerance=0.1, max_steps=500)
+    sample, _ = minimise(cloud(spheres, aspect, seed, sizes), None, tolerance=0.1, max_steps=500)
     for pressure, limit in ((PEAK, PEAK_TOLERANCE), (stress, tolerance)):
         sample, rest = minimise(sample, pressure, tolerance=limit, max_steps=SMALL_STEPS)
         if not rest.converged:
@@ -104,8 +114,9 @@ def walk(
     stresses: Sequence[float],
     tolerance: float,
     report: Callable[[str], None],
+    peak: float = PEAK,
 ) -> list[tuple[float, Path]]:
-    """Pack `start` at the peak, then at each stress, Pa; one sample file for each in `folder`.
+    """Pack `start` at the `peak`, then at each stress, Pa; one sample file for each in `folder`.
 
     States that are there already are kept, or brought nearer to rest where their residual exceeds
     the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
@@ -116,11 +127,11 @@ def walk(
     files = []
     checkpoint = folder / "checkpoint.sample.h5"
     sample = start
-    for number, stress in enumerate((PEAK, *stresses)):
+    for number, stress in enumerate((peak, *stresses)):
         path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
         files.append((stress, path))
         limit = PEAK_TOLERANCE if number == 0 else tolerance
-        made = _provenance(start, number, stress, files[-2][1] if number else None)
+        made = _provenance(start, number, stress, files[-2][1] if number else None, peak)
         done = _saved(path, start, made, report)
         if done and _at_rest(done, stress, limit):
             sample = done
@@ -176,7 +187,7 @@ class _Checkpoints:
 
 def _line(sample: Sample, rest: Rest) -> str:
     length = float(sample.walls[1] - sample.walls[0])
-    e = void_ratio(len(sample.position), sample.radius, sample.side, length)
+    e = void_ratio(len(sample.position), sample.sizes, sample.side, length)
     return (
         f"e {e:.4f}, stress error {rest.stress_error:.1e}, residual {rest.residual:.1e}, "
         f"{rest.steps} steps, {rest.seconds:.0f} s"
@@ -190,9 +201,11 @@ def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
     return off <= STRESS_TOLERANCE and sample.study.get("residual", np.inf) <= tolerance
 
 
-def _provenance(start: Sample, number: int, stress: float, before: Path | None) -> Provenance:
+def _provenance(
+    start: Sample, number: int, stress: float, before: Path | None, peak: float
+) -> Provenance:
     """What state `number` is made from: the state `before`, and the numbers of the walk."""
-    settings = start.study | {"number": number, "stress": float(stress), "peak": PEAK}
+    settings = start.study | {"number": number, "stress": float(stress), "peak": peak}
     sources = () if before is None else (Source.of(STATE, before),)
     return Provenance("python -m modal pack", settings, sources)
 

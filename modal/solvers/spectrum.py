@@ -18,6 +18,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
+from modal.solvers.lanczos import start_block
 
 MARGIN = 0.02
 """Relative amount by which the largest Ritz value may lie below the top of the spectrum. Of an
@@ -41,8 +42,10 @@ class ScaledOperator(Protocol):
     shape: tuple[int, int]
     pre_stress: str
 
-    def apply(self, u: Floats) -> Floats:
-        """A u, shape (size,)."""
+    def combine(
+        self, u: Floats, out: Floats, factor: float, own: float = 0.0, kept: float = 0.0
+    ) -> Floats:
+        """out = factor A u + own u + kept out, shape (size,)."""
 
 
 class GrowthError(InputError):
@@ -108,7 +111,7 @@ def wider_top(operator: ScaledOperator, found: GrowthError, top: float) -> tuple
 
 
 def _random(operator: ScaledOperator) -> Floats:
-    return np.random.default_rng(20170729).standard_normal(operator.shape[0])
+    return start_block(operator.shape[0], 1)[:, 0]
 
 
 def _ritz_values(operator: ScaledOperator, start: Floats, steps: int) -> Floats:
@@ -122,19 +125,32 @@ def _lanczos(operator: ScaledOperator, start: Floats) -> Iterator[tuple[list[flo
 
     The last off-diagonal number couples it to the next vector; zero where there is none.
     """
-    now = start / np.linalg.norm(start)
+    now = start / norm(start)
     before, scale = np.zeros_like(now), 0.0
     diagonal: list[float] = []
     off: list[float] = []
     while not off or off[-1] > 0:
-        ahead = operator.apply(now)
-        diagonal.append(float(ahead @ now))
+        # In the array of the vector before: A now - (off-diagonal number) before.
+        ahead = operator.combine(now, before, 1.0, kept=-off[-1] if off else 0.0)
+        diagonal.append(dot(ahead, now))
         ahead -= diagonal[-1] * now
-        if off:
-            ahead -= off[-1] * before
-        beta = float(np.linalg.norm(ahead))
+        beta = norm(ahead)
         scale = max(scale, abs(diagonal[-1]) + beta)
         off.append(beta if beta > 1e-12 * scale else 0.0)
         yield diagonal, off
         if off[-1] > 0:
-            before, now = now, ahead / beta
+            ahead /= beta
+            before, now = now, ahead
+
+
+def dot(a: Floats, b: Floats) -> float:
+    """Scalar product, not by BLAS.
+
+    Its threads cost more than they save on vectors, and wait for cores that other programs use.
+    """
+    return float(np.einsum("i,i", a, b))
+
+
+def norm(a: Floats) -> float:
+    """Length of a vector."""
+    return float(np.sqrt(dot(a, a)))

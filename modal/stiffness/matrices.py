@@ -25,9 +25,15 @@ def stiffness_matrix(
     that touches itself through a period has both sides of the contact on one block; repeated pairs
     add up.
     """
-    size = 3 if translations_only else 6
+    return assembled(network, contact_tangent(network, pre_stress), 3 if translations_only else 6)
+
+
+def assembled(network: Network, local: Floats, size: int = 6) -> sp.csr_matrix:
+    """Sparse (size n, size n) matrix from that of each contact, `local` (m, 12, 12).
+
+    `size` of 3 keeps the translations alone.
+    """
     n = network.n_particles
-    local = contact_tangent(network, pre_stress)
     i, j = network.particle_i, network.particle_j
     pair = j >= 0
     blocks = [local[:, :size, :size]]

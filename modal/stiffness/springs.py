@@ -8,6 +8,8 @@ hence the matrix B^T k B. A wall does not move: only the six columns of i remain
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from modal.formats.arrays import Floats
@@ -47,3 +49,10 @@ def contact_stiffness(network: Network) -> Floats:
     """Shape (m, 12, 12), N/m, N and N m: B^T k B, zero in the wall's rows and columns."""
     B = contact_kinematics(network)
     return B.transpose(0, 2, 1) @ (contact_springs(network) @ B)
+
+
+def slipping(network: Network) -> Network:
+    """The network with contacts at the friction limit held by their normal springs only."""
+    sliding = network.known("sliding", "knowing which contacts slip")
+    tangential = np.where(sliding, 0.0, network.stiffness_tangential)
+    return replace(network, stiffness_tangential=tangential)

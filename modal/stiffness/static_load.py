@@ -39,7 +39,7 @@ def spring_motion(
     """
     # Rotations as arcs, so that forces and torques have one unit.
     arm = np.array([1.0] * 3 + [float(network.radius.mean())] * 3)
-    blocks = _own_blocks(network) / np.outer(arm, arm)
+    blocks = own_blocks(network) / np.outer(arm, arm)
     # Translations and rotations still differ in stiffness, so each has its own mean.
     mean = np.einsum("nii->ni", blocks).reshape(-1, 2, 3).mean(axis=(0, 2)).repeat(3)
     inverse = np.linalg.inv(blocks + max(shift, 1e-8) * np.diag(mean))
@@ -74,7 +74,7 @@ def spring_motion(
     return motion.reshape(load.shape) / arm, products
 
 
-def _own_blocks(network: Network) -> Floats:
+def own_blocks(network: Network) -> Floats:
     """Shape (n, 6, 6): K's block of each sphere with itself."""
     local, n = contact_stiffness(network), network.n_particles
     j, pair = network.particle_j, ~network.with_wall

@@ -10,19 +10,20 @@ from modal.stiffness.pre_stress import contact_tangent
 
 
 def wall_pattern(
-    network: Network, wall: int, pre_stress: str = "none"
+    network: Network, wall: int, pre_stress: str = "none", axis: int = 2
 ) -> tuple[Floats, Floats, float]:
-    """What couples a wall's motion along z to that of the particles; `wall` is its code in j.
+    """What couples a wall's motion along an axis to that of the particles; `wall` is its code in j.
 
     Three results. The pattern (6n,), N/m and N: forces and torques on the particles for a unit
     displacement of the wall. The row (6n,), whose product with the particles' motion is the force
-    along z on the wall at rest, N. The force that holds the wall at its own unit displacement,
-    with all particles at rest, N/m. Pattern and row are equal where the tangent is symmetric.
+    along the axis on the wall at rest, N. The force that holds the wall at its own unit
+    displacement, with all particles at rest, N/m. Pattern and row are equal where the tangent is
+    symmetric.
     """
     touching = network.with_contacts(network.particle_j == wall)
     local = contact_tangent(touching, pre_stress)
     pattern, row = np.zeros((2, network.n_particles, 6))
     # Only the motion of a particle relative to the wall counts: the wall up is the particle down.
-    np.add.at(pattern, touching.particle_i, local[:, 0:6, 2])
-    np.add.at(row, touching.particle_i, local[:, 2, 0:6])
-    return pattern.ravel(), row.ravel(), float(local[:, 2, 2].sum())
+    np.add.at(pattern, touching.particle_i, local[:, 0:6, axis])
+    np.add.at(row, touching.particle_i, local[:, axis, 0:6])
+    return pattern.ravel(), row.ravel(), float(local[:, axis, axis].sum())

@@ -88,6 +88,24 @@ class FccLattice(FccPacking):
         """Long-wave P velocity along z, m/s (Eq. 6)."""
         return long_wave_velocity(self.C, self.mass, self.layer_distance)
 
+    @property
+    def stiffness(self) -> Floats:
+        """Shape (6, 6), Pa: elastic moduli, order xx yy zz yz zx xy, shear strains as angles.
+
+        Every sphere is a centre of symmetry, so a uniform strain E moves none beyond the mean. Nor
+        does any turn: the torque on a sphere is -kt l^2 sum n x (E n) over its contacts, the
+        antisymmetric part of E times sum n n^T, which for cubic symmetry is 4 times unity. So C =
+        1/V sum over six contacts of d^2 times (kn - kt) n n n n + kt times the symmetrised 1 n n
+        (K. Walton, J. Mech. Phys. Solids 35, 213, 1987), with V = d^3 / sqrt(2). In the axes of
+        the cube C11 = sqrt(2) (kn + kt) / d, C12 = (kn - kt) / (sqrt(2) d), C44 = C11 / 2; here x
+        and y are turned by 45 degrees about z, which is an axis of the cube.
+        """
+        more, scale = self.kn - self.kt, np.sqrt(2) / self.spacing
+        C = np.diag([2 * self.kt] * 3 + [self.kt] * 3)
+        C[:3, :3] += more * np.array([[1.25, 0.25, 0.5], [0.25, 1.25, 0.5], [0.5, 0.5, 1]])
+        C[3:, 3:] += more * np.diag([0.5, 0.5, 0.25])
+        return scale * C
+
     def neighbours(self) -> Floats:
         """Shape (12, 3): unit vectors towards the neighbours."""
         half = np.sqrt(0.5)

@@ -10,6 +10,10 @@ from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 
+CORRIDOR = 8.0
+"""Distance from the line, largest diameters, within which the chain is sought first."""
+SURE = 0.9
+"""Lengths by the levers over those between the places, at least (`modal.packing.consistency`)."""
 TIE = 1e-9
 """Relative difference of path costs below which they count as equal."""
 
@@ -29,21 +33,49 @@ def wall_to_wall_chain(network: Network) -> Ints:
     xy = network.position[:, :2]
     middle = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
     off_middle = np.linalg.norm(xy[start] - middle, axis=1)
-    first = int(start[np.lexsort((start, np.round(off_middle / network.radius[0], 6)))[0]])
+    first = int(start[np.lexsort((start, np.round(off_middle / network.radius.max(), 6)))[0]])
 
     offset = xy - xy[first]
     for axis in (0, 1):
         if network.cell_periodic[axis]:
             period = network.cell_size[axis]
             offset[:, axis] -= period * np.round(offset[:, axis] / period)
-    weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
+    aside = (offset**2).sum(axis=1)
+    weight = 1 + aside / (2 * network.radius) ** 2
 
     pair = j >= 0
     i, j = i[pair], j[pair]
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
+    # In a wide packing only what is near the line is looked at, if that is certain to be enough.
+    widest = 2 * float(network.radius.max())
+    corridor = aside <= (CORRIDOR * widest) ** 2
+    if not corridor.all() and not network.cell_periodic[2]:
+        members = np.flatnonzero(corridor)
+        place = np.cumsum(corridor) - 1
+        both = corridor[i] & corridor[j]
+        ends, at = (place[i[both]], place[j[both]]), place[goal[corridor[goal]]]
+        path, cost = _cheapest(ends, length[both], weight[members], int(place[first]), at)
+        # A path climbs from wall to wall; one that leaves the corridor pays for the way out, too.
+        height = network.position[goal, 2].min() - network.position[first, 2]
+        if cost < SURE * (height + CORRIDOR**3 / 3 * widest):
+            return members[path]
+    path, cost = _cheapest((i, j), length, weight, first, goal)
+    if not np.isfinite(cost):
+        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
+    return path
+
+
+def _cheapest(
+    ends: tuple[Ints, Ints], length: Floats, weight: Floats, first: int, goal: Ints
+) -> tuple[Ints, float]:
+    """The cheapest path from `first` to one of `goal`, and its cost; infinite where there is none.
+
+    A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of where it leads.
+    """
+    i, j = ends
     come, go = np.concatenate([i, j]), np.concatenate([j, i])
     cost = np.concatenate([length, length]) * weight[go]
-    shape = (network.n_particles,) * 2
+    shape = (len(weight),) * 2
     graph = sp.coo_matrix((cost, (come, go)), shape=shape).tocsr()
     if graph.nnz < len(cost):
         # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
@@ -53,9 +85,9 @@ def wall_to_wall_chain(network: Network) -> Ints:
         once[1:] = (np.diff(come) != 0) | (np.diff(go) != 0)
         graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=shape)
     distance = dijkstra(graph, indices=first)
-    nearest = distance[goal].min()
+    nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):
-        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
+        return np.empty(0, int), np.inf
     here = int(goal[np.argmin(_rounded(distance[goal], nearest))])
 
     # Back along the shortest path; of equally short ones the nearest, then the first particle.
@@ -68,7 +100,7 @@ def wall_to_wall_chain(network: Network) -> Ints:
         before = np.sort(before[fits])
         here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
         path.append(here)
-    return np.array(path[::-1])
+    return np.array(path[::-1]), nearest
 
 
 def _rounded(distance: Floats, scale: float) -> Floats:

@@ -39,12 +39,14 @@ def leapfrog(
     every: int = 1,
     pre_stress: str = "none",
     particles: bool = False,
+    direction: str = "z",
     network_sha256: str = "",
 ) -> Signals:
     """The wave by leapfrog; its signals are recorded at every `every`-th step.
 
     `duration` and `time_step` in s; `motion` of the source wall, by default the pulse of the study;
-    `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records u_z of every particle;
+    `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records every particle;
+    `direction`, x, y or z, is that of the wall and of all that is recorded;
     `network_sha256` is noted in the signals. InputError where the time step exceeds the stability
     limit 2 / omega_max. GrowthError where the network is unstable: its velocities then exceed what
     the work of the wall allows.
@@ -53,7 +55,7 @@ def leapfrog(
         raise InputError("the time step must be positive and no longer than the duration")
     started = clock.perf_counter()
     motion = motion or Pulse()
-    receivers = Receivers(network, pre_stress=pre_stress, particles=particles)
+    receivers = Receivers(network, pre_stress=pre_stress, particles=particles, direction=direction)
     scaled = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     top, _ = bound_of_spectrum(scaled)
     limit = 2 / np.sqrt(top) if top > 0 else np.inf

@@ -14,18 +14,21 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from modal.arguments import checked
 from modal.display import quantity
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.progress import progress
-from modal.solvers.spectrum import GrowthError, largest_growth, top_of_spectrum, wider_top
+from modal.solvers.spectrum import GrowthError, largest_growth, norm, top_of_spectrum, wider_top
+from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
+from modal.waves.damped import propagate_damped
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
@@ -60,40 +63,43 @@ class LinearWave:
         return self.signals.plot(ax)
 
 
+class Observer(Protocol):
+    """What records of a motion are made: `count` numbers, each linear in M^1/2 u."""
+
+    count: int
+
+    def observe(self, u: Floats, out: Floats) -> None:
+        """Write the numbers (count,) of the motion u (6n,) into `out`."""
+
+
 def chebyshev_moments(
     operator: ContactOperator,
     start: Floats,
-    scale: Floats,
     top: float,
     count: int,
-    receivers: Receivers,
+    receivers: Observer,
 ) -> Floats:
-    """Shape (count, receivers.count): what the receivers read of M^-1/2 T_k(2 A / top - 1) start.
+    """Shape (count, receivers.count): what the receivers read of T_k(2 A / top - 1) start.
 
-    Row k belongs to the Chebyshev polynomial T_k. `operator` is A, `start` (6n,), `scale` (6n,) the
-    diagonal of M^-1/2, `top` the upper end of the interval in omega^2, 1/s^2. GrowthError where the
+    Row k belongs to the Chebyshev polynomial T_k. `operator` is A, `start` (6n,), `top` the upper
+    end of the interval in omega^2, 1/s^2; the receivers are mass-scaled. GrowthError where the
     vectors grow, as they do when modes lie outside the interval.
     """
     rows = np.empty((count, receivers.count))
-    before, now, spare = start.copy(), np.empty_like(start), np.empty_like(start)
-    first = float(np.linalg.norm(start))
+    before, now = start.copy(), np.empty_like(start)
+    first = norm(start)
     for k in progress(count, "wave"):
         if k == 0:
             now[:] = start
         elif k == 1:
-            np.negative(start, out=now)
-            operator.accumulate(start, now, 2 / top)
+            operator.combine(start, now, 2 / top, own=-1.0)
         else:
             # T_k = 2 X T_(k-1) - T_(k-2), built in the array of T_(k-2).
-            np.multiply(now, 2, out=spare)
-            before += spare
-            np.negative(before, out=before)
-            operator.accumulate(now, before, 4 / top)
+            operator.combine(now, before, 4 / top, own=-2.0, kept=-1.0)
             before, now = now, before
-        np.multiply(now, scale, out=spare)
-        receivers.observe(spare, rows[k])
+        receivers.observe(now, rows[k])
         if k % LOOK == LOOK - 1 or k == count - 1:
-            growth = np.linalg.norm(now) / first if first > 0 else 0.0
+            growth = norm(now) / first if first > 0 else 0.0
             if not growth <= largest_growth(operator, k):
                 raise GrowthError(now, k)
     return rows
@@ -102,8 +108,7 @@ def chebyshev_moments(
 def moments_within_spectrum(
     operator: ContactOperator,
     start: Floats,
-    scale: Floats,
-    receivers: Receivers,
+    receivers: Observer,
     count_for: Callable[[float], int],
 ) -> tuple[Floats, float, int]:
     """`chebyshev_moments` on an interval that holds the spectrum.
@@ -120,7 +125,7 @@ def moments_within_spectrum(
     while True:
         count = count_for(top)
         try:
-            rows = chebyshev_moments(operator, start, scale, top, count, receivers)
+            rows = chebyshev_moments(operator, start, top, count, receivers)
         except GrowthError as found:
             top, more = wider_top(operator, found, top)
             products += more + found.products
@@ -142,12 +147,10 @@ def expansion(motion: Motion, time: Floats, top: float, tolerance: float) -> tup
     Orders are dropped from where all are below `tolerance` times the largest; the second result is
     the sum of the largest dropped ones over the largest of all.
     """
-    from scipy.fft import dct  # a tenth of a second that only waves are worth
-
     order = _orders(top, time[-1])
     angle = np.pi * (np.arange(order) + 0.5) / order
     response = motion.response(top * (1 + np.cos(angle)) / 2, time)
-    coefficient = dct(response, type=2, axis=0) / order
+    coefficient = _cosines(response) / order
     coefficient[0] /= 2
     size = abs(coefficient).max(axis=1)
     if not size.any():
@@ -158,6 +161,23 @@ def expansion(motion: Motion, time: Floats, top: float, tolerance: float) -> tup
     return coefficient[:needed], float(size[needed:].sum() / size.max())
 
 
+def _cosines(values: Floats) -> Floats:
+    """Twice the sum of values (N, nt) times cos(pi k (n + 1/2) / N) over n, for each k < N.
+
+    A Fourier transform of the even rows, then the odd ones backwards (J. Makhoul, IEEE Trans.
+    Acoust. Speech Signal Process. 28, 27, 1980). scipy.fft would take a tenth of a second to load.
+    """
+    count = len(values)
+    half = np.fft.rfft(np.concatenate([values[::2], values[1::2][::-1]]), axis=0)
+    half *= 2 * np.exp(-0.5j * np.pi * np.arange(len(half)) / count)[:, None]
+    whole = np.empty_like(values)
+    whole[: len(half)] = half.real
+    # The transform of real rows: what stands at N - k is conjugate to k.
+    whole[len(half) :] = -half.imag[count - len(half) : 0 : -1]
+    return whole
+
+
+@checked
 def propagate(
     network: Network,
     duration: float,
@@ -167,21 +187,25 @@ def propagate(
     tolerance: float = 1e-9,
     pre_stress: str = "none",
     particles: bool = False,
+    direction: str = "z",
+    damping: ContactDamping | None = None,
     network_sha256: str = "",
 ) -> LinearWave:
     """The wave that a small motion of the source wall sends through a packing.
 
     The contacts' springs stay what they are (linear). There is no time-step error: the result holds
-    to `tolerance` at every recorded time. Its `signals` have displacements along z, m, of a chain
-    of particles from wall to wall and of layers, and stresses on both walls, Pa: `time` (nt,),
-    `chain_displacement` (nt, nc), `receiver_stress` (nt,).
+    to `tolerance` at every recorded time. Its `signals` have displacements, m, of a chain of
+    particles from wall to wall and of layers, and stresses on both walls, Pa: `time` (nt,),
+    `chain_displacement` (nt, nc), `receiver_stress` (nt,). The wall moves along `direction`, and
+    all is recorded along it: "z" sends P-waves, "x" and "y" send S-waves.
 
     `duration` and recording `interval` in s; `motion` of the source wall, by default the pulse of
     the study. `tolerance` bounds the coefficients that the expansion drops, relative to the largest
-    one. `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records u_z of every particle;
-    `network_sha256` is noted in the signals. InputError for impossible arguments, for a network
-    without stiffness, and where the run would take more than a day or the memory; GrowthError where
-    K has negative directions.
+    one. `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records every particle;
+    `network_sha256` is noted in the signals. `damping` gives the contacts dashpots
+    (`modal.stiffness.damping`), which takes some ten times as many products. InputError for
+    impossible arguments, for a network without stiffness, and where the run would take more than a
+    day or the memory; GrowthError where K has negative directions.
 
     >>> import modal
     >>> wave = propagate(modal.fcc(cells=(1, 1, 30)), duration=5e-5)
@@ -195,10 +219,54 @@ def propagate(
         )
     started = clock.perf_counter()
     motion = motion or Pulse()
-    receivers = Receivers(network, pre_stress=pre_stress, particles=particles)
+    if damping is not None and not damping.none:
+        if pre_stress != "none":
+            raise InputError(f"pre-stress {pre_stress!r} with damping: take none")
+        damped, products = propagate_damped(
+            network,
+            duration,
+            damping,
+            motion,
+            interval=interval,
+            tolerance=tolerance,
+            particles=particles,
+            direction=direction,
+            network_sha256=network_sha256,
+        )
+        return LinearWave(damped, products, tolerance)
+    receivers = Receivers(
+        network, pre_stress=pre_stress, particles=particles, direction=direction, mass_scaled=True
+    )
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
-    scale = 1 / np.sqrt(mass_diagonal(network))
-    start = receivers.source * scale
+    start = receivers.source / np.sqrt(mass_diagonal(network))
+    time, recorded, products, truncation = carried(
+        operator, start, receivers, motion, duration, interval, tolerance
+    )
+    signals = receivers.signals(
+        time,
+        recorded,
+        motion,
+        time_step=interval,
+        run_time=clock.perf_counter() - started,
+        network_sha256=network_sha256,
+    )
+    return LinearWave(signals, products, truncation)
+
+
+def carried(
+    operator: ContactOperator,
+    start: Floats,
+    receivers: Observer,
+    motion: Motion,
+    duration: float,
+    interval: float,
+    tolerance: float,
+) -> tuple[Floats, Floats, int, float]:
+    """Times (nt,), what is recorded at them (nt, count), products with K, and the truncation.
+
+    `start` (6n,) is the mass-scaled force on the particles for a unit displacement of the source,
+    which goes by `motion`; the other arguments are those of `propagate`.
+    """
     planned: dict[float, tuple[Floats, Floats, float]] = {}
 
     def count_for(top: float) -> int:
@@ -215,15 +283,6 @@ def propagate(
         planned[top] = time, *expansion(motion, time, top, tolerance)
         return len(planned[top][1])
 
-    rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
+    rows, top, products = moments_within_spectrum(operator, start, receivers, count_for)
     time, coefficient, truncation = planned[top]
-    recorded = coefficient.T @ rows
-    signals = receivers.signals(
-        time,
-        recorded,
-        motion,
-        time_step=interval,
-        run_time=clock.perf_counter() - started,
-        network_sha256=network_sha256,
-    )
-    return LinearWave(signals, products, truncation)
+    return time, coefficient.T @ rows, products, truncation

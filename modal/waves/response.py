@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from modal.arguments import checked
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Complex, Floats, Ints
-from modal.formats.hdf5 import InputError, atomic_h5, put
-from modal.formats.provenance import Provenance
+from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
@@ -45,7 +46,8 @@ class Response:
 
     frequency (nf,) Hz; source_stress, receiver_stress (nf,) complex, Pa/m, compression positive;
     chain_displacement (nf, nc) and layer_displacement (nf, nl) complex, m/m; `resolution` Hz, the
-    full width at half height of a single resonance in power; `products` with K.
+    full width at half height of a single resonance in power; `products` with K; `direction` of the
+    wall and of all motions and stresses.
     """
 
     frequency: Floats
@@ -57,6 +59,7 @@ class Response:
     layer_displacement: Complex
     resolution: float
     products: int
+    direction: str = "z"
 
     def __repr__(self) -> str:
         ends = " to ".join(quantity(float(f), "Hz") for f in self.frequency[[0, -1]])
@@ -89,6 +92,7 @@ class Response:
         return self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])
 
 
+@checked
 def frequency_response(
     network: Network,
     *,
@@ -96,6 +100,7 @@ def frequency_response(
     resolution: float = 1e3,
     tolerance: float = 1e-6,
     pre_stress: str = "none",
+    direction: str = "z",
 ) -> Response:
     """What a steady motion of the source wall does at each frequency: motions, stresses, gain.
 
@@ -104,8 +109,9 @@ def frequency_response(
     has `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig. 19), and complex
     motions and stresses per metre of the wall's motion. `tolerance` bounds what the expansion
     leaves out relative to the value on resonance; `pre_stress` as in
-    `modal.stiffness.pre_stress`. InputError for packings without walls or stiffness, and where it
-    would take more than a day or the memory; GrowthError where K has negative directions.
+    `modal.stiffness.pre_stress`; `direction` of the wall's motion, x or y for S-waves. InputError
+    for packings without walls or stiffness, and where it would take more than a day or the memory;
+    GrowthError where K has negative directions.
 
     >>> import modal
     >>> gain = frequency_response(modal.fcc(cells=(1, 1, 30)), highest=2e4)
@@ -114,9 +120,8 @@ def frequency_response(
     """
     if not (0 < resolution < np.inf and 0 < tolerance < 1):
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
-    receivers = Receivers(network, pre_stress=pre_stress)
+    receivers = Receivers(network, pre_stress=pre_stress, mass_scaled=True, direction=direction)
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
-    scale = 1 / np.sqrt(mass_diagonal(network))
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
     planned: dict[float, tuple[Floats, Complex]] = {}
@@ -144,8 +149,8 @@ def frequency_response(
         planned[top] = frequency, w
         return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
 
-    start = receivers.source * scale
-    rows, top, products = moments_within_spectrum(operator, start, scale, receivers, count_for)
+    start = receivers.source / np.sqrt(mass_diagonal(network))
+    rows, top, products = moments_within_spectrum(operator, start, receivers, count_for)
     frequency, w = planned[top]
     rows[0] /= 2
     value: Complex = np.empty((len(frequency), receivers.count), complex)
@@ -166,6 +171,7 @@ def frequency_response(
         layer_displacement=value[:, c : c + nl],
         resolution=resolution,
         products=products,
+        direction=direction,
     )
 
 
@@ -176,11 +182,9 @@ def write_response(
     made: Provenance | None = None,
 ) -> None:
     """Write the response atomically; complex numbers as a last axis of real and imaginary part."""
-    with atomic_h5(path) as file:
-        if made:
-            made.write(file)
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
-        file.attrs.update(resolution=response.resolution)
+    with new_product(path, SCHEMA, VERSION, made) as file:
+        file.attrs["network_sha256"] = network_sha256
+        file.attrs.update(resolution=response.resolution, direction=response.direction)
         put(file, "frequency", response.frequency, "Hz")
         put(file, "gain", response.gain, "1")
         put(file, "chain/particle", response.chain_particle.astype(np.int32), "1")
@@ -192,3 +196,36 @@ def write_response(
             ("layers/displacement", response.layer_displacement, "m/m"),
         ):
             put(file, name, np.stack([values.real, values.imag], axis=-1), units)
+
+
+def read_response(path: str | Path) -> Response:
+    """What `write_response` has written, `products` unknown (0); InputError for anything wrong."""
+    with open_h5(path, SCHEMA, VERSION) as file:
+        frequency = get(file, "frequency", "f", (None,))
+        particle = get(file, "chain/particle", "i", (None,))
+        layer = get(file, "layers/position", "f", (None,))
+        complexes = {}
+        for name, columns in (
+            ("source/stress", ()),
+            ("receiver/stress", ()),
+            ("chain/displacement", particle.shape),
+            ("layers/displacement", layer.shape),
+        ):
+            parts = get(file, name, "f", (*frequency.shape, *columns, 2))
+            complexes[name.replace("layers", "layer").replace("/", "_")] = (
+                parts[..., 0] + 1j * parts[..., 1]
+            )
+        try:
+            resolution = float(file.attrs["resolution"])
+            direction = str(file.attrs.get("direction", "z"))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: {error}; incomplete, make it again") from error
+    return Response(
+        frequency=frequency,
+        chain_particle=particle,
+        layer_position=layer,
+        resolution=resolution,
+        products=0,
+        direction=direction,
+        **complexes,
+    )

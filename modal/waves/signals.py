@@ -13,8 +13,8 @@ import numpy as np
 
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
-from modal.formats.provenance import Provenance
+from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.provenance import Provenance, new_product
 from modal.waves.energy_balance import EnergyBalance
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ _DATASETS = {
     "particle_displacement": ("particles/displacement", "f", ("nt", "n"), "m"),
 }
 """Field: dataset, kind, shape, units."""
+DIRECTIONS = ("x", "y", "z")
+"""Along which the source wall may move: z sends P-waves, x and y send S-waves."""
 _OPTIONAL = {"layer_position", "layer_displacement", "particle_displacement"}
 
 
@@ -43,12 +45,14 @@ class Signals:
     """Recorded signals of one wave run; nt times, nc particles of the chain.
 
     time (nt,) s; chain_particle (nc,) index into the network; chain_position (nc,) z of the
-    centres at the start, m; chain_displacement (nt, nc) along z, m; source_displacement (nt,) m;
-    source_stress, receiver_stress (nt,) Pa, change from the static value, compression positive.
+    centres at the start, m; chain_displacement (nt, nc), m; source_displacement (nt,) m;
+    source_stress, receiver_stress (nt,) Pa, change from the static value, positive as the walls
+    push: the source along `direction`, which for z is compression. All displacements, and both
+    stresses, are along `direction`, in which the source wall moves.
     amplitude is A of u = A (1 - cos 2 pi f t), m; time_step, run_time in seconds (run_time is
     the wall-clock time that the run took). Optional, None where not recorded: layer_position (nl,)
     and layer_displacement (nt, nl), means over slabs as in `modal.packing.layers`, m; and
-    particle_displacement (nt, n) along z of every particle of the network, m; balance is the
+    particle_displacement (nt, n) of every particle of the network, m; balance is the
     energy of a DEM run.
     """
 
@@ -66,6 +70,7 @@ class Signals:
     time_step: float
     run_time: float
     network_sha256: str
+    direction: str = "z"
     layer_position: Floats | None = None
     layer_displacement: Floats | None = None
     particle_displacement: Floats | None = None
@@ -78,7 +83,7 @@ class Signals:
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the displacement along z over time and distance from the source; returns the Axes.
+        """Draw the displacement over time and distance from the source; returns the Axes.
 
         Means over layers where they are recorded, else the particles of the chain.
         """
@@ -98,18 +103,18 @@ class Signals:
             shading="nearest",
             rasterized=True,
         )
-        ax.figure.colorbar(image, ax=ax, label=r"$u_z$, nm")
+        ax.figure.colorbar(image, ax=ax, label=rf"$u_{self.direction}$, nm")
         ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
         return ax
 
 
-def source_pulse(time: Floats, amplitude: float, frequency: float) -> Floats:
-    """Wall displacement u = A (1 - cos 2 pi f t) for one period, zero elsewhere; m.
+def source_pulse(time: Floats, amplitude: float, frequency: float, cycles: int = 1) -> Floats:
+    """Wall displacement u = A (1 - cos 2 pi f t) for one period, or some, zero elsewhere; m.
 
     A sine period with its phase shifted by 270 degrees (Otsubo et al. 2017, Fig. 2a).
     """
     time = np.asarray(time)
-    inside = (time > 0) & (time * frequency < 1)
+    inside = (time > 0) & (time * frequency < cycles)
     return np.where(inside, amplitude * (1 - np.cos(2 * np.pi * frequency * time)), 0.0)
 
 
@@ -126,12 +131,10 @@ _ATTRIBUTES = {
 
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
     """Write the signals atomically, and what they were made from."""
-    with atomic_h5(path) as file:
-        if made:
-            made.write(file)
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION)
+    with new_product(path, SCHEMA, VERSION, made) as file:
         for name, convert in _ATTRIBUTES.items():
             file.attrs[name] = convert(getattr(signals, name))
+        file.attrs["direction"] = signals.direction
         for name, (dataset, kind, _, units) in _DATASETS.items():
             value = getattr(signals, name)
             if value is None and name in _OPTIONAL:
@@ -160,6 +163,8 @@ def read_signals(path: str | Path) -> Signals:
             raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")
         for name, convert in _ATTRIBUTES.items():
             columns[name] = convert(file.attrs[name])
+        # Files of earlier versions are of P-waves and do not say so.
+        columns["direction"] = str(file.attrs.get("direction", "z"))
         said = file["balance"].attrs if "balance" in file else {}
         balance = EnergyBalance.of_attributes(said)
     signals = Signals(**columns, balance=balance)
@@ -179,6 +184,8 @@ def _validate(signals: Signals, name: str) -> None:
         signals.chain_particle
     ):
         raise InputError(f"{name}: chain/particle has a negative or a repeated index; mend it")
+    if signals.direction not in DIRECTIONS:
+        raise InputError(f"{name}: direction {signals.direction!r} is none of x, y, z; mend it")
     numbers = (signals.input_frequency, signals.time_step)
     if not (np.isfinite([*numbers, signals.amplitude]).all() and min(numbers) > 0):
         raise InputError(f"{name}: input_frequency and time_step must be positive; mend them")

@@ -13,13 +13,15 @@ from typing import Protocol
 import numpy as np
 
 from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
+from modal.formats.hdf5 import InputError, write_text
 from modal.waves.signals import source_pulse
 
 AMPLITUDE = 2.5e-9
 """A of u = A (1 - cos 2 pi f t), m: the paper's double amplitude 2A is 5 nm."""
 INPUT_FREQUENCY = 1e5
 """Nominal input frequency, Hz (Otsubo et al. 2017, section 2)."""
+MOST_PERIODS = 1e4
+"""Of a chirp."""
 
 
 class Motion(Protocol):
@@ -32,6 +34,10 @@ class Motion(Protocol):
     @property
     def frequency(self) -> float:
         """Nominal frequency, Hz."""
+
+    @property
+    def corners(self) -> Floats:
+        """Times, s, ascending, between which the motion is smooth."""
 
     def displacement(self, time: Floats) -> Floats:
         """Shape (nt,), m: displacement d of the wall at the times (nt,), s."""
@@ -61,35 +67,47 @@ def _driven_from_rest(square: Floats, time: Floats, frequency: float) -> Floats:
 
 @dataclass(frozen=True)
 class Pulse:
-    """One period of u = A (1 - cos 2 pi f t); amplitude A in m, frequency in Hz."""
+    """Some periods of u = A (1 - cos 2 pi f t), one by default; A in m, frequency f in Hz."""
 
     amplitude: float = AMPLITUDE
     frequency: float = INPUT_FREQUENCY
+    cycles: int = 1
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.amplitude) and 0 < self.frequency < np.inf):
             raise InputError("amplitude and input frequency must be numbers, the frequency above 0")
+        if self.cycles < 1 or self.cycles != int(self.cycles):
+            raise InputError(f"{self.cycles} cycles: a pulse has a whole number of them, from 1 on")
+
+    @property
+    def corners(self) -> Floats:
+        """Where the pulse starts and ends, (2,), s."""
+        return np.array([0.0, self.cycles / self.frequency])
 
     def displacement(self, time: Floats) -> Floats:
         """d (nt,), m."""
-        return source_pulse(time, self.amplitude, self.frequency)
+        return source_pulse(time, self.amplitude, self.frequency, self.cycles)
 
     def response(self, square: Floats, time: Floats) -> Floats:
         """Shape (nw, nt), m s^2: y in closed form, during the pulse and after it.
 
-        What the pulse leaves behind is a free oscillation. With the period T and Omega T = 2 pi,
+        What the pulse leaves behind is a free oscillation. With the duration T, Omega T = 2 pi n,
         y = 2 Omega^2 / (Omega^2 - w^2) sin(w T / 2) / w sin(w (t - T / 2)) / w.
         """
-        period, drive = 1 / self.frequency, 2 * np.pi * self.frequency
+        period, drive = self.cycles / self.frequency, 2 * np.pi * self.frequency
         omega = np.sqrt(np.maximum(square, 0))[:, None]
         result = np.empty((len(square), len(time)))
         during = time < period
         result[:, during] = _driven_from_rest(square, time[during], self.frequency)
         # Two forms of sin(w T / 2) / (w (Omega^2 - w^2)), each smooth on its side of Omega / 2: as
-        # Omega T / 2 is pi, sin(w T / 2) = -sin((w - Omega) T / 2).
+        # Omega T / 2 is n pi, sin(w T / 2) = (-1)^n sin((w - Omega) T / 2).
         low, high = np.minimum(omega, drive / 2), np.maximum(omega, drive / 2)
         below = np.sinc(low * period / (2 * np.pi)) / (drive**2 - low**2)
-        above = np.sinc((high - drive) * period / (2 * np.pi)) / ((high + drive) * high)
+        above = (
+            (-1) ** (self.cycles + 1)
+            * np.sinc((high - drive) * period / (2 * np.pi))
+            / ((high + drive) * high)
+        )
         left = drive**2 * period * np.where(omega < drive / 2, below, above)
         late = (time[~during] - period / 2)[None, :]
         swing = np.sin(omega * late) / np.where(omega > 0, omega, 1.0)
@@ -134,6 +152,11 @@ class SampledMotion:
         size = ((left**2 + left * right + right**2) / 3 * step).sum()
         return float(np.sqrt(speed / size)) / (2 * np.pi) if size > 0 else 0.0
 
+    @property
+    def corners(self) -> Floats:
+        """The times of the samples, (nt,), s."""
+        return self.time
+
     def displacement(self, time: Floats) -> Floats:
         """d (nt,), m."""
         return np.interp(time, self.time, self.value)
@@ -174,6 +197,45 @@ def _lag(x: Floats) -> Floats:
     series = 1 / 6 - small / 120 + small**2 / 5040 - small**3 / 362880 + small**4 / 39916800
     large = np.where(abs(x) < 0.5, 1.0, x)
     return np.where(abs(x) < 0.5, series, (large - np.sin(large)) / large**3)
+
+
+FINE = 100
+"""Straight pieces in the shortest period of a motion that is given by samples."""
+
+
+def chirp(amplitude: float, first: float, last: float, duration: float) -> SampledMotion:
+    """A sine whose frequency goes evenly from `first` to `last`, Hz, in `duration`, s.
+
+    Within sin^2(pi t / duration), so that it begins and ends at rest; `amplitude`, m, is that of
+    its middle.
+    """
+    if not (np.isfinite(amplitude) and min(first, last, duration) > 0):
+        raise InputError("a chirp needs two frequencies and a duration, all above 0")
+    if not max(first, last) * duration < MOST_PERIODS:
+        raise InputError(f"a chirp of more than {MOST_PERIODS} periods: take a shorter one")
+    count = max(2, int(np.ceil(FINE * max(first, last) * duration)))
+    time = np.linspace(0, duration, count + 1)
+    phase = 2 * np.pi * (first * time + (last - first) * time**2 / (2 * duration))
+    value = amplitude * np.sin(np.pi * time / duration) ** 2 * np.sin(phase)
+    value[[0, -1]] = 0
+    return SampledMotion(time, value)
+
+
+def step(amplitude: float, rise: float) -> SampledMotion:
+    """To twice the `amplitude`, m, in the time `rise`, s, along A (1 - cos(pi t / rise)); it stays.
+
+    The stroke is that of a pulse of the same amplitude.
+    """
+    if not (np.isfinite(amplitude) and 0 < rise < np.inf):
+        raise InputError(f"a step that rises in {rise:g} s: give a time above 0")
+    time = np.linspace(0, rise, FINE + 1)
+    return SampledMotion(time, amplitude * (1 - np.cos(np.pi * time / rise)))
+
+
+def write_motion(path: str | Path, motion: SampledMotion) -> None:
+    """The motion as a text of two columns, time in s and displacement in m; see `read_motion`."""
+    rows = zip(motion.time.tolist(), motion.value.tolist(), strict=True)
+    write_text(path, "".join(f"{time!r} {value!r}\n" for time, value in rows))
 
 
 def read_motion(path: str | Path) -> SampledMotion:

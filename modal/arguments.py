@@ -1,0 +1,87 @@
+"""Arguments of public functions: one of a wrong kind is refused in one line that names it."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, wraps
+from inspect import signature
+from numbers import Real
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from modal.formats.hdf5 import InputError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+WORDS = {float: "a number", int: "a number", str: "a text", type(None): "None"}
+"""What a kind of argument is called; others by the name of their class."""
+MAKES = {"Network": "; modal.read makes one from a file"}
+"""What makes an argument of this class."""
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, which raises InputError where an argument is not of its annotated kind.
+
+    >>> import modal
+    >>> modal.eigenmodes("mine.network.h5")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    modal.formats.hdf5.InputError: eigenmodes: network is 'mine.network.h5', not a Network; ...
+    """
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            given = signature(function).bind(*args, **kwargs).arguments
+        except TypeError:  # missing or unknown: Python's own message names the function
+            given = {}
+        refuse_other_kinds(function, function.__name__, given)
+        return function(*args, **kwargs)
+
+    return call
+
+
+def refuse_other_kinds(owner: Callable[..., Any], name: str, given: Mapping[str, object]) -> None:
+    """InputError for the first of the `given` arguments that its owner's annotation does not allow.
+
+    `owner` is a function, or a class whose fields are given; `name` begins the message.
+    """
+    kinds = _kinds(owner)
+    for argument, value in given.items():
+        kind = kinds.get(argument, Any)
+        if not _fits(value, kind):
+            wanted = [_words(one) for one in _alternatives(kind)]
+            shown = repr(value)
+            shown = shown if len(shown) < 60 else f"a {type(value).__name__}"
+            help = "".join(text for cls, text in MAKES.items() if f"a {cls}" in wanted)
+            raise InputError(f"{name}: {argument} is {shown}, not {' or '.join(wanted)}{help}")
+
+
+@cache
+def _kinds(owner: Callable[..., Any]) -> dict[str, Any]:
+    return get_type_hints(owner)
+
+
+def _alternatives(kind: Any) -> tuple[Any, ...]:
+    return get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
+
+
+def _words(kind: Any) -> str:
+    if get_origin(kind) is tuple:
+        return f"{len(get_args(kind))} numbers"
+    return WORDS.get(kind) or f"a {kind.__name__}"
+
+
+def _fits(value: object, kind: Any) -> bool:
+    """Whether a value is of a kind; kinds that no class stands for allow everything."""
+    parts = _alternatives(kind)
+    if len(parts) > 1:
+        return any(_fits(value, part) for part in parts)
+    if kind in (float, int):
+        return isinstance(value, Real)
+    if get_origin(kind) is tuple:
+        text = isinstance(value, str | bytes)
+        return isinstance(value, Iterable) and not text and all(_fits(x, float) for x in value)
+    if not isinstance(kind, type) or kind is bool or getattr(kind, "_is_protocol", False):
+        return True
+    return isinstance(value, kind)

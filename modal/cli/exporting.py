@@ -1,0 +1,145 @@
+"""The command `export`: packing, modes or wave for ParaView (VTK) and OVITO (extended XYZ)."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.cli.options import network_command
+from modal.exchange import extended_xyz, vtk
+from modal.exchange.picture import (
+    Frame,
+    contact_lines,
+    mode_frames,
+    scale_of,
+    sphere_fields,
+    wave_frames,
+)
+from modal.formats.arrays import Array, Floats
+from modal.formats.hdf5 import InputError, open_h5
+from modal.formats.provenance import packing_of, require_same_packing
+from modal.modes.mode_set import read_modes
+from modal.packing.network import Network
+from modal.packing.plausibility import read_remarked
+from modal.waves.signals import read_signals
+
+
+def add(commands: Any) -> None:
+    """The options of `export`."""
+    text = "packing, modes or wave for ParaView (*.vtu) and OVITO (*.xyz)"
+    command = network_command(
+        commands, "export", text, "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
+    )
+    command.add_argument("product", nargs="?", help="*.modes.h5 or *.signals.h5 of this packing")
+    command.add_argument(
+        "--modes", type=int, nargs="+", metavar="K", help="which modes, from 1; all"
+    )
+    command.add_argument(
+        "--frames", type=int, metavar="N", help="of an animation: a mode's period, a wave's times"
+    )
+    command.add_argument("--scale", type=float, help="of displacements in frames; half a radius")
+    command.add_argument("-o", "--output", required=True, metavar="FILE", help="*.vtu or *.xyz")
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Write the files; their names."""
+    path = Path(options.output)
+    if path.suffix not in (".vtu", ".xyz"):
+        raise InputError(f"-o {path}: give a name that ends in .vtu (ParaView) or .xyz (OVITO)")
+    if options.frames is not None and not 1 <= options.frames <= 10_000:
+        raise InputError(f"--frames {options.frames}: give 1 to 10000")
+    network = read_remarked(options.network, options.remarks.append)
+    fields = sphere_fields(network)
+    frames: Iterable[Frame] | None = None
+    if options.product:
+        note = require_same_packing(options.product, packing_of(options.network))
+        if note:
+            options.remarks.append(note)
+        more, frames = _of_product(options, network)
+        fields |= more
+    elif options.modes or options.frames:
+        raise InputError("--modes and --frames need a file of modes or signals")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if frames is None:
+        written = _still(path, network, fields)
+    else:
+        written = _moving(path, network, fields, list(frames), options.scale)
+    return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
+
+
+def _of_product(
+    options: argparse.Namespace, network: Network
+) -> tuple[dict[str, Array], Iterator[Frame] | None]:
+    """Fields, and frames if there are any, of modes or of a wave."""
+    with open_h5(options.product) as file:
+        schema = file.attrs.get("schema")
+    if schema == "granular-wave-signals":
+        if options.modes:
+            raise InputError("--modes: the file has a wave; give *.modes.h5")
+        signals = read_signals(options.product)
+        moved = signals.particle_displacement
+        if moved is None:
+            raise InputError(
+                f"{options.product}: without the motion of every sphere; make it again with "
+                "wave --particles"
+            )
+        return {}, wave_frames(signals.time, moved, options.frames or 50)
+    modes = read_modes(options.product)
+    if modes.mode_shape is None or not len(modes.frequency):
+        raise InputError(f"{options.product}: without mode shapes; make it again with modes -o")
+    chosen = options.modes or range(1, len(modes.frequency) + 1)
+    fields: dict[str, Array] = {}
+    for k in chosen:
+        if not 1 <= k <= len(modes.frequency):
+            raise InputError(f"--modes {k}: the file has modes 1 to {len(modes.frequency)}")
+        shape, name = modes.mode_shape[k - 1], f"mode_{k}_{modes.frequency[k - 1]:.6g}_Hz"
+        fields[name] = np.ascontiguousarray(shape[:, :3])
+        fields[f"{name}_rotation"] = np.ascontiguousarray(shape[:, 3:])
+    if options.frames is None:
+        return fields, None
+    if len(fields) != 2:
+        raise InputError("--frames: choose one mode to animate, with --modes K")
+    k = options.modes[0] if options.modes else 1
+    shape = modes.mode_shape[k - 1]
+    return fields, mode_frames(shape, float(modes.frequency[k - 1]), options.frames)
+
+
+def _still(path: Path, network: Network, fields: dict[str, Array]) -> list[str]:
+    if path.suffix == ".xyz":
+        extended_xyz.write_frames(path, network, [(0.0, network.position, fields)])
+        return [str(path)]
+    contacts = path.with_suffix(".contacts.vtu")
+    vtk.write_spheres(path, network.position, fields)
+    vtk.write_lines(contacts, contact_lines(network))
+    return [str(path), str(contacts)]
+
+
+def _moving(
+    path: Path,
+    network: Network,
+    fields: dict[str, Array],
+    frames: list[Frame],
+    wanted: float | None,
+) -> list[str]:
+    largest = max(float(np.linalg.norm(frame.displacement, axis=1).max()) for frame in frames)
+    scale = scale_of(network, largest, wanted)
+
+    def shown(frame: Frame) -> tuple[float, Floats, dict[str, Array]]:
+        position = network.position + scale * frame.displacement
+        return frame.time, position, fields | {"displacement": frame.displacement}
+
+    if path.suffix == ".xyz":
+        extended_xyz.write_frames(path, network, map(shown, frames))
+        return [str(path)]
+    named = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(len(frames))]
+    for name, frame in zip(named, frames, strict=True):
+        vtk.write_spheres(name, *shown(frame)[1:])
+    contacts, series = path.with_suffix(".contacts.vtu"), path.with_suffix(".pvd")
+    vtk.write_lines(contacts, contact_lines(network))
+    times = [frame.time for frame in frames]
+    vtk.write_series(series, list(zip(times, [name.name for name in named], strict=True)))
+    return [str(series), str(contacts), *map(str, named)]

@@ -1,0 +1,72 @@
+"""The command `moduli`: elastic stiffness tensor, velocities of the longest waves."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from modal.cli.options import add_if_stale, network_command
+from modal.elasticity.moduli import TOLERANCE, elastic_moduli
+from modal.elasticity.moduli_file import read_moduli, write_moduli
+from modal.elasticity.response import SOLVERS
+from modal.elasticity.waves import unit_vector
+from modal.formats.hdf5 import sha256
+from modal.packing.plausibility import read_remarked
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+read_product = read_moduli
+
+
+def add(commands: Any) -> None:
+    """The options of `moduli`."""
+    text = "the elastic stiffness tensor, V_P and V_S along any direction"
+    command = network_command(commands, "moduli", text, "moduli mine.network.h5 --direction 1 1 0")
+    command.add_argument(
+        "--direction", nargs=3, type=float, action="append", default=[], metavar=("X", "Y", "Z"),
+        help="along which the waves go, besides x, y and z",
+    )  # fmt: skip
+    command.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-6")
+    command.add_argument("--solver", choices=SOLVERS, help="default: what is likely faster")
+    command.add_argument(
+        "--non-affine", action="store_true", help="what each sphere does beyond the strain, in FILE"
+    )
+    command.add_argument("-o", "--output", metavar="FILE", help="write *.moduli.h5")
+    add_if_stale(command)
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Moduli in Pa, and velocities along the axes and the directions that are asked for."""
+    asked = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
+    for direction in asked.values():
+        unit_vector(direction)
+    found = elastic_moduli(
+        read_remarked(options.network, options.remarks.append),
+        tolerance=options.tolerance,
+        solver=options.solver,
+        non_affine=options.non_affine,
+    )
+    options.remarks.extend(found.remarks())
+    if options.output:
+        write_moduli(options.output, found, sha256(options.network), options.made)
+    return {
+        "region": found.region,
+        "order": "xx yy zz yz zx xy",
+        "stiffness_pa": found.stiffness.tolist(),
+        "affine_stiffness_pa": found.affine.tolist(),
+        "whole_stiffness_pa": found.whole.tolist(),
+        "bulk_modulus_pa": found.bulk_modulus,
+        "shear_modulus_pa": found.shear_modulus,
+        "poisson": found.poisson,
+        "anisotropy": found.anisotropy,
+        "density_kg_per_m3": found.density,
+        "velocity_m_per_s": {
+            name: found.velocities(direction).tolist() for name, direction in (AXES | asked).items()
+        },
+        "isotropic_velocity_m_per_s": [found.v_p, found.v_s],
+        "relative_error": found.error,
+        "asymmetry": found.asymmetry,
+        "soft_strains": len(found.soft_strains()),
+        "solver": found.solver,
+        "products_with_k": found.products,
+    }

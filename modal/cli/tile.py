@@ -1,0 +1,59 @@
+"""The command `tile`: a packing repeated sideways."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from typing import Any
+
+from modal.cli.options import network_command
+from modal.formats.hdf5 import InputError
+from modal.packing.network_file import write_network
+from modal.packing.reading import read_packing
+from modal.packing.sample import read_sample, write_sample
+from modal.packing.tiling import repeat, repeat_sample
+from modal.workload import refuse_above_memory
+
+SAMPLE_BYTES, SHEARED_BYTES, NETWORK_BYTES = 100.0, 900.0, 1500.0
+"""Memory for each sphere of the result, measured: of a sample, of one whose contacts carry shear
+forces, of a network."""
+
+
+def add(commands: Any) -> None:
+    """The options of `tile`."""
+    text = "a packing repeated sideways across its periods"
+    command = network_command(
+        commands, "tile", text, "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
+    )
+    command.add_argument("--repeat", type=int, nargs=2, required=True, metavar=("NX", "NY"))
+    command.add_argument(
+        "-o", "--output", required=True, metavar="FILE", help="*.network.h5; *.sample.h5 of one"
+    )
+
+
+def read_product(path: str) -> object:
+    """The packing that was written."""
+    return read_packing(path)
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Write the repeated packing; a sample stays one if the name of FILE says so."""
+    times, output = options.repeat, options.output
+    made = options.made.attributes() if options.made else {}
+    task = f"repeating {options.network} {times[0]} by {times[1]} times"
+    if output.endswith(".sample.h5"):
+        if not options.network.endswith(".sample.h5"):
+            raise InputError(f"-o {output}: only a sample gives a sample; write *.network.h5")
+        sample = read_sample(options.network)
+        spheres = len(sample.position) * times[0] * times[1]
+        each = SAMPLE_BYTES if sample.shear is None else SHEARED_BYTES
+        refuse_above_memory(each * spheres, task, "repeat it fewer times")
+        write_sample(output, replace(repeat_sample(sample, *times), provenance=made))
+    elif output.endswith(".network.h5"):
+        network = read_packing(options.network)
+        spheres = network.n_particles * times[0] * times[1]
+        refuse_above_memory(NETWORK_BYTES * spheres, task, "repeat it fewer times")
+        write_network(output, replace(repeat(network, *times), provenance=made))
+    else:
+        raise InputError(f"-o {output}: its name must end in .network.h5 or .sample.h5")
+    return {"spheres": spheres}

@@ -1,0 +1,269 @@
+"""The elastic stiffness tensor of a packing, from the static response of its springs.
+
+Under a uniform strain E the spheres first follow it, which stores the affine energy V E C_aff E/2;
+then they move and turn until they are in balance, and give back part of it:
+
+    V C_ab = d_a . k d_b - f_a . K^-1 f_b
+
+with d_a what strain a does to the contacts, f_a the forces and torques that it leaves on the
+spheres (K. Walton, J. Mech. Phys. Solids 35, 213, 1987, for the affine part; C. S. Maloney and A.
+Lemaitre, Phys. Rev. E 74, 016118, 2006, for the rest). It is evaluated as the energy itself, whose
+error is the square of that of the motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modal.arguments import checked
+from modal.display import axes_of, quantity, table
+from modal.elasticity.response import steady_motion
+from modal.elasticity.slab import Bulk, bulk_stiffness
+from modal.elasticity.strain import STRAINS, StrainedContacts, has_walls
+from modal.elasticity.waves import anisotropy, isotropic_mean, plane_waves
+from modal.formats.arrays import Floats
+from modal.formats.hdf5 import InputError
+from modal.modes.problem import Eigenproblem
+from modal.packing.network import Network
+from modal.packing.rattlers import force_bearing
+from modal.stiffness.contact_loads import loads
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TOLERANCE = 1e-6
+"""Relative error of the moduli that is asked for; mostly they are far more exact."""
+SOFT = 1e-9
+"""Of the largest eigenvalue of C: below this a strain costs no energy."""
+
+
+@dataclass(frozen=True, repr=False)
+class ElasticModuli:
+    """Elastic stiffness of a packing, Pa; the order is xx, yy, zz, yz, zx, xy, shears as angles.
+
+    stiffness (6, 6): spheres free to move and turn. affine (6, 6): if all followed the strain, an
+    upper bound. density of the force-bearing spheres, kg/m^3. region: what these are of, the whole
+    cell, the bulk of a slab, or a slab with its walls. whole (6, 6): of a slab with its walls, else
+    the same as `stiffness`. error: of the moduli, relative, from the residual of the response.
+    asymmetry: of the measured stiffness of a bulk, |C - C^T| / |C|, which its finite length leaves;
+    0 elsewhere. non_affine (6, n, 6): what each sphere moves and turns beyond a unit strain, m and
+    rad, if asked.
+    """
+
+    stiffness: Floats
+    affine: Floats
+    density: float
+    region: str
+    whole: Floats
+    error: float
+    asymmetry: float
+    products: int
+    solver: str
+    non_affine: Floats | None = None
+
+    def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Floats:
+        """The stiffness tensor itself, where an array is expected."""
+        return np.array(self.stiffness, dtype=dtype)
+
+    def velocities(self, direction: ArrayLike) -> Floats:
+        """Shape (3,), m/s, the fastest first: the longest waves along a direction (3,).
+
+        >>> import modal
+        >>> crystal = modal.fcc(cells=(2, 2, 4), periodic_z=True)
+        >>> modal.elastic_moduli(crystal).velocities((0, 0, 1)).round(2)
+        array([776.38, 548.99, 548.99])
+        """
+        return self.waves(direction)[0]
+
+    def waves(self, direction: ArrayLike) -> tuple[Floats, Floats]:
+        """Velocities (3,), m/s, and unit vectors (3, 3), in rows, along which the spheres move."""
+        return plane_waves(self.stiffness, self.density, direction)
+
+    @property
+    def bulk_modulus(self) -> float:
+        """K, Pa, of the nearest isotropic solid."""
+        return isotropic_mean(self.stiffness)[0]
+
+    @property
+    def shear_modulus(self) -> float:
+        """G, Pa, of the nearest isotropic solid."""
+        return isotropic_mean(self.stiffness)[1]
+
+    @property
+    def poisson(self) -> float:
+        """Poisson's ratio of the nearest isotropic solid."""
+        K, G = isotropic_mean(self.stiffness)
+        return (3 * K - 2 * G) / (2 * (3 * K + G))
+
+    @property
+    def anisotropy(self) -> float:
+        """How far the stiffness is from an isotropic one, 0 to 1; see `modal.elasticity.waves`."""
+        return anisotropy(self.stiffness)
+
+    @property
+    def v_p(self) -> float:
+        """P-wave velocity of the nearest isotropic solid, m/s."""
+        K, G = isotropic_mean(self.stiffness)
+        return float(np.sqrt((K + 4 / 3 * G) / self.density))
+
+    @property
+    def v_s(self) -> float:
+        """S-wave velocity of the nearest isotropic solid, m/s."""
+        return float(np.sqrt(self.shear_modulus / self.density))
+
+    @property
+    def debye_level(self) -> float:
+        """Modes per m^3 and Hz over f^2, 1/(m^3 Hz^3), of the longest waves: 4 pi sum of 1 / V^3.
+
+        The mean of 1 / V^3 over all directions is a Gauss sum of 16 by 32 of them, exact to
+        round-off for packings.
+        """
+        height, weight = np.polynomial.legendre.leggauss(16)
+        angle = 2 * np.pi * np.arange(32) / 32
+        total = 0.0
+        for z, share in zip(height, weight / 64, strict=True):
+            flat = np.sqrt(1 - z**2)
+            for a in angle:
+                slow = self.velocities((flat * np.cos(a), flat * np.sin(a), z))
+                total += share * float((1 / slow**3).sum())
+        return 4 * np.pi * total
+
+    def soft_strains(self) -> Floats:
+        """Shape (k, 6): unit strains that cost no energy, or give some back: the cell is unstable.
+
+        With springs alone none gives energy back; none at all is what a solid has.
+        """
+        value, vector = np.linalg.eigh(self.stiffness)
+        return vector.T[value <= SOFT * max(value[-1], np.finfo(float).tiny)]
+
+    def remarks(self) -> list[str]:
+        """What a reader should know: strains that nothing resists, walls in the result."""
+        said = []
+        for strain in self.soft_strains():
+            most = STRAINS[int(np.argmax(abs(strain)))]
+            said.append(f"not stable: a strain, mostly {most}, costs no energy")
+        if self.region == "slab with walls":
+            said.append("too short for a bulk: these are moduli of packing and walls together")
+        return said
+
+    def __repr__(self) -> str:
+        return (
+            f"<ElasticModuli of the {self.region}: K {quantity(self.bulk_modulus, 'Pa')}, G "
+            f"{quantity(self.shear_modulus, 'Pa')}, V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s>"
+        )
+
+    def __str__(self) -> str:
+        rows = [("stiffness of the " + self.region, "Pa, " + ", ".join(STRAINS))]
+        rows += [
+            (name, " ".join(f"{value:11.4g}" for value in row))
+            for name, row in zip(STRAINS, self.stiffness, strict=True)
+        ]
+        rows += [
+            (
+                "bulk, shear modulus",
+                ", ".join(
+                    quantity(value, "Pa") for value in (self.bulk_modulus, self.shear_modulus)
+                ),
+            ),
+            ("Poisson's ratio", f"{self.poisson:.4f}"),
+            ("anisotropy", f"{self.anisotropy:.4f}"),
+            ("V_P, V_S, m/s", f"{self.v_p:.5g}, {self.v_s:.5g}"),
+        ]
+        return table(rows)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the three velocities over the direction in the plane of x and z; returns Axes."""
+        ax = axes_of(ax)
+        angle = np.linspace(0, np.pi, 91)
+        along = np.column_stack([np.sin(angle), 0 * angle, np.cos(angle)])
+        lines = ax.plot(np.degrees(angle), [self.velocities(n) for n in along])
+        for line, name in zip(lines, ("fastest", "second", "slowest"), strict=True):
+            line.set_label(name)
+        ax.set(xlabel="angle from z towards x, degrees", ylabel="velocity, m/s", ylim=(0, None))
+        ax.legend()
+        return ax
+
+
+@checked
+def elastic_moduli(
+    network: Network,
+    *,
+    tolerance: float = TOLERANCE,
+    solver: str | None = None,
+    non_affine: bool = False,
+) -> ElasticModuli:
+    """The elastic stiffness of a packing against small strains: 21 moduli, and wave velocities.
+
+    Six unit strains are put on the packing, its spheres move and turn into balance on the springs
+    of their contacts, and the energy says how stiff the whole is. For cells periodic in all
+    directions, and for slabs between walls with periods along x and y: there the moduli are those
+    of the bulk, five diameters away from the walls, if there is one. Spheres that nothing holds
+    take no part. The forces that the contacts carry already do not enter (their share is of the
+    order of stress over stiffness).
+
+    `tolerance` bounds the relative error of the moduli; `solver` is "pardiso" or "gradients", by
+    default what is likely to be faster; `non_affine` keeps what the spheres do beyond the strain,
+    motions without energy taken out. InputError for a packing that cannot be strained.
+
+    >>> import modal
+    >>> crystal = modal.fcc(cells=(2, 2, 4), periodic_z=True)
+    >>> C = modal.elastic_moduli(crystal)
+    >>> C.velocities((0, 0, 1)).round(2), round(C.poisson, 3)
+    (array([776.38, 548.99, 548.99]), 0.023)
+    """
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
+    walls = has_walls(network)
+    if not network.length > 0:
+        raise InputError("the cell has no volume; give walls/position, its bounds along z")
+    volume = network.area * network.length
+    contacts = StrainedContacts.of(network)
+    affine = contacts.energy()
+    stored = np.diag(affine)
+    if not stored.max() > 0:
+        raise InputError("no contact resists a strain: the packing has no stiffness")
+    bulk = Bulk.of(network) if walls else None
+    followed = affine / volume
+    load, terms = loads(network, contacts.pull)
+    problem = Eigenproblem.of(network)
+    # In a slab the motion itself is measured, whose error is the root of that of the energy.
+    allowed = (tolerance**2 if bulk else tolerance) * np.maximum(stored, 1e-6 * stored.max())
+    found, solver = steady_motion(problem, load, terms, allowed, solver)
+    motion = found.motion
+    whole = (affine - load.T @ motion - motion.T @ found.residual) / volume
+    whole = (whole + whole.T) / 2
+    error = float((found.energy_error / stored.max()).max())
+    if bulk:
+        measured = bulk_stiffness(network, bulk, contacts, motion)
+        followed = bulk_stiffness(network, bulk, contacts, np.zeros_like(motion))
+        stiffness = (measured + measured.T) / 2
+        density, region = bulk.density(network), "bulk"
+        error = float(np.sqrt(error))
+    else:
+        measured = stiffness = whole
+        density = float(network.mass[force_bearing(network)].sum()) / volume
+        region = "slab with walls" if walls else "cell"
+    return ElasticModuli(
+        stiffness,
+        followed,
+        density,
+        region,
+        whole,
+        error,
+        float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
+        found.products,
+        solver,
+        _without_floppy(problem, motion) if non_affine else None,
+    )
+
+
+def _without_floppy(problem: Eigenproblem, motion: Floats) -> Floats:
+    """Shape (6, n, 6): the motions (6n, 6) without what costs no energy."""
+    root = np.sqrt(problem.mass)[:, None]
+    scaled = motion * root
+    scaled -= problem.floppy.basis @ (problem.floppy.basis.T @ scaled)
+    return (scaled / root).T.reshape(6, problem.network.n_particles, 6)

@@ -1,0 +1,97 @@
+"""The steady motion of all spheres under several loads, at once.
+
+Conjugate gradients with one of two preconditioners: a factor of K held by a very small shift, which
+takes a few steps, where PARDISO is installed and the factor costs less than what it saves; else
+each sphere's own block of K, which takes some hundreds. Both work on the mass-scaled matrix A =
+M^-1/2 K M^-1/2, so that parts which nothing holds stay where the load leaves them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from modal.formats.arrays import Floats
+from modal.formats.hdf5 import InputError
+from modal.modes.effort import factorisation
+from modal.modes.problem import Eigenproblem
+from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
+from modal.solvers.factor import available, factorise
+from modal.stiffness.static_load import own_blocks
+from modal.workload import memory_at_hand
+
+SOLVERS = ("pardiso", "gradients")
+"""With a factor of K, or with the own blocks of the spheres."""
+SHIFT = 1e-8
+"""Of A's largest diagonal entry, held below the factor. The softest elastic motion of 150 layers
+lies at 1e-5 of it, motions without energy at zero."""
+LOOK_BACK = {"pardiso": 1, "gradients": 30}
+"""Steps over which the error is measured."""
+MOST_PRODUCTS = 20000
+ROUNDED = 10.0
+"""Roundings that may have been made on the way to a load."""
+FACTOR_SECONDS = 60.0
+"""A factor that is estimated to take longer is left out."""
+
+
+def steady_motion(
+    problem: Eigenproblem,
+    load: Floats,
+    terms: Floats,
+    allowed: Floats,
+    solver: str | None = None,
+) -> tuple[Solution, str]:
+    """Solve K u = `load` (6n, k) up to an energy error `allowed` (k,), J; and the solver's name.
+
+    `terms` (6n, k): the size of what was summed up to each load, whose round-off is no load.
+
+    The solution's motion is u (6n, k), its residual that of the load. `solver` is one of `SOLVERS`,
+    by default the one that is likely to be faster.
+    """
+    if solver is None:
+        solver = "pardiso" if _worth_a_factor(problem) else "gradients"
+    if solver not in SOLVERS:
+        raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
+    scale = 1 / np.sqrt(problem.mass)[:, None]
+    release: Callable[[], None] = lambda: None  # noqa: E731
+    if solver == "pardiso":
+        # Spheres that touch but their own images have no stiffness at all: any shift will do.
+        sigma = -SHIFT * problem.diagonal.max() or -1.0
+        factor = factorise(problem.shifted(sigma), definite=True, solver="pardiso")
+        ease, release = factor.solve, factor.release
+    else:
+        ease = _by_own_blocks(problem)
+    found = conjugate_gradients(
+        problem.operator.apply,
+        ease,
+        np.ascontiguousarray(load * scale),
+        allowed,
+        ROUNDED * np.finfo(float).eps * np.linalg.norm(terms * scale, axis=0),
+        look_back=LOOK_BACK[solver],
+        most_products=MOST_PRODUCTS,
+    )
+    release()
+    motion, residual = found.motion * scale, found.residual / scale
+    return Solution(motion, residual, found.energy_error, found.products), solver
+
+
+def _worth_a_factor(problem: Eigenproblem) -> bool:
+    effort, _ = factorisation(problem)
+    fits = effort.bytes < 0.8 * memory_at_hand()
+    return available("pardiso") and fits and effort.seconds < FACTOR_SECONDS
+
+
+def _by_own_blocks(problem: Eigenproblem) -> Callable[[Floats], Floats]:
+    """The inverse of A's diagonal blocks, one for each sphere; rattlers are held a little."""
+    n = problem.network.n_particles
+    scale = 1 / np.sqrt(problem.mass).reshape(n, 6)
+    blocks = own_blocks(problem.network) * scale[:, :, None] * scale[:, None, :]
+    held = np.einsum("nii->ni", blocks).mean(axis=0)
+    held[held == 0] = 1
+    inverse = np.linalg.inv(blocks + 1e-8 * np.diag(held))
+
+    def ease(rest: Floats) -> Floats:
+        return (inverse @ rest.reshape(n, 6, -1)).reshape(rest.shape)
+
+    return ease

@@ -1,0 +1,101 @@
+"""A packing between walls: its bulk told apart from the layers that the walls order.
+
+The strains xx, yy and xy are those of the cell everywhere; zz, yz and zx differ from layer to layer
+and are measured in the bulk, as the slopes of the layers' mean motion. The stress in the bulk is
+that of its contacts, each counted with the share of its branch that lies there. Both together, of
+six strains, are the stiffness of the bulk. The bulk ends softly, over some diameters: what lies at
+its edge then hardly matters, not even the layers of a crystal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.elasticity.strain import AXES, StrainedContacts, gradients, voigt
+from modal.formats.arrays import Floats
+from modal.packing.layers import Layers
+from modal.packing.network import Network
+from modal.packing.rattlers import force_bearing
+from modal.packing.state import WALL_ZONE
+from modal.stiffness.springs import contact_kinematics
+
+FADE = 4.0
+"""Depth over which the bulk begins, mean diameters."""
+FEWEST_LAYERS = 5
+"""Layers of the bulk below which a slope across them says little."""
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """Where the bulk of a slab lies: from `low` to `high`, m, with soft ends of `fade`, m."""
+
+    low: float
+    high: float
+    fade: float
+
+    @classmethod
+    def of(cls, network: Network) -> Bulk | None:
+        """The bulk further than `WALL_ZONE` from both walls; None where there is hardly any."""
+        diameter = 2 * float(network.radius.mean())
+        reach = WALL_ZONE * diameter
+        low, high = network.wall_position + np.array([reach, -reach])
+        bulk = cls(float(low), float(high), FADE * diameter)
+        return bulk if high - low >= max(FEWEST_LAYERS, 2 * FADE) * diameter else None
+
+    @property
+    def length(self) -> float:
+        """Length of the bulk, m, each soft end counted by half."""
+        return self.high - self.low - self.fade
+
+    def below(self, z: Floats) -> Floats:
+        """Length of the bulk, m, below the heights z, m."""
+        up = np.clip((z - self.low) / self.fade, 0, 1)
+        down = np.clip((z - self.high) / self.fade + 1, 0, 1)
+        flat = np.clip(z, self.low + self.fade, self.high - self.fade) - self.low - self.fade
+        # The weight rises as sin^2(pi s / 2): its integral to s is s / 2 - sin(pi s) / (2 pi).
+        rising = up / 2 - np.sin(np.pi * up) / (2 * np.pi)
+        falling = down / 2 + np.sin(np.pi * down) / (2 * np.pi)
+        return self.fade * (rising + falling) + flat
+
+    def share(self, start: Floats, rise: Floats) -> Floats:
+        """Share of straight lines from the heights `start` that lies in the bulk; `rise` in m."""
+        least = 1e-4 * self.fade
+        span = np.where(abs(rise) < least, least, rise)
+        middle = start + (rise - span) / 2
+        return (self.below(middle + span) - self.below(middle)) / span
+
+    def density(self, network: Network) -> float:
+        """Mass of the force-bearing spheres of the bulk over its volume, kg/m^3."""
+        at = self.share(network.position[:, 2], np.zeros(network.n_particles))
+        mass = float((network.mass * at)[force_bearing(network)].sum())
+        return mass / (network.area * self.length)
+
+
+def bulk_stiffness(
+    network: Network, bulk: Bulk, contacts: StrainedContacts, motion: Floats
+) -> Floats:
+    """Shape (6, 6), Pa: stress over strain of the bulk, not quite symmetric.
+
+    `motion` (6n, 6), m and rad for unit strains: of the spheres, beyond that of the mean strain.
+    """
+    share = bulk.share(network.position[network.particle_i, 2], contacts.branch[:, 2])
+    volume = network.area * bulk.length
+    kinematics = contact_kinematics(network)
+    layers = Layers(network)
+    weight = bulk.share(layers.position, np.zeros(len(layers.position)))
+    stress, strain = np.empty((6, 6)), np.eye(6)
+    i, j = network.particle_i, network.partner
+    for case, gradient in enumerate(gradients()):
+        free = motion[:, case].reshape(-1, 6)
+        ends = np.hstack([free[i], free[j]])
+        parted = np.einsum("cab,cb->ca", kinematics, ends) + contacts.stretch[case]
+        pull = np.einsum("cab,cb->ca", contacts.springs, parted)
+        stress[:, case] = voigt((pull * share[:, None]).T @ contacts.branch / volume)
+        for row in (2, 3, 4):
+            moving = AXES[row][0]
+            along = layers.means(free[:, moving])
+            slope = np.polyfit(layers.position, along, 1, w=np.sqrt(weight))[0]
+            strain[row, case] = slope + gradient[moving, 2]
+    return stress @ np.linalg.inv(strain)

@@ -1,0 +1,1 @@
+"""Other programs' files: packings that come in, pictures that go out."""

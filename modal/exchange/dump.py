@@ -1,0 +1,109 @@
+"""The text dumps of LAMMPS and LIGGGHTS: `ITEM:` headers, a box, rows of named columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from modal.exchange.rows import Rows, fault, open_bytes
+from modal.formats.arrays import Bools, Floats
+
+SEVERAL = 5
+"""Steps that a message lists."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One time of a dump: its step, box low and high (3,), periodic (3,), and its rows."""
+
+    step: int
+    low: Floats
+    high: Floats
+    periodic: Bools
+    rows: Rows
+
+
+def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
+    """The frame of this step, or the only one; `kind` is ATOMS or ENTRIES.
+
+    InputError where a dump has several times and `step` chooses none of them.
+    """
+    frames = _frames(Path(path), kind)
+    steps = [frame.step for frame in frames]
+    if step is None and len(frames) > 1:
+        some = ", ".join(map(str, steps[:SEVERAL])) + ", ..." * (len(steps) > SEVERAL)
+        do = f"choose one with --step, such as --step {steps[-1]}"
+        fault(path, f"it has {len(frames)} times ({some})", do)
+    for frame in reversed(frames):
+        if step is None or frame.step == step:
+            return frame
+    some = ", ".join(map(str, steps[:SEVERAL]))
+    fault(path, f"it has no step {step}, but {some}", "dump both files at one step, or --step")
+
+
+def _frames(path: Path, kind: str) -> list[Frame]:
+    frames = []
+    with open_bytes(path) as file:
+        number, values = 0, dict[str, list[str]]()
+        while True:
+            line = file.readline().decode("utf-8", "replace")
+            number += 1
+            if not line.strip():
+                if not line:
+                    break
+                continue
+            if not line.startswith("ITEM: "):
+                what = f"{line.strip()[:40]!r} where ITEM: should stand"
+                fault(path, what, "give a text dump, style custom or local", number)
+            title = line.removeprefix("ITEM: ").split()
+            if title[0] in ("ATOMS", "ENTRIES"):
+                if title[0] != kind:
+                    wanted = {"ATOMS": "spheres (dump custom)", "ENTRIES": "contacts (dump local)"}
+                    what = f"ITEM: {title[0]} where {wanted[kind]} belong"
+                    fault(path, what, "give the files in the other order", number)
+                frame = _frame(path, values, title[1:], file.tell(), number)
+                frames.append(frame)
+                number += _skip(file, frame.rows.count)
+                continue
+            size = 3 if title[0] == "BOX" else 1
+            name = " ".join(title[:3]) if title[0] == "NUMBER" else title[0]
+            values[name] = [file.readline().decode("utf-8", "replace") for _ in range(size)]
+            values[f"{name} title"] = title
+            number += size
+    if not frames:
+        fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
+    return frames
+
+
+def _skip(file: IO[bytes], rows: int) -> int:
+    for _ in range(rows):
+        if not file.readline():
+            break
+    return rows
+
+
+def _frame(
+    path: Path, values: dict[str, list[str]], columns: list[str], offset: int, line: int
+) -> Frame:
+    count = next((values[name] for name in values if name.startswith("NUMBER OF")), None)
+    if count is None or "TIMESTEP" not in values or "BOX" not in values:
+        fault(path, "no TIMESTEP, NUMBER OF or BOX BOUNDS before it", "write the dump anew", line)
+    title = values["BOX title"]
+    if title[-3:] and {"xy", "xz", "yz", "abc"} & set(title):
+        what = "the cell is triclinic (its periods are at angles)"
+        fault(path, what, "only rectangular cells are known; compress without shear", line)
+    try:
+        box = np.array([[float(word) for word in row.split()[:2]] for row in values["BOX"]])
+        step, rows = int(values["TIMESTEP"][0]), int(count[0])
+    except ValueError as error:
+        fault(path, f"a header that is no number: {error}", "write the dump anew", line)
+    periodic = np.array([word.startswith("p") for word in title[-3:]])
+    if len(title) < 5:
+        what = "BOX BOUNDS does not say which axes are periodic"
+        fault(path, what, "add pp or ff for each axis behind BOX BOUNDS", line)
+    return Frame(
+        step, box[:, 0], box[:, 1], periodic, Rows(path, tuple(columns), offset, line + 1, rows)
+    )

@@ -1,0 +1,71 @@
+"""Extended XYZ, which OVITO reads: a line of names before the rows of each frame, 17 digits.
+
+`Lattice` and `Origin` are the cell, `pbc` its periods; columns as `Properties` names them. meshio
+does not know the format, and common writers of it round positions to 8 decimals.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from modal.exchange.rows import fault, read_lines
+from modal.formats.arrays import Array, Floats
+from modal.formats.hdf5 import write_whole
+from modal.packing.network import Network
+
+
+def write_frames(
+    path: Path, network: Network, frames: Iterable[tuple[float, Floats, dict[str, Array]]]
+) -> None:
+    """Frames of time, s, position (n, 3), m, and fields (n,) or (n, k) of the spheres."""
+    text = io.StringIO()
+    for time, position, fields in frames:
+        columns: dict[str, Array] = {"pos": position} | fields
+        names = [
+            f"{name}:{'I' if data.dtype.kind in 'ib' else 'R'}:{data.size // len(position)}"
+            for name, data in columns.items()
+        ]
+        text.write(f"{len(position)}\n{_cell(network)} Time={time!r} ")
+        text.write(f"Properties=species:S:1:{':'.join(names)}\n")
+        table = np.column_stack(list(columns.values()))
+        formats = [
+            "%d" if data.dtype.kind in "ib" else "%.17g"
+            for data in columns.values()
+            for _ in range(data.size // len(position))
+        ]
+        np.savetxt(text, table, fmt="sphere " + " ".join(formats))
+    write_whole(path, text.getvalue().encode())
+
+
+def _cell(network: Network) -> str:
+    size = np.where(network.cell_size > 0, network.cell_size, np.ptp(network.position, axis=0))
+    lattice = " ".join(repr(float(x)) for x in np.diag(size).ravel())
+    low = [0.0, 0.0, float(network.wall_position[0])]
+    pbc = " ".join("T" if axis else "F" for axis in network.cell_periodic)
+    return f'Lattice="{lattice}" Origin="{" ".join(map(repr, low))}" pbc="{pbc}"'
+
+
+def read_frames(path: str | Path) -> list[tuple[float, dict[str, Floats]]]:
+    """The frames of a file that `write_frames` wrote: times, s, and columns (n,) or (n, k)."""
+    lines, frames, at = read_lines(path), list[tuple[float, dict[str, Floats]]](), 0
+    while at < len(lines):
+        try:
+            count = int(lines[at])
+            words = lines[at + 1].rsplit("Properties=", 1)[1].split(":")
+            time = float(lines[at + 1].split("Time=")[1].split()[0])
+            rows = lines[at + 2 : at + 2 + count]
+            table = np.loadtxt(rows, usecols=range(1, len(rows[0].split())), ndmin=2)
+        except (ValueError, IndexError):
+            fault(path, "no frame of extended XYZ", "write it with this program", at + 1)
+        columns, first = dict[str, Floats](), 0
+        for name, width in zip(words[3::3], map(int, words[5::3]), strict=True):
+            data = table[:, first : first + width]
+            columns[name] = data[:, 0] if width == 1 else data
+            first += width
+        frames.append((time, columns))
+        at += 2 + count
+    return frames

@@ -1,0 +1,259 @@
+"""The contact network of a packing that another program tells.
+
+Overlaps come from the positions, or from the forces where these have more to tell; stiffnesses
+follow from the law. What was found and assumed is told in `Found`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from modal.exchange.bodies import (
+    Cell,
+    Contacts,
+    LawOf,
+    Spheres,
+    check_spheres,
+    nearest,
+    touching_pairs,
+)
+from modal.exchange.program_law import ProgramLaw
+from modal.formats.arrays import Bools, Floats, Ints
+from modal.formats.hdf5 import InputError
+from modal.packing.network import SOURCE_WALL, Network
+
+DROWNED = 1e-3
+"""Error of an overlap by the digits of positions, over the median overlap, that is refused."""
+BLURRED = 1e-6
+"""The same from which overlaps are taken from the forces where these are told."""
+AT_LIMIT = 1e-6
+"""Relative: a shear force so near to friction times normal force slides."""
+LIKE = 1e-3
+"""Relative difference of forces and the law's from which it is remarked on."""
+UNLIKE = 10.0
+"""Factor between told forces and those of the law, in the median contact: other units."""
+
+
+@dataclass
+class Found:
+    """What an import made: the network, the law (m,) of each contact, and lines about both."""
+
+    network: Network
+    laws: list[ProgramLaw]
+    law: Ints
+    told: dict[str, Any] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+
+@dataclass
+class _Pairs:
+    """Columns of m contacts, all cut alike."""
+
+    i: Ints
+    j: Ints
+    branch: Floats
+    shift: Ints
+    law: Ints
+    force: Floats | None
+    shear: Floats | None
+    along: Floats | None
+    across: Floats | None
+    line: Floats | None
+
+    def cut(self, kept: Bools) -> _Pairs:
+        cut: dict[str, Any] = {
+            name: None if data is None else data[kept] for name, data in vars(self).items()
+        }
+        return _Pairs(**cut)
+
+
+def network_of(
+    spheres: Spheres, cell: Cell, contacts: Contacts | None, law_of: LawOf | None, name: str
+) -> Found:
+    """The contact network of a packing; InputError where the digits do not tell the overlaps.
+
+    `name` is the file of the spheres, for messages; no law is needed where stiffnesses are told.
+    """
+    check_spheres(spheres, cell, name)
+    size = cell.high - cell.low
+    inside = cell.low + (spheres.position - cell.low) % np.where(size > 0, size, 1.0)
+    outside = (spheres.position < cell.low) | (spheres.position > cell.high)
+    position = np.where(cell.periodic & outside, inside, spheres.position)
+    ends = zip(cell.walls, (cell.low[2], cell.high[2]), strict=True)
+    walls = np.array([bound if np.isnan(wall) else wall for wall, bound in ends])
+    told: dict[str, Any] = {}
+    remarks: list[str] = []
+
+    given = contacts or touching_pairs(spheres, cell)
+    wall = given.j < 0
+    partner = np.where(wall, 0, given.j)
+    branch, shift = nearest(position[partner] - position[given.i], cell)
+    branch[wall], shift[wall] = 0, 0
+    plane = walls[np.where(given.j == SOURCE_WALL, 0, 1)]
+    branch[wall, 2] = (plane - position[given.i, 2])[wall]
+    laws, law = list[ProgramLaw](), np.zeros(len(given.i), int)
+    if law_of is not None and given.stiffness is None:
+        kinds = spheres.kind[given.i], np.where(wall, given.j, spheres.kind[partner])
+        laws, law = _laws(*kinds, law_of)
+    along, across = given.stiffness or (None, None)
+    told_of = given.force, given.shear, along, across, given.line
+    pairs = _Pairs(given.i, given.j, branch, shift, law, *told_of)
+
+    reach, effective = _radii(spheres, pairs)
+    overlap = reach - np.linalg.norm(pairs.branch, axis=1)
+    kept = overlap > 0 if pairs.force is None else pairs.force != 0
+    if contacts is not None and not kept.all():
+        remarks.append(
+            f"{int((~kept).sum())} of {len(kept)} listed contacts do not touch: left out"
+        )
+    if not kept.any():
+        raise InputError(f"{name}: no two spheres touch; dump a packing under stress")
+    pairs, reach, effective, overlap = pairs.cut(kept), reach[kept], effective[kept], overlap[kept]
+
+    error = spheres.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
+    force = pairs.force
+    how = "positions"
+    if not laws:
+        pass  # stiffnesses are told: an overlap only shortens the levers
+    elif force is None:
+        _refuse_drowned(spheres, error, overlap, name)
+        force = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
+    else:
+        pushed = _by_law(ProgramLaw.overlap, laws, pairs.law, force, effective)
+        factor = float(pushed.mean() / max(overlap.mean(), 1e-300))
+        if not 1 / UNLIKE < factor < UNLIKE:
+            raise InputError(
+                f"{name}: the law makes overlaps of {pushed.mean():.3g} m of the forces that are "
+                f"told, positions and radii {overlap.mean():.3g} m; give stiffnesses, forces and "
+                "lengths in one system of units (--scales)"
+            )
+        if error > BLURRED * np.median(pushed):
+            how, overlap = "forces", np.where(force > 0, pushed, overlap)
+            _turn_to_lines(pairs)
+        if how == "positions":
+            by_law = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
+            _compare_forces(pairs, by_law, remarks)
+    told["overlap_over_error_of_digits"] = float(np.median(overlap) / max(error, 1e-300))
+    told["overlaps_from"] = how
+    if pairs.along is None or pairs.across is None:
+        pairs.along, pairs.across = (np.empty(len(overlap)) for _ in range(2))
+        for number, one in enumerate(laws):
+            of = pairs.law == number
+            pairs.along[of], pairs.across[of] = one.stiffnesses(overlap[of], effective[of])
+    stiffness = pairs.along, pairs.across
+    network = _whole(spheres, cell, walls, position, pairs, overlap, force, stiffness, laws)
+    return Found(network, laws, pairs.law, told, remarks)
+
+
+def _turn_to_lines(pairs: _Pairs) -> None:
+    """Turn branches to the lines that are told: six digits of a force against six of a position."""
+    if pairs.line is None:
+        return
+    size = np.linalg.norm(pairs.line, axis=1)
+    told = size > 0
+    way = np.sign((pairs.line * pairs.branch).sum(axis=1))[told] / size[told]
+    length = np.linalg.norm(pairs.branch, axis=1)[told]
+    pairs.branch[told] = (way * length)[:, None] * pairs.line[told]
+
+
+def _compare_forces(pairs: _Pairs, by_law: Floats, remarks: list[str]) -> None:
+    """Remark on told forces that are not the law's, apart for spheres and for walls."""
+    assert pairs.force is not None
+    ratio = pairs.force / np.where(by_law > 0, by_law, np.inf)
+    for where, chosen in (("between spheres", pairs.j >= 0), ("at walls", pairs.j < 0)):
+        if chosen.any() and np.percentile(abs(ratio[chosen] - 1), 95) > LIKE:
+            remarks.append(
+                f"forces {where} are {np.median(ratio[chosen]):.5g} of the law's in the median "
+                "contact: damping of a packing that moves, or another law?"
+            )
+
+
+def _radii(spheres: Spheres, pairs: _Pairs) -> tuple[Floats, Floats]:
+    """Sum of radii, at a wall the radius, and effective radius of each contact (m,), m."""
+    wall = pairs.j < 0
+    a = spheres.radius[pairs.i]
+    b = spheres.radius[np.where(wall, 0, pairs.j)]
+    return np.where(wall, a, a + b), np.where(wall, a, a * b / (a + b))
+
+
+def _laws(first: Ints, second: Ints, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
+    """The different laws among contacts of these kinds, and which of them each follows (m,)."""
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    kinds, law = np.unique(np.column_stack([low, high]), axis=0, return_inverse=True)
+    return [law_of(int(a), int(b)) for a, b in kinds], law.reshape(-1)
+
+
+def _by_law(
+    what: Callable[[ProgramLaw, Floats, Floats], Floats],
+    laws: list[ProgramLaw],
+    law: Ints,
+    values: Floats,
+    effective: Floats,
+) -> Floats:
+    result = np.empty(len(values))
+    for number, one in enumerate(laws):
+        of = law == number
+        result[of] = what(one, values[of], effective[of])
+    return result
+
+
+def _refuse_drowned(spheres: Spheres, error: float, overlap: Floats, name: str) -> None:
+    """InputError where rounding of positions changes overlaps, and with them who touches whom."""
+    median = float(np.median(overlap))
+    if error <= DROWNED * median:
+        return
+    largest = float(abs(spheres.position).max())
+    needed = int(np.ceil(np.log10(largest / (DROWNED * median)))) + 1
+    raise InputError(
+        f"{name}: positions have {spheres.digits} digits, steps of {spheres.step:.0e} m, where the "
+        f"median overlap is {median:.1e} m; write {needed} digits or more (17 are all), or give "
+        "the contacts with their forces"
+    )
+
+
+def _whole(
+    spheres: Spheres,
+    cell: Cell,
+    walls: Floats,
+    position: Floats,
+    pairs: _Pairs,
+    overlap: Floats,
+    force: Floats | None,
+    stiffness: tuple[Floats, Floats],
+    laws: list[ProgramLaw],
+) -> Network:
+    """Normals, levers to the middle of the overlap, and what slides."""
+    wall = pairs.j < 0
+    normal = pairs.branch / np.linalg.norm(pairs.branch, axis=1)[:, None]
+    radius_i, radius_j = spheres.radius[pairs.i], spheres.radius[np.where(wall, 0, pairs.j)]
+    shear, sliding = pairs.shear, None
+    frictions = np.array([law.friction for law in laws])
+    if shear is not None and laws and force is not None:
+        limit = frictions[pairs.law] * force
+        sliding = np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)
+    return Network(
+        position=position,
+        radius=spheres.radius,
+        mass=spheres.mass,
+        inertia=0.4 * spheres.mass * spheres.radius**2,
+        particle_i=pairs.i,
+        particle_j=pairs.j,
+        normal=normal,
+        lever_i=(radius_i - overlap / 2)[:, None] * normal,
+        lever_j=np.where(wall, 0.0, overlap / 2 - radius_j)[:, None] * normal,
+        stiffness_normal=stiffness[0],
+        stiffness_tangential=stiffness[1],
+        force_normal=force,
+        force_tangential=shear,
+        overlap=overlap,
+        sliding=sliding,
+        cell_shift=pairs.shift,
+        cell_size=cell.high - cell.low,
+        cell_periodic=cell.periodic,
+        wall_position=walls,
+        study={"mu_wave": float(frictions[0])} if laws and np.ptp(frictions) == 0 else {},
+    )

@@ -1,0 +1,230 @@
+"""LAMMPS' own words for a law of contact, as they stand after pair_style and pair_coeff.
+
+`granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and their like;
+gran/hooke, gran/hooke/history and gran/hertz/history; `fix wall/gran` in the same words. Cohesion,
+rolling and twisting are refused by name: no spring of this project does what they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from modal.exchange.program_law import (
+    DISPLACEMENT,
+    FORCE,
+    MIDDLE,
+    ONE_SIDED,
+    RADIUS,
+    SI,
+    ProgramLaw,
+    Units,
+)
+from modal.formats.hdf5 import InputError
+
+TANGENTIAL = {
+    "linear_nohistory": (2, False, FORCE),
+    "linear_history": (3, False, DISPLACEMENT),
+    "linear_history/classic": (3, False, DISPLACEMENT),
+    "mindlin": (3, True, DISPLACEMENT),
+    "mindlin/classic": (3, True, DISPLACEMENT),
+    "mindlin/force": (3, True, FORCE),
+    "mindlin_rescale": (3, True, ONE_SIDED),
+    "mindlin_rescale/force": (3, True, ONE_SIDED),
+}
+"""Model: its number of coefficients, whether its stiffness grows with a, what it keeps."""
+NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
+"""Model: its number of coefficients."""
+COHESIVE = ("dmt", "jkr", "mdr")
+YOUNG = (1e3, 1e14)
+"""Pa: from gels to neutron stars' crusts; a modulus in GPa or in dyn/mm^2 lies outside."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a contact of `hertz/material` is made of, so that two types can be mixed."""
+
+    young: float
+    poisson: float
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """One line of coefficients: the law among spheres of one type, and what it was made of."""
+
+    law: ProgramLaw
+    material: Material | None = None
+    own_tangential: bool = True
+
+
+def granular(
+    words: Sequence[str], where: str, arms: tuple[str, str], units: Units = SI
+) -> Coefficients:
+    """The law of `pair_style granular`, from its words after the types.
+
+    `where` says in a message whose words these are; `arms` of motion and torque.
+    """
+    left = list(words)
+    model = _next(left, where, "a normal model")
+    if model in COHESIVE:
+        raise InputError(
+            f"{where}: {model} is cohesive; only hooke, hertz, hertz/material are read"
+        )
+    if model not in NORMAL:
+        raise InputError(f"{where}: {model!r} is no normal model; give {', '.join(NORMAL)}")
+    normal = [_number(left, where, model) for _ in range(NORMAL[model])]
+    material = None
+    if model == "hertz/material":
+        material = material_of(units.pressure * normal[0], normal[2], where)
+    tangential, friction, grows, keeps, own = 0.0, 0.0, False, FORCE, True
+    while left:
+        option = left.pop(0)
+        if option == "tangential":
+            name = _next(left, where, "a tangential model")
+            if name not in TANGENTIAL:
+                raise InputError(
+                    f"{where}: tangential {name!r} is not known; give {', '.join(TANGENTIAL)}"
+                )
+            count, grows, keeps = TANGENTIAL[name]
+            own = not (left and left[0].upper() == "NULL")
+            if not own:
+                left[0] = "0"
+            numbers = [_number(left, where, name) for _ in range(count)]
+            tangential, friction = numbers[0] if count == 3 else 0.0, numbers[-1]
+            if not own and material is None:
+                raise InputError(
+                    f"{where}: tangential {name} NULL needs hertz/material; give its stiffness"
+                )
+        elif option in ("rolling", "twisting"):
+            name = _next(left, where, option)
+            if name != "none":
+                raise InputError(
+                    f"{where}: {option} {name} is resisted by no spring here; only {option} none"
+                )
+        elif option in ("damping", "cutoff"):
+            _next(left, where, option)
+        elif option == "limit_damping":
+            continue
+        else:
+            raise InputError(f"{where}: {option!r} is not known; leave it out or mend it")
+    unit = units.stiffness if model == "hooke" else units.pressure
+    stiff = 4 / 3 * effective_young(material, material) if material else unit * normal[0]
+    tangential *= units.pressure if grows else units.stiffness
+    if material and not own:
+        tangential = 8 * effective_shear(material, material)
+    law = ProgramLaw(stiff, model != "hooke", tangential, grows, friction, keeps, *arms)
+    _check(law, where)
+    return Coefficients(law, material, own)
+
+
+def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coefficients:
+    """The law of gran/hooke, gran/hooke/history and gran/hertz/history: Kn Kt gn gt mu dampflag."""
+    left = list(words)
+    kind = style.removeprefix("gran/").split("/")
+    hertz, history = kind[0] == "hertz", "history" in kind[1:]
+    if kind[0] not in ("hooke", "hertz") or (hertz and not history):
+        raise InputError(f"{where}: {style} is not known; gran/hooke, gran/hertz/history are")
+    unit = units.pressure if hertz else units.stiffness
+    kn = unit * _number(left, where, "Kn")
+    if left and left[0].upper() == "NULL":
+        left.pop(0)
+        kt = 2 / 7 * kn
+    else:
+        kt = unit * _number(left, where, "Kt")
+    rest = left[:3]
+    if len(rest) < 3:
+        raise InputError(f"{where}: {style} needs Kn Kt gamma_n gamma_t xmu dampflag; give all six")
+    friction = _number([rest[2]], where, "xmu")
+    kept = DISPLACEMENT if history else FORCE
+    law = ProgramLaw(
+        kn, hertz, kt if history else 0.0, hertz, friction, kept, moves=RADIUS, turns=RADIUS
+    )
+    _check(law, where)
+    return Coefficients(law)
+
+
+def coefficients(
+    style: str, words: Sequence[str], where: str, units: Units = SI, *, wall: bool = False
+) -> Coefficients:
+    """The law that a style and its words say; `style` without suffixes such as /omp."""
+    base = style
+    for suffix in ("/omp", "/kk", "/intel", "/opt", "/gpu"):
+        base = base.removesuffix(suffix)
+    if base == "granular":
+        return granular(words, where, (RADIUS, RADIUS if wall else MIDDLE), units)
+    if wall and base in ("hooke", "hooke/history", "hertz/history"):
+        base = f"gran/{base}"
+    if base.startswith("gran/"):
+        return gran(base, words, where, units)
+    raise InputError(
+        f"{where}: {style!r} is no law of contact that is known here; give granular, gran/hooke, "
+        "gran/hooke/history or gran/hertz/history"
+    )
+
+
+def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
+    """The law between two types that have none of their own, as LAMMPS mixes them.
+
+    Materials as two bodies in contact; other coefficients by their geometric mean.
+    """
+    a, b = first.law, second.law
+    same = (a.hertz, a.grows, a.keeps) == (b.hertz, b.grows, b.keeps)
+    if not same or (first.material is None) != (second.material is None):
+        raise InputError("pair_coeff: two types have different models; give their own pair_coeff")
+
+    def mean(x: float, y: float) -> float:
+        return float((x * y) ** 0.5)
+
+    normal, tangential = mean(a.normal, b.normal), mean(a.tangential, b.tangential)
+    if first.material is not None and second.material is not None:
+        normal = 4 / 3 * effective_young(first.material, second.material)
+        if not first.own_tangential:
+            tangential = 8 * effective_shear(first.material, second.material)
+    friction = mean(a.friction, b.friction)
+    return ProgramLaw(normal, a.hertz, tangential, a.grows, friction, a.keeps, a.moves, a.turns)
+
+
+def effective_young(a: Material, b: Material) -> float:
+    """E* of two bodies: 1 / ((1 - nu_a^2) / E_a + (1 - nu_b^2) / E_b), Pa."""
+    return 1 / ((1 - a.poisson**2) / a.young + (1 - b.poisson**2) / b.young)
+
+
+def effective_shear(a: Material, b: Material) -> float:
+    """G* of two bodies: 1 / (2 (2 - nu_a) (1 + nu_a) / E_a + the same of b), Pa."""
+    return 1 / sum(2 * (2 - m.poisson) * (1 + m.poisson) / m.young for m in (a, b))
+
+
+def material_of(young: float, poisson: float, where: str) -> Material:
+    """Young's modulus, Pa, and Poisson's ratio; InputError where no material has them."""
+    if not YOUNG[0] <= young <= YOUNG[1]:
+        raise InputError(
+            f"{where}: Young's modulus {young:g} Pa is that of no material; write it in Pa "
+            f"({YOUNG[0]:g} to {YOUNG[1]:g}), or give --scales where the units are not SI"
+        )
+    if not -1 < poisson < 0.5:
+        raise InputError(f"{where}: Poisson's ratio {poisson:g} is outside -1 to 0.5; mend it")
+    return Material(young, poisson)
+
+
+def _next(left: list[str], where: str, what: str) -> str:
+    if not left:
+        raise InputError(f"{where}: ends where {what} should stand; give the whole line")
+    return left.pop(0)
+
+
+def _number(left: list[str], where: str, what: str) -> float:
+    word = _next(left, where, f"a coefficient of {what}")
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(
+            f"{where}: {word!r} is no number, as a coefficient of {what} is; put its value there"
+        ) from None
+
+
+def _check(law: ProgramLaw, where: str) -> None:
+    if not law.normal > 0 or law.tangential < 0 or law.friction < 0:
+        raise InputError(
+            f"{where}: stiffness {law.normal:g} must be positive, tangential {law.tangential:g} "
+            f"and friction {law.friction:g} not negative; mend the line"
+        )

@@ -1,0 +1,215 @@
+"""LIGGGHTS' packings: dump custom as of LAMMPS, contacts by `compute pair/gran/local`, its own law.
+
+`model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and 8 G* sqrt(R*
+overlap), the shear displacement kept. `model hooke` takes its stiffness from masses and a velocity
+that is typed in, and is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from modal.exchange.bodies import Cell, Contacts, LawOf, Spheres, nearest, touching_pairs
+from modal.exchange.dump import frame_of
+from modal.exchange.found import Found, network_of
+from modal.exchange.lammps import cell_of, index_of, once, spheres_of
+from modal.exchange.lammps_law import effective_shear, effective_young, material_of
+from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ProgramLaw, Units
+from modal.exchange.rows import fault, read_lines
+from modal.formats.hdf5 import InputError
+
+PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
+COLUMNS = {
+    "pos": 6,
+    "vel": 6,
+    "id": 3,
+    "force": 3,
+    "force_normal": 3,
+    "force_tangential": 3,
+    "torque": 3,
+    "history": 3,
+    "contactArea": 1,
+    "delta": 1,
+}
+"""What `pair/gran/local` writes, in this order, and how many columns each takes."""
+EXAMPLE = (
+    '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '
+    'coefficientFriction 0.3"'
+)
+
+
+def import_liggghts(
+    atoms: str | Path,
+    contacts: str | Path | None,
+    log: str | Path | None,
+    pair: str | None,
+    wall: str | None,
+    units: Units,
+    step: int | None,
+) -> Found:
+    """A packing of LIGGGHTS; arguments as on the command line."""
+    words = pair.split() if pair else []
+    properties = {name: _after(words, name, "--pair") for name in PROPERTIES if name in words}
+    computes: dict[str, list[str]] = {}
+    for line in read_lines(log) if log else ():
+        said = line.split("#")[0].split()
+        if not pair and said[:2] == ["pair_style", "gran"]:
+            words = said[1:]
+        if said[:1] == ["fix"] and said[3:4] == ["property/global"] and len(said) > 6:
+            first = 7 if said[5] == "peratomtypepair" else 6
+            properties.setdefault(said[4], [float(word) for word in said[first:]])
+        if said[:1] == ["compute"] and said[3:4] == ["pair/gran/local"]:
+            computes[said[1]] = said[4:]
+    where = "--pair" if pair else f"{log}"
+    law_of = _law_of(words, properties, units, where)
+    planes = _planes(wall, units)
+    frame = frame_of(atoms, "ATOMS", step)
+    spheres, cell = spheres_of(frame, units), replace(cell_of(frame, units), walls=planes)
+    touching, remarks = None, []
+    if contacts is not None:
+        touching = _contacts(contacts, frame.step, spheres, cell, computes, units)
+        if np.isfinite(planes).any():
+            touching = _with_walls(touching, spheres, cell, law_of)
+            remarks = ["shear forces at the walls are not told: all shear forces are left out"]
+    found = network_of(spheres, cell, touching, law_of, str(atoms))
+    found.remarks += remarks
+    return found
+
+
+def _after(words: list[str], name: str, where: str) -> list[float]:
+    try:
+        return [float(words[words.index(name) + 1])]
+    except (ValueError, IndexError):
+        raise InputError(f"{where}: {name} needs a number behind it") from None
+
+
+def _law_of(
+    words: list[str], properties: dict[str, list[float]], units: Units, where: str
+) -> LawOf:
+    if words[:2] != ["gran", "model"] and words[:1] != ["gran"]:
+        raise InputError(f"no law of contact is known; give {EXAMPLE}")
+    if "hertz" not in words or "history" not in words:
+        raise InputError(
+            f"{where}: only model hertz with tangential history is known; the stiffness of others "
+            "depends on more than the overlap"
+        )
+    for option in ("cohesion", "rolling_friction"):
+        if option in words and words[words.index(option) + 1 :][:1] not in (["off"], []):
+            raise InputError(f"{where}: {option} is resisted by no spring here; only {option} off")
+    lost = [name for name in PROPERTIES if name not in properties]
+    if lost:
+        raise InputError(f"{where}: no {', '.join(lost)}; give {EXAMPLE}, or the log that has them")
+    materials = [
+        material_of(units.pressure * young, poisson, where)
+        for young, poisson in zip(
+            properties["youngsModulus"], properties["poissonsRatio"], strict=False
+        )
+    ]
+    friction = properties["coefficientFriction"]
+
+    def law_of(a: int, b: int) -> ProgramLaw:
+        # A wall is of the first sphere's material, as one type for all makes it.
+        a, b = (max(a, b), max(a, b)) if a < 0 else (a, b)
+        if b > len(materials) and len(materials) > 1:
+            raise InputError(f"{where}: no properties for type {b}; give them for all types")
+        one, two = (materials[min(k, len(materials)) - 1] for k in (a, b))
+        place = (a - 1) * len(materials) + b - 1
+        return ProgramLaw(
+            normal=4 / 3 * effective_young(one, two),
+            hertz=True,
+            tangential=8 * effective_shear(one, two),
+            grows=True,
+            friction=friction[place] if len(friction) > place else friction[0],
+            keeps=DISPLACEMENT,
+            moves=MIDDLE,
+            turns=MIDDLE,
+        )
+
+    return law_of
+
+
+def _planes(wall: str | None, units: Units) -> tuple[float, float]:
+    """z of the walls from --wall "zplane LOW HIGH", m."""
+    words = wall.split() if wall else []
+    if not words:
+        return (np.nan, np.nan)
+    try:
+        at = words.index("zplane")
+        low, high = (
+            np.nan if word.upper() == "NULL" else units.length * float(word)
+            for word in words[at + 1 : at + 3]
+        )
+    except ValueError:
+        raise InputError('--wall: for LIGGGHTS give "zplane LOW HIGH" (a number or NULL)') from None
+    return (low, high)
+
+
+def _contacts(
+    path: str | Path,
+    step: int,
+    spheres: Spheres,
+    cell: Cell,
+    computes: dict[str, list[str]],
+    units: Units,
+) -> Contacts:
+    listed = frame_of(path, "ENTRIES", step)
+    rows = listed.rows
+    columns = [name for name in rows.columns if re.fullmatch(r"c_\w+\[\d+\]", name)]
+    name = columns[0][2:].split("[")[0] if columns else ""
+    kinds = computes.get(name) or list(COLUMNS)
+    place, at = {}, 0
+    for kind, width in COLUMNS.items():
+        if kind in kinds:
+            place[kind] = at
+            at += width
+    if not columns or (name not in computes and at != len(columns)):
+        what = f"{len(columns)} columns of pair/gran/local, where all of its values take {at}"
+        fault(rows.path, what, "give the log with the compute line (--log)", rows.line - 1)
+    for kind in ("id", "force_normal", "force_tangential"):
+        if kind not in place:
+            fault(rows.path, f"no {kind}", f"add {kind} to pair/gran/local", rows.line - 1, kind)
+    wanted = [
+        (kind, k)
+        for kind, count in (("id", 2), ("force_normal", 3), ("force_tangential", 3))
+        for k in range(count)
+    ]
+    names = [columns[place[kind] + k] for kind, k in wanted]
+    table = rows.read(*names)
+    i, j = (
+        index_of(spheres.number, table[:, k], listed, names[k]).astype(np.int32) for k in (0, 1)
+    )
+    once(i, j, listed)
+    branch, _ = nearest(spheres.position[j] - spheres.position[i], cell)
+    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
+    # Versions differ in which of the two bears the forces that are written; a contact pushes.
+    push = -(units.force * table[:, 2:5] * normal).sum(axis=1)
+    sign = np.where(push < 0, -1.0, 1.0)
+    shear = units.force * table[:, 5:8] * sign[:, None]
+    return Contacts(i, j, abs(push), shear, rows.digits(*names[2:5]))
+
+
+def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell, law_of: LawOf) -> Contacts:
+    """Contacts with flat walls, found from positions: their forces follow from the law."""
+    found = touching_pairs(spheres, cell)
+    wall = found.j < 0
+    i, j = found.i[wall], found.j[wall]
+    plane = np.array(cell.walls)[np.where(j == -1, 0, 1)]
+    overlap = spheres.radius[i] - abs(plane - spheres.position[i, 2])
+    force = np.array(
+        [
+            float(law_of(int(code), int(spheres.kind[k])).force(np.array(d), spheres.radius[k]))
+            for k, code, d in zip(i, j, overlap, strict=True)
+        ]
+    )
+    assert contacts.force is not None
+    return Contacts(
+        np.concatenate([contacts.i, i]),
+        np.concatenate([contacts.j, j]),
+        np.concatenate([contacts.force, force]),
+        None,
+        contacts.digits,
+    )

@@ -1,0 +1,90 @@
+"""What an import found and assumed, as numbers and lines for whoever reads them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.exchange.found import Found
+from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
+from modal.exchange.tangent import worth
+from modal.packing.network import Network
+from modal.packing.state import net_forces, stress_tensor
+
+UNBALANCED = 1e-2
+"""Mean net force over mean contact force from which a packing is not at rest."""
+
+
+def summary_of(found: Found) -> dict[str, Any]:
+    """Spheres, contacts, stresses, balance, digits, sliding, the law and what its terms are worth.
+
+    `remarks` of `found` grow by what a reader should know.
+    """
+    network, remarks = found.network, found.remarks
+    told: dict[str, Any] = {
+        "spheres": network.n_particles,
+        "contacts": network.n_contacts,
+        "wall_contacts": int(network.with_wall.sum()),
+    }
+    told |= _forces(network, remarks) | found.told
+    if "printed_stress_pa" in told and network.with_wall.any() and "stress_pa" in told:
+        pairs = network.with_contacts(~network.with_wall)
+        # The program leaves walls out, and divides by the volume of its box.
+        of_box = network.length / float(network.cell_size[2])
+        told["stress_of_spheres_alone_pa"] = (np.diag(stress_tensor(pairs)) * of_box).tolist()
+    if network.sliding is not None and network.n_contacts:
+        told["sliding_share"] = float(network.sliding.mean())
+    told["law"] = [law_in_words(law) for law in dict.fromkeys(found.laws)]
+    if found.laws:
+        told |= {"terms_of_the_law_over_springs": worth(found)}
+        _of_laws(found, remarks)
+    return told
+
+
+def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
+    if network.force_normal is None:
+        return {}
+    if network.force_tangential is None:
+        remarks.append("no shear forces: stresses and balance are not told")
+        return {}
+    told: dict[str, Any] = {}
+    if network.cell_size[:2].all() and network.length > 0:
+        told["stress_pa"] = np.diag(stress_tensor(network)).tolist()
+    push = np.hypot(network.force_normal, np.linalg.norm(network.force_tangential, axis=1))
+    net = np.linalg.norm(net_forces(network)[:, :3], axis=1)
+    balance = told["net_force_over_contact_force"] = float(net.mean() / push.mean())
+    if balance > UNBALANCED:
+        remarks.append(
+            f"not in balance: net forces are {balance:.1e} of contact forces; weight, motion, or "
+            "contacts that were lost on the way (ghosts after a restart)?"
+        )
+    return told
+
+
+def law_in_words(law: ProgramLaw) -> str:
+    """One line about a law."""
+    unit = "Pa" if law.hertz else "N/m"
+    normal = "k sqrt(R* d) d" if law.hertz else "k d"
+    across = (
+        "none" if law.tangential == 0 else f"{law.tangential:.6g} " + ("Pa" if law.grows else "N/m")
+    )
+    grows = " times the circle's radius" * (law.grows and law.tangential > 0)
+    return (
+        f"N = {normal}, k = {law.normal:.6g} {unit}; tangential {across}{grows}; "
+        f"friction {law.friction:g}; keeps the shear {law.keeps}; arms: {law.moves} (motion), "
+        f"{law.turns} (torque)"
+    )
+
+
+def _of_laws(found: Found, remarks: list[str]) -> None:
+    laws = set(found.laws)
+    if any(law.keeps in (DISPLACEMENT, ONE_SIDED) and law.grows for law in laws):
+        remarks.append(
+            "this law keeps a shear displacement: shear forces grow with the circle of contact, "
+            "a term Ft / (2 overlap) that springs do not have"
+        )
+    if any(law.keeps == ONE_SIDED for law in laws):
+        remarks.append("its shear shrinks on unloading alone: no linear law has both directions")
+    if all(law.tangential == 0 for law in laws):
+        remarks.append("no tangential stiffness: spheres turn and slide freely")

@@ -1,0 +1,155 @@
+"""Tables of numbers in text files, and the one line that says where such a file is at fault."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, NoReturn
+
+import numpy as np
+
+from modal.formats.arrays import Floats
+from modal.formats.hdf5 import InputError
+
+LOOKED_AT = 500
+"""Rows whose texts are looked at for the number of digits that a program has written."""
+
+
+def fault(path: str | Path, what: str, do: str, line: int = 0, column: str = "") -> NoReturn:
+    """InputError in one line: file, line (from 1) and column where known, fault, remedy."""
+    where = f", line {line}" * bool(line) + f", column {column}" * bool(column)
+    raise InputError(f"{path}{where}: {what}; {do}")
+
+
+def open_bytes(path: str | Path) -> IO[bytes]:
+    """The file as bytes, unpacked where its name ends in .gz; InputError where there is none."""
+    try:
+        if str(path).endswith(".gz"):
+            return gzip.open(path, "rb")  # type: ignore[return-value]
+        return open(path, "rb")
+    except OSError as error:
+        fault(path, error.strerror or "cannot be opened", "check the name")
+
+
+def read_lines(path: str | Path) -> list[str]:
+    """All lines of a text file, without their ends."""
+    with open_bytes(path) as file:
+        try:
+            return file.read().decode("utf-8", "replace").splitlines()
+        except (OSError, EOFError) as error:
+            fault(path, str(error), "the archive is damaged, write it again")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of named columns in a text file: where they start, and how many they are.
+
+    `offset` in bytes, `line` the number of the first row, from 1; `separator` None for blanks.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    offset: int
+    line: int
+    count: int
+    separator: str | None = None
+
+    def has(self, *names: str) -> bool:
+        """Whether all these columns are there."""
+        return set(names) <= set(self.columns)
+
+    def read(self, *names: str) -> Floats:
+        """Shape (count, k): the columns of these names as numbers; InputError says which is not."""
+        at = [self.columns.index(name) for name in names]
+        with open_bytes(self.path) as file:
+            file.seek(self.offset)
+            text = io.TextIOWrapper(file, encoding="utf-8", errors="replace")
+            if self.count == 0:
+                return np.empty((0, len(at)))
+            try:
+                table = np.loadtxt(
+                    text,
+                    usecols=at,
+                    max_rows=self.count,
+                    ndmin=2,
+                    comments=None,
+                    delimiter=self.separator,
+                )
+            except (ValueError, IndexError):
+                self._blame(names, at)
+        if len(table) < self.count:
+            what = f"{len(table)} rows of {self.count}: the file ends in the middle"
+            fault(self.path, what, "let the program finish writing it", self.line + len(table))
+        bad = ~np.isfinite(table)
+        if bad.any():
+            row, column = (int(k) for k in np.argwhere(bad)[0])
+            what = f"{table[row, column]} is no finite number"
+            fault(self.path, what, "mend the export", self.line + row, names[column])
+        return table
+
+    def texts(self) -> list[list[str]]:
+        """The first rows as they are written."""
+        with open_bytes(self.path) as file:
+            file.seek(self.offset)
+            head = itertools.islice(file, min(self.count, LOOKED_AT))
+            return [line.decode("utf-8", "replace").split(self.separator) for line in head]
+
+    def digits(self, *names: str) -> int:
+        """Most significant digits that any number of these columns is written with."""
+        at = [self.columns.index(name) for name in names]
+        return significant_digits([row[k] for row in self.texts() for k in at if k < len(row)])
+
+    def _blame(self, names: Sequence[str], at: Sequence[int]) -> NoReturn:
+        with open_bytes(self.path) as file:
+            file.seek(self.offset)
+            for number, line in enumerate(itertools.islice(file, self.count)):
+                words = line.decode("utf-8", "replace").split(self.separator)
+                for name, column in zip(names, at, strict=True):
+                    here = self.line + number
+                    if column >= len(words):
+                        what = f"has {len(words)} columns, the header names {len(self.columns)}"
+                        fault(self.path, what, "let the program write whole rows", here, name)
+                    try:
+                        float(words[column])
+                    except ValueError:
+                        what = f"{words[column].strip()!r} is no number"
+                        fault(self.path, what, "write numbers there", here, name)
+        fault(self.path, "its rows cannot be read as numbers", "write it again", self.line)
+
+
+def significant_digits(texts: Sequence[str]) -> int:
+    """Most significant digits among numbers as they are written; a float32 counts as 7.
+
+    >>> significant_digits(["0.01200", "1.25e-3", "7"])
+    4
+    """
+    most, numbers = 1, []
+    for text in texts:
+        mantissa = text.strip().lower().partition("e")[0].lstrip("+-").replace(".", "")
+        most = max(most, len(mantissa.lstrip("0")))
+        try:
+            numbers.append(float(text))
+        except ValueError:
+            continue
+    values = np.array([value for value in numbers if abs(value) < 1e38])
+    if most > 8 and len(values) and (values.astype(np.float32) == values).all():
+        return 7
+    return most
+
+
+def last_step(values: Floats, digits: int) -> float:
+    """Unit of the last of `digits` significant digits of the largest of these numbers.
+
+    >>> last_step(np.array([0.0144, 0.002]), 6)
+    1e-07
+    """
+    largest = float(abs(values).max(initial=0.0))
+    if largest == 0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(largest)) - digits + 1)
+    return max(float(unit), float(np.spacing(largest)))

@@ -1,0 +1,70 @@
+"""Spheres of one material, equal or not: the network of their Hertz-Mindlin contacts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.formats.arrays import Bools, Floats
+from modal.packing.contact_law import (
+    Material,
+    normal_force,
+    stiffness_normal,
+    stiffness_tangential,
+)
+from modal.packing.neighbours import Touching
+from modal.packing.network import Network, handed_over
+
+
+def network_of(
+    contact: Touching,
+    radius: float | Floats,
+    material: Material,
+    *,
+    tangential: Floats | None = None,
+    friction: float | None = None,
+    study: dict[str, Any],
+    **places: Any,
+) -> Network:
+    """The network of spheres: springs of the Hertz-Mindlin law at the overlaps of `contact`.
+
+    `radius` in m, of all, or of each (n,); `tangential` (m, 3), N, forces on i, zero without;
+    `friction` says which contacts slide, none without; `places` are the network's `position`,
+    `cell_size`, `cell_periodic`, `wall_position` and `provenance`.
+    """
+    n, m, overlap = len(places["position"]), len(contact.particle_i), contact.overlap
+    wall = contact.particle_j < 0
+    each = np.broadcast_to(radius, n)
+    first, second = each[contact.particle_i], each[np.where(wall, 0, contact.particle_j)]
+    effective = np.where(wall, first, first * (second / (first + second)))
+    force = normal_force(overlap, effective, material)
+    if tangential is None:
+        tangential = np.zeros((m, 3))
+    sliding: Bools = np.zeros(m, bool)
+    if friction is not None:
+        sliding = np.linalg.norm(tangential, axis=1) >= friction * force * (1 - 1e-9)
+    # The contact point lies in the middle of the overlap, also at a wall, as in the DEM law.
+    lever = (first - overlap / 2)[:, None] * contact.normal
+    backwards = (overlap / 2 - second)[:, None] * contact.normal
+    backwards[wall] = 0
+    mass, inertia = material.sphere(radius)
+    constants = {"young": material.young, "poisson": material.poisson, "density": material.density}
+    columns: dict[str, Any] = handed_over(
+        radius=np.array(each),
+        mass=np.broadcast_to(mass, n).copy(),
+        inertia=np.broadcast_to(inertia, n).copy(),
+        particle_i=contact.particle_i,
+        particle_j=contact.particle_j,
+        normal=contact.normal,
+        lever_i=lever,
+        lever_j=backwards,
+        stiffness_normal=stiffness_normal(overlap, effective, material),
+        stiffness_tangential=stiffness_tangential(overlap, effective, material),
+        force_normal=force,
+        force_tangential=tangential,
+        overlap=overlap,
+        sliding=sliding,
+        cell_shift=contact.cell_shift,
+    )
+    return Network(**columns, study=study | constants, **places)

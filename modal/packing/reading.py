@@ -1,0 +1,43 @@
+"""A packing from a file, whichever of the formats it has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from modal.arguments import checked
+from modal.packing.network import Network
+from modal.packing.network_file import read_network
+from modal.packing.sample import read_sample
+from modal.packing.validation import validate
+from modal.workload import refuse_above_memory
+
+CONTACTS_BYTES = 1200.0
+"""Memory for each sphere while the contacts of a sample are found and checked, measured."""
+
+
+@checked
+def read_packing(path: str | Path) -> Network:
+    """A packing from a file: a contact network (`*.network.h5`) or a sample (`*.sample.h5`).
+
+    Both formats are described in `docs/formats.md`. What contacts a sample has, and how stiff they
+    are, follows from its positions. InputError, one line, for what is missing, damaged, or cannot
+    be a packing.
+
+    >>> import modal
+    >>> modal.read("nowhere.network.h5")
+    Traceback (most recent call last):
+        ...
+    modal.formats.hdf5.InputError: nowhere.network.h5: no such file; check the name
+    """
+    if not str(path).endswith(".sample.h5"):
+        return read_network(path)
+    sample = read_sample(path)
+    refuse_above_memory(
+        CONTACTS_BYTES * len(sample.position),
+        f"{path}: finding its contacts",
+        "take a machine with more, or a smaller sample",
+    )
+    network = sample.network()
+    # What follows from the positions agrees with them; spheres may still overlap beyond reason.
+    validate(network, str(path))
+    return network

@@ -1,0 +1,128 @@
+"""Larger packings by repetition of one that is periodic sideways.
+
+A plane wave in the copies is that of the small packing, so that a test of size needs no larger DEM
+run. `RUN` consecutive particles of the first copy are followed by the same of the second, and so
+on: what is sorted along z stays nearly so, and neighbours stay near each other in memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modal.formats.arrays import Floats, Ints
+from modal.formats.hdf5 import InputError
+from modal.packing.neighbours import canonical_order, tangents
+from modal.packing.network import Network
+from modal.packing.sample import Sample
+
+RUN = 256
+"""Particles of one copy that follow each other: a layer of a packing some 15 diameters wide."""
+
+
+def tiled(n: int, copies: int) -> tuple[Ints, Ints]:
+    """Original (n copies,) and copy (n copies,) of each particle of the repeated packing."""
+    number = np.arange(n * copies)
+    first = number // (RUN * copies) * RUN
+    run = np.minimum(RUN, n - first)
+    copy, within = np.divmod(number - first * copies, run)
+    return first + within, copy
+
+
+def number_of(particle: Ints, copy: Ints, n: int, copies: int) -> Ints:
+    """The number in the repeated packing of a copy of a particle; the inverse of `tiled`."""
+    first = particle // RUN * RUN
+    return first * copies + copy * np.minimum(RUN, n - first) + particle - first
+
+
+def _cells(times_x: int, times_y: int) -> Ints:
+    """Shape (copies, 3): periods by which each copy is moved."""
+    return np.array([(a, b, 0) for a in range(times_x) for b in range(times_y)])
+
+
+def repeat(network: Network, times_x: int, times_y: int) -> Network:
+    """The network repeated sideways across its periods: times_x times_y copies in a larger cell.
+
+    InputError where the network has no period along an axis on which it is to be repeated.
+    """
+    copies, wanted = times_x * times_y, np.array([times_x, times_y, 1])
+    if min(times_x, times_y) < 1 or (~network.cell_periodic & (wanted > 1)).any():
+        raise InputError(
+            f"cannot repeat {times_x} by {times_y}: the network must be periodic along the axis"
+        )
+    cell = _cells(times_x, times_y)
+    i, j, shift, row = _copied_contacts(network, times_x, times_y)
+    n = network.n_particles
+    source, copy = tiled(n, copies)
+    contacts = network.with_contacts(row)
+    return replace(
+        contacts,
+        position=network.position[source] + cell[copy] * network.cell_size,
+        radius=network.radius[source],
+        mass=network.mass[source],
+        inertia=network.inertia[source],
+        particle_i=i,
+        particle_j=j,
+        cell_shift=shift,
+        cell_size=network.cell_size * wanted,
+        provenance=network.provenance | {"repeated": f"{times_x} x {times_y}"},
+    )
+
+
+def _copied_contacts(network: Network, times_x: int, times_y: int) -> tuple[Ints, Ints, Ints, Ints]:
+    """Ends i and j, periods (k, 3) and original (k,) of the contacts, copy by copy."""
+    m, n, copies = network.n_contacts, network.n_particles, times_x * times_y
+    shifts = network.known("cell_shift", "telling which copies touch")
+    i, j = np.empty((2, m * copies), np.int64)
+    shift, row = np.empty((m * copies, 3), np.int8), np.tile(np.arange(m, dtype=np.int32), copies)
+    wall, partner = network.with_wall, network.partner
+    for own, cell in enumerate(_cells(times_x, times_y)):
+        part = slice(own * m, (own + 1) * m)
+        there = cell + shifts
+        shift[part], inside = np.divmod(there, (times_x, times_y, 1))
+        other = number_of(partner, inside[:, 0] * times_y + inside[:, 1], n, copies)
+        i[part] = number_of(network.particle_i, np.array(own), n, copies)
+        j[part] = np.where(wall, network.particle_j, other)
+    return i, j, shift, row
+
+
+def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
+    """The sample repeated sideways, with the shear forces of its contacts; see `repeat`.
+
+    InputError for a sample in motion.
+    """
+    if min(times_x, times_y) < 1:
+        raise InputError(f"cannot repeat {times_x} by {times_y}: give whole numbers from 1 on")
+    if sample.velocity is not None or sample.strain_rate is not None:
+        raise InputError("the sample is in motion; bring it to rest first (relax)")
+    wanted = np.array([times_x, times_y])
+    source, copy = tiled(len(sample.position), times_x * times_y)
+    position = sample.position[source]
+    offset: Floats = _cells(times_x, times_y)[:, :2] * sample.side
+    for axis in range(2):
+        position[:, axis] += offset[copy, axis]
+    study = sample.study | {"repeated": f"{times_x} x {times_y}"}
+    large = replace(sample, position=position, side=sample.side * wanted, shear=None, study=study)
+    if sample.shear is None:
+        return large
+    # Shear forces stand in the order of the contacts, along tangents that follow from the normals.
+    network = sample.network()
+    i, j, shift, row = _copied_contacts(network, times_x, times_y)
+    # A copy may have its two ends numbered the other way.
+    turned = (j >= 0) & (i > j)
+    i[turned], j[turned] = j[turned], i[turned]
+    shift[turned] *= -1
+    order = canonical_order(i, j, shift)
+    contact = large.contacts()
+    ours, theirs = (i, j, shift), (contact.particle_i, contact.particle_j, contact.cell_shift)
+    if not all(np.array_equal(a[order], b) for a, b in zip(ours, theirs, strict=True)):
+        raise InputError(
+            "a contact of the sample is so weak that round-off closes or opens it in a copy; "
+            "repeat its network (-o *.network.h5)"
+        )
+    del i, j, shift, ours, theirs
+    force = network.known("force_tangential", "history of contacts")[row[order]]
+    force[turned[order]] *= -1
+    shear = [(force * along).sum(axis=1) for along in tangents(contact.normal)]
+    return replace(large, shear=np.column_stack(shear))

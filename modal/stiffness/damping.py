@@ -1,0 +1,54 @@
+"""Viscous contacts: a dashpot beside each spring.
+
+A contact that parts at the velocity v resists with cn along its normal and ct across it, each a
+share of what would damp two free spheres critically: c = 2 beta sqrt(k m*), m* = m_i m_j / (m_i +
+m_j), at a wall the sphere's own mass. These are the coefficients of DEM codes (Y. Tsuji, T. Tanaka
+and T. Ishida, Powder Technology 71, 239, 1992; in YADE betan and betas).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modal.formats.hdf5 import InputError
+from modal.packing.network import Network
+
+
+@dataclass(frozen=True)
+class ContactDamping:
+    """Damping ratios of contacts along their normal and across it, 0 for none.
+
+    >>> ContactDamping(0.02, 0.02)
+    ContactDamping(normal=0.02, tangential=0.02)
+    """
+
+    normal: float
+    tangential: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 <= value < np.inf:
+                raise InputError(
+                    f"{name} damping {value:g}: a contact takes energy, it gives none; give a "
+                    "ratio from 0 on, in parts of the critical damping"
+                )
+
+    @property
+    def none(self) -> bool:
+        """Whether the contacts are elastic."""
+        return self.normal == 0 and self.tangential == 0
+
+    def dashpots(self, network: Network) -> Network:
+        """The network with coefficients of dashpots, N s/m, in the place of its springs.
+
+        The matrix C of the viscous forces is then made as K is.
+        """
+        m_i, m_j = network.mass[network.particle_i], network.mass[network.partner]
+        mass = np.where(network.with_wall, m_i, m_i * m_j / (m_i + m_j))
+        return replace(
+            network,
+            stiffness_normal=2 * self.normal * np.sqrt(network.stiffness_normal * mass),
+            stiffness_tangential=2 * self.tangential * np.sqrt(network.stiffness_tangential * mass),
+        )

@@ -1,0 +1,161 @@
+"""The linear wave through viscous contacts, by Taylor series in time.
+
+With dashpots the modes are complex and Chebyshev polynomials of K serve no longer. The state y =
+(u, v) follows y' = L y + g(t), and its Taylor series about the start of a step is known without any
+table: (k + 1) a_(k+1) = L a_k + g_k, where g_k are the coefficients of the source's motion in the
+step. A step is some radians of the highest mode long, and takes as many products with K and C as
+the tolerance asks; what is recorded inside a step are values of polynomials. Against schemes of
+fixed order the work rises with the number of digits, not with a power of ten
+(`docs/damping.md`).
+"""
+
+from __future__ import annotations
+
+import time as clock
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from modal.formats.arrays import Array, Floats
+from modal.formats.hdf5 import InputError
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.progress import progress
+from modal.solvers.spectrum import bound_of_spectrum
+from modal.stiffness.damping import ContactDamping
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.walls import wall_pattern
+from modal.waves.receivers import Receivers
+from modal.waves.signals import Signals
+from modal.waves.source import Motion
+from modal.workload import refuse_endless
+
+RADIANS = 8.0
+"""Of the fastest mode in a step. The terms of the series rise to exp(8) before they fall: round-off
+is then 7e-13; longer steps would take fewer products, and lose more digits."""
+DEGREE = 14
+"""Of the polynomial that stands for the source's motion in a step."""
+MOST_TERMS = 200
+
+
+def propagate_damped(
+    network: Network,
+    duration: float,
+    damping: ContactDamping,
+    motion: Motion,
+    *,
+    interval: float,
+    tolerance: float,
+    particles: bool = False,
+    direction: str = "z",
+    network_sha256: str = "",
+) -> tuple[Signals, int]:
+    """The signals of a wave through viscous contacts, and the number of products with K and C.
+
+    Arguments as of `modal.propagate`. `tolerance` bounds the terms that a step leaves out, relative
+    to the largest state.
+    """
+    started = clock.perf_counter()
+    receivers = Receivers(network, particles=particles, mass_scaled=True, direction=direction)
+    spring = ContactOperator(network, mass_scaled=True)
+    dashpots = damping.dashpots(network)
+    dashpot = ContactOperator(dashpots, mass_scaled=True)
+    top = _fastest(spring, dashpot)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    viscous, to_source, held = wall_pattern(dashpots, SOURCE_WALL, axis=receivers.axis)
+    _, to_receiver, _ = wall_pattern(dashpots, RECEIVER_WALL, axis=receivers.axis)
+    times = np.arange(0, duration + 0.5 * interval, interval)
+    refuse_endless(
+        f"a damped wave of {duration:g} s",
+        spring,
+        products=8 * top * duration,
+        bytes_needed=8.0 * len(times) * receivers.count,
+        remedy="take a shorter duration",
+    )
+    # The polynomial of the source holds for a few radians of its own.
+    step = min(RADIANS / top, 2 / (2 * np.pi * max(motion.frequency, 1 / duration)))
+    edges = _steps(motion.corners, float(times[-1]), step)
+    at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
+    # What springs and dashpots of the source wall do for its displacement and its velocity.
+    push, drag = receivers.source * scale, viscous * scale
+    rows = np.zeros((len(times), receivers.count))
+    state, products = np.zeros((2, len(scale))), 0
+    on_walls = np.array([to_source, to_receiver]) * scale
+    for k in progress(len(edges) - 1, "wave"):
+        start, length = edges[k], edges[k + 1] - edges[k]
+        source = _polynomial(motion, start, length)
+        inside = np.flatnonzero(at == k)
+        share = (times[inside] - start) / length
+        seen, power = np.empty(receivers.count), np.ones(len(inside))
+        # What the wall's own velocity takes to hold it against the dashpots.
+        speed = np.polynomial.polynomial.polyder(source) / length
+        rows[inside, 0] -= held * np.polynomial.polynomial.polyval(share, speed)
+        following, term = state.copy(), state
+        for order in range(MOST_TERMS):
+            if len(inside):
+                receivers.observe(term[0], seen)
+                # The force on a wall: its springs, and its dashpots with the velocity.
+                seen[:2] += on_walls @ term[1]
+                rows[inside] += power[:, None] * seen
+                power = power * share
+            ahead = np.empty_like(state)
+            ahead[0] = term[1]
+            spring.combine(term[0], ahead[1], -1.0)
+            dashpot.combine(term[1], ahead[1], -1.0, kept=1.0)
+            if order < len(source):
+                ahead[1] += push * source[order]
+            if order < len(speed):
+                ahead[1] += drag * speed[order]
+            ahead *= length / (order + 1)
+            products += 1
+            following += ahead
+            term = ahead
+            small = _size(term, top) <= tolerance * 1e-2 * _size(following, top)
+            if small and order >= len(source):
+                break
+        else:
+            raise InputError("the series of the wave did not end; take a larger tolerance")
+        state = following
+    signals = receivers.signals(
+        times,
+        rows,
+        motion,
+        time_step=interval,
+        run_time=clock.perf_counter() - started,
+        network_sha256=network_sha256,
+    )
+    return signals, products
+
+
+def _size(state: Floats, top: float) -> float:
+    """The state in units of velocity."""
+    return float(top * np.linalg.norm(state[0]) + np.linalg.norm(state[1]))
+
+
+def _fastest(spring: ContactOperator, dashpot: ContactOperator) -> float:
+    """A bound of the rates of all modes, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
+    stiff, viscous = bound_of_spectrum(spring)[0], bound_of_spectrum(dashpot)[0]
+    if stiff <= 0:
+        raise InputError("the network has no stiffness; no wave goes through it")
+    return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))
+
+
+def _steps(corners: Floats, end: float, longest: float) -> Floats:
+    """Times, s, of the steps' ends: at each corner of the source's motion, evenly in between."""
+    inside = corners[(corners > 0) & (corners < end)]
+    marks = np.concatenate([[0.0], inside, [end]])
+    parts = [
+        np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1)[:-1]
+        for a, b in zip(marks[:-1], marks[1:], strict=True)
+    ]
+    return np.concatenate([*parts, [end]])
+
+
+def _polynomial(motion: Motion, start: float, length: float) -> Array:
+    """Coefficients (q,), m, of the motion in powers of the share of a step that has passed."""
+    at = chebyshev.chebpts1(DEGREE + 1)
+    values = motion.displacement(start + length * (at + 1) / 2)
+    if not values.any():
+        return np.zeros(1)
+    series = chebyshev.Chebyshev(chebyshev.chebfit(at, values, DEGREE), domain=[0, 1])
+    return series.convert(kind=np.polynomial.Polynomial).coef

@@ -1,0 +1,152 @@
+"""A wave from a plane inside a packing that is periodic in all directions.
+
+No wall can move there. Instead all contacts that cross a horizontal plane open by the motion d(t),
+along z or sideways: what lies above is pushed one way, what lies below the other, and nothing is
+pushed as a whole. Two equal waves leave the plane, up and down, and meet half a cell away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from modal.arguments import checked
+from modal.display import axes_of, quantity
+from modal.formats.arrays import Floats, Ints
+from modal.formats.hdf5 import InputError
+from modal.packing.layers import Layers
+from modal.packing.network import Network
+from modal.stiffness.contact_loads import loads
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.springs import contact_springs
+from modal.waves.propagate import carried
+from modal.waves.signals import DIRECTIONS
+from modal.waves.source import Motion, Pulse
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, repr=False)
+class PlaneWave:
+    """What a plane source sends: time (nt,) s, source_displacement (nt,) m, by which it opens.
+
+    layer_position (nl,), m, and layer_displacement (nt, nl), m, along `direction`: means over the
+    firmly held spheres of slabs; particle_displacement (nt, n), m; `height` of the plane, m.
+    """
+
+    time: Floats
+    source_displacement: Floats
+    layer_position: Floats
+    layer_displacement: Floats
+    particle_displacement: Floats
+    height: float
+    direction: str
+    products: int
+
+    def __repr__(self) -> str:
+        return (
+            f"<PlaneWave along {self.direction} from {quantity(self.height, 'm')}: "
+            f"{len(self.time)} times up to {quantity(float(self.time[-1]), 's')}>"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the layers' displacement over time and height; returns the Axes."""
+        ax = axes_of(ax)
+        motion = self.layer_displacement.T * 1e9
+        largest = float(abs(motion).max()) or 1.0
+        image = ax.pcolormesh(
+            self.time * 1e6, self.layer_position * 1e3, motion, cmap="RdBu_r", shading="nearest",
+            vmin=-largest, vmax=largest, rasterized=True,
+        )  # fmt: skip
+        ax.figure.colorbar(image, ax=ax, label=rf"$u_{self.direction}$, nm")
+        ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
+        return ax
+
+
+class _Spheres:
+    """Records all displacements along an axis."""
+
+    def __init__(self, network: Network, axis: int) -> None:
+        self.count, self._axis = network.n_particles, axis
+        self._per_root_mass = (1 / np.sqrt(mass_diagonal(network)))[axis::6].copy()
+
+    def observe(self, u: Floats, out: Floats) -> None:
+        """The displacements (n,) of the mass-scaled motion u (6n,)."""
+        np.multiply(u[self._axis :: 6], self._per_root_mass, out=out)
+
+
+def crossings(network: Network, height: float) -> Ints:
+    """Shape (m,): how often each contact crosses the plane at `height`, m, on its way up from i.
+
+    Negative on its way down; images of the plane a period away count alike.
+    """
+    start = network.position[network.particle_i, 2] - height
+    rise = (network.lever_i - network.lever_j)[:, 2]
+    period = network.cell_size[2]
+    return np.floor((start + rise) / period).astype(int) - np.floor(start / period).astype(int)
+
+
+@checked
+def propagate_from_plane(
+    network: Network,
+    duration: float,
+    height: float,
+    *,
+    direction: str = "z",
+    motion: Motion | None = None,
+    interval: float = 1e-6,
+    tolerance: float = 1e-9,
+) -> PlaneWave:
+    """The two waves that a plane at `height`, m, sends through a packing periodic along z.
+
+    It opens by `motion` along `direction`: z sends P-waves, x and y send S-waves; the other
+    arguments are those of `modal.propagate`. InputError for a packing with walls and for a plane
+    outside the cell.
+
+    >>> import modal
+    >>> crystal = modal.fcc(cells=(1, 1, 40), periodic_z=True)
+    >>> propagate_from_plane(crystal, 2e-5, crystal.length / 2).layer_displacement.shape
+    (21, 28)
+    """
+    if not (0 < interval <= duration < np.inf and 0 < tolerance < 1):
+        raise InputError(
+            "duration and interval must be positive, the interval no longer than the duration, "
+            "the tolerance between 0 and 1"
+        )
+    if direction not in DIRECTIONS:
+        raise InputError(f"direction {direction!r}: choose x, y or z")
+    if not network.cell_periodic[2]:
+        raise InputError("the packing is not periodic along z: its source wall sends the wave")
+    low, high = network.wall_position
+    if not low <= height <= high:
+        raise InputError(
+            f"a source at {height:g} m lies outside the cell, which reaches from {low:g} to "
+            f"{high:g} m"
+        )
+    axis = DIRECTIONS.index(direction)
+    motion = motion or Pulse()
+    opening = contact_springs(network)[:, :, axis] * crossings(network, height)[:, None]
+    # An opening pushes i, below, down: the other way than a pull on it.
+    push = -loads(network, opening[None])[0][:, 0]
+    if not push.any():
+        raise InputError(f"nothing resists an opening along {direction} at {height:g} m")
+    start = push / np.sqrt(mass_diagonal(network))
+    operator = ContactOperator(network, mass_scaled=True)
+    time, recorded, products, _ = carried(
+        operator, start, _Spheres(network, axis), motion, duration, interval, tolerance
+    )
+    layers = Layers(network)
+    return PlaneWave(
+        time,
+        motion.displacement(time),
+        layers.position,
+        np.array([layers.means(row) for row in recorded]),
+        recorded,
+        float(height),
+        direction,
+        products,
+    )

@@ -1,0 +1,83 @@
+"""Columns of the tangent of the present YADE scene, by central differences of YADE's own forces."""
+
+import numpy as np
+from yade import O, Vector3
+
+STEP = 5e-11
+"""h in m, and of a rotation h / radius: (h / overlap)^2 / 24 and eps radius / h are below 1e-8."""
+TIME_STEP = 1e-9
+"""s; only the product of velocity and time step enters the law."""
+NO_SLIDING = 1e6
+"""Coefficient of friction that no contact reaches."""
+
+
+class Scene:
+    """The present scene, every motion prescribed and sliding suppressed; `spheres` are ids."""
+
+    def __init__(self, spheres, radius):
+        self.index = {body: k for k, body in enumerate(spheres)}
+        self.radius = radius
+        O.dt = TIME_STEP
+        for body in O.bodies:
+            body.state.blockedDOFs = "xyzXYZ"
+            body.state.vel = body.state.angVel = Vector3(0, 0, 0)
+        self.contacts = {body.id: [] for body in O.bodies}
+        for contact in O.interactions:
+            if contact.isReal:
+                contact.phys.tangensOfFrictionAngle = NO_SLIDING
+                # A copy: the law turns the vector that it holds.
+                kept = (contact, Vector3(contact.phys.shearForce))
+                for body in (contact.id1, contact.id2):
+                    self.contacts[body].append(kept)
+        self.start = {body.id: Vector3(body.state.pos) for body in O.bodies}
+
+    def neighbours(self, p):
+        """The sphere and those that it touches, without walls."""
+        found = {p} | {k for c, _ in self.contacts[p] for k in (c.id1, c.id2) if k in self.index}
+        return sorted(found)
+
+    def loads(self, p, axis, step, bodies):
+        """Forces and torques (len(bodies), 6) with sphere p moved (axis 0-2) or turned (3-5).
+
+        The law sees the new place and the velocity that has led there. Back at rest its shear
+        forces are put as they were: they depend on the way.
+        """
+        state = O.bodies[p].state
+        way = np.zeros(3)
+        way[axis % 3] = step
+        if axis < 3:
+            state.pos = self.start[p] + Vector3(*way)
+            state.vel = (state.pos - self.start[p]) / TIME_STEP
+        else:
+            state.angVel = Vector3(*way) / TIME_STEP
+        O.step()
+        found = np.array([[*O.forces.f(k, sync=True), *O.forces.t(k, sync=True)] for k in bodies])
+        state.vel = state.angVel = Vector3(0, 0, 0)
+        state.pos = self.start[p]
+        O.step()
+        for contact, shear in self.contacts[p]:
+            contact.phys.shearForce = shear
+            if hasattr(contact.phys, "shearElastic"):
+                contact.phys.shearElastic = shear
+        return found
+
+    def columns(self, p):
+        """Rows, columns and values of the six columns of sphere p."""
+        bodies = self.neighbours(p)
+        numbers = np.array([self.index[body] for body in bodies])
+        rows = (6 * numbers[:, None] + np.arange(6)).ravel()
+        entries = []
+        for axis in range(6):
+            step = STEP if axis < 3 else STEP / self.radius
+            # Positions are rounded; this is how far apart the two places really are.
+            here = self.start[p][axis % 3]
+            apart = (here + step) - (here - step) if axis < 3 else 2 * step
+            change = self.loads(p, axis, step, bodies) - self.loads(p, axis, -step, bodies)
+            values = -change.ravel() / apart
+            entries.append((rows, np.full(len(rows), 6 * self.index[p] + axis), values))
+        return [np.concatenate(parts) for parts in zip(*entries, strict=True)]
+
+    def matrix(self):
+        """K, minus the forces per motion, as rows, columns and values; N/m, N, N m."""
+        parts = [self.columns(p) for p in self.index]
+        return [np.concatenate(values) for values in zip(*parts, strict=True)]
