@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.belonging import cases_of
-from analysis.case import Case
+from analysis.case import Case, case_name
+from analysis.convergence import limits_table, read_rows, settings_table, twins_table
 from analysis.crystal import compare, comparison_table, stress_rows
+from analysis.elastic import table as elastic_table
 from analysis.estimators.power_law import power_law
 from analysis.estimators.trial import trial
 from analysis.figures import FIGURES, draw
 from analysis.figures.picture import read_picture
+from analysis.figures.preparation import ladder_pictures
 from analysis.figures.render import save
 from analysis.measures import Measures
-from analysis.prepare import prepare
+from analysis.packing_state import measured
+from analysis.prepare import KINDS, prepare
 from analysis.report import report as write_report
 from analysis.samples import table
-from analysis.status import status_table
+from analysis.status import stale_files, status_table
 from analysis.study import tables
-from modal.formats.hdf5 import InputError
+from analysis.watch import watch_page
+from analysis.whole import study
+from modal.cli.options import Parser
+from modal.formats.hdf5 import InputError, write_text
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing.network_file import read_network
 from modal.waves.signals import read_signals
@@ -40,17 +47,28 @@ COMPARED = (
     "mode_shapes",
 )
 """Figures of `compare`, one of each for every case."""
+EXAMPLES = {
+    "report": "report 2 6 -o pages",
+    "compare": "compare 2 -o pages",
+    "figure": "figure dispersion 2 -o pages",
+    "prepare": "prepare 6 --kind response",
+    "status": "status --products products",
+    "study": "study --products products -o study",
+    "elastic": "elastic results/samples/case06.sample.h5",
+    "samples": "samples results/samples/case05.sample.h5 results/samples/case06.sample.h5",
+    "packing": "packing mine.sample.h5",
+    "convergence": "convergence products/convergence -o tables",
+    "estimators": "estimators -o estimators.md",
+    "agreement": "agreement case02.network.h5 case02.signals.h5 -o agreement.md",
+    "watch": "watch mine.signals.h5 mine.network.h5 -o wave.html",
+}
+"""What the help of each command ends in."""
 CASE = "a case of --products by name, as 2; or files: a NETWORK and what was made from it"
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
-
-
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="python -m analysis", description="Compare theory, modes and YADE")
-    commands = parser.add_subparsers(dest="command", required=True, parser_class=_Parser)
+    parser = Parser(prog="python -m analysis", description="Compare theory, modes and YADE")
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=Parser)
 
     def command(name: str, text: str) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)
@@ -66,13 +84,36 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("case", nargs=count, metavar="CASE", help=CASE)
         sub.add_argument("-o", "--output", default="products", metavar="DIR", help="to write to")
     text = "what a report needs beside the run's products: gain, density of states, ridge"
-    command("prepare", text).add_argument("case", nargs="+", metavar="CASE", help=CASE)
+    prepared = command("prepare", text)
+    prepared.add_argument("case", nargs="+", metavar="CASE", help=CASE)
+    prepared.add_argument("--kind", nargs="+", choices=KINDS, default=KINDS, help="only these")
     status = command("status", "which cases have which products, and which are stale and why")
     status.add_argument("--cases", default="cases", metavar="DIR", help="tables of the cases")
+    status.add_argument("--stale", nargs="+", metavar="CASE", help="names of stale files alone")
+    whole = command("study", "all cases of a folder: every table and figure, targets, one page")
+    whole.add_argument("-o", "--output", default="results/study", metavar="DIR", help="to write to")
+    whole.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="cases at a time")
+    text = "folders with the same cases of other seeds: the scatter of samples"
+    whole.add_argument("--seeds", nargs="+", default=[], metavar="DIR", help=text)
+    text = "folders with states at 1 kPa, besides --products"
+    whole.add_argument("--states", nargs="+", default=["results/samples"], metavar="DIR", help=text)
+    text = "elastic moduli of packings, V_P and V_S by moduli, modes and the linear wave"
+    elastic = commands.add_parser("elastic", help=text, description=text)
+    elastic.add_argument("packing", nargs="+", metavar="FILE", help="network or sample")
+    elastic.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
     text = "table of compact samples: density, contacts, stresses, balance"
     samples = commands.add_parser("samples", help=text, description=text)
     samples.add_argument("sample", nargs="+", metavar="FILE", help="*.sample.h5")
     samples.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
+    text = "numbers of one packing that its preparation decides, as JSON"
+    state = commands.add_parser("packing", help=text, description=text)
+    state.add_argument("sample", metavar="FILE", help="*.sample.h5, at rest")
+    state.add_argument("-o", "--output", metavar="FILE", help="write them, *.json")
+    text = "what the settings of a compression change, from packings of several seeds"
+    converged = commands.add_parser("convergence", help=text, description=text)
+    converged.add_argument("folder", help="of workflow/convergence.smk")
+    converged.add_argument("--table", default="cases/convergence.table", metavar="FILE")
+    converged.add_argument("-o", "--output", required=True, metavar="DIR", help="to write to")
     text = "bias and scatter of every estimator on signals of known answer"
     tried = commands.add_parser("estimators", help=text, description=text)
     tried.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
@@ -84,6 +125,15 @@ def _parser() -> argparse.ArgumentParser:
         agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
     agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")
     agree.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
+    text = "a wave or modes in three dimensions: one HTML page that opens without a network"
+    watched = commands.add_parser("watch", help=text, description=text)
+    watched.add_argument("product", metavar="FILE", help="*.signals.h5 or *.modes.h5")
+    watched.add_argument("packing", nargs="?", help="what it was made from; the one beside it")
+    watched.add_argument("--frames", type=int, metavar="N", help="times of a wave; 100 or more")
+    watched.add_argument("--modes", type=int, nargs="+", metavar="K", help="which, from 1; all")
+    watched.add_argument("-o", "--output", required=True, metavar="FILE", help="*.html")
+    for name, sub in commands.choices.items():
+        sub.example = EXAMPLES[name]
     return parser
 
 
@@ -159,6 +209,27 @@ def _report(cases: list[Measures], output: Path, argv: list[str]) -> None:
     print(write_report(cases, output, ["python", "-m", "analysis", *argv])[0])
 
 
+def _study(arguments: argparse.Namespace, argv: list[str]) -> None:
+    if arguments.jobs < 1:
+        raise InputError(f"-j {arguments.jobs}: at least one case at a time")
+    folder, output = Path(arguments.products), Path(arguments.output)
+    for path in (folder, *map(Path, arguments.seeds)):
+        if not path.is_dir():
+            raise InputError(f"{path}: no such folder; give --products DIR")
+    try:
+        page = study(
+            folder,
+            output,
+            ["python", "-m", "analysis", *argv],
+            jobs=arguments.jobs,
+            seeds=[Path(text) for text in arguments.seeds],
+            states=[Path(text) for text in arguments.states],
+        )
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
+    print(page)
+
+
 def _agreement(arguments: argparse.Namespace) -> None:
     network, run = read_network(arguments.network), read_signals(arguments.signals)
     within = np.inf
@@ -177,10 +248,20 @@ def _agreement(arguments: argparse.Namespace) -> None:
     _show("\n".join(table_.markdown() for table_ in found), arguments.output)
 
 
+def _convergence(arguments: argparse.Namespace) -> None:
+    rows, output = read_rows(arguments.folder, arguments.table), Path(arguments.output)
+    output.mkdir(parents=True, exist_ok=True)
+    tables = {"settings": settings_table, "limits": limits_table, "twins": twins_table}
+    paths = [path for name, of in tables.items() for path in of(rows).write(output / name)]
+    for name, picture in ladder_pictures(rows).items():
+        paths += save(picture, output / name)
+    print("\n".join(str(path) for path in paths))
+
+
 def _show(text: str, output: str | None) -> None:
     print(text, end="")
     if output:
-        Path(output).write_text(text)
+        write_text(output, text)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -191,13 +272,37 @@ def main(argv: list[str] | None = None) -> int:
             folder = Path(arguments.products)
             if not folder.is_dir():
                 raise InputError(f"{folder}: no such folder; give --products DIR")
-            print(status_table(folder, Path(arguments.cases)))
+            tables_ = Path(arguments.cases)
+            if arguments.stale:
+                names = [case_name(text) for text in arguments.stale]
+                print("".join(f"{path}\n" for path in stale_files(folder, tables_, names)), end="")
+            else:
+                print(status_table(folder, tables_))
             return 0
         if arguments.command == "agreement":
             _agreement(arguments)
             return 0
+        if arguments.command == "study":
+            _study(arguments, argv or sys.argv[1:])
+            return 0
         if arguments.command == "estimators":
             _show("\n".join(f"{t.title}:\n\n{t.markdown()}" for t in trial()), arguments.output)
+            return 0
+        if arguments.command == "watch":
+            asked = (arguments.packing, arguments.frames, arguments.modes)
+            for note in watch_page(arguments.product, arguments.output, *asked):
+                print(f"note: {note}", file=sys.stderr)
+            print(arguments.output)
+            return 0
+        if arguments.command == "packing":
+            _show(json.dumps(measured(arguments.sample)) + "\n", arguments.output)
+            return 0
+        if arguments.command == "convergence":
+            _convergence(arguments)
+            return 0
+        if arguments.command == "elastic":
+            found = elastic_table(arguments.packing)
+            _show(found.markdown(), arguments.output)
             return 0
         if arguments.command == "samples":
             _show(table(arguments.sample), arguments.output)
@@ -205,7 +310,7 @@ def main(argv: list[str] | None = None) -> int:
         cases = cases_of(arguments.case, arguments.products)
         if arguments.command == "prepare":
             for case in cases:
-                print("".join(f"{path}\n" for path in prepare(case)), end="")
+                print("".join(f"{path}\n" for path in prepare(case, arguments.kind)), end="")
             return 0
         for case in cases:
             case.check()

@@ -9,6 +9,7 @@ displacements are divided by the amplitude of the source; differences are relati
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -129,7 +130,7 @@ class Agreement:
         """The linear wave at the run's times, with its time step or exact in time."""
         pulse = Pulse(1.0, self.run.input_frequency)
         duration, interval = float(self.run.time[-1]), self.run.time_step * self.every
-        settings = {"motion": pulse, "pre_stress": pre_stress, "particles": True}
+        settings: dict[str, Any] = {"motion": pulse, "pre_stress": pre_stress, "particles": True}
         if exact_in_time:
             wave = propagate(self.network, duration, interval=interval, **settings).signals
         else:
@@ -244,7 +245,7 @@ def report(pair: Agreement, **others: Signals) -> list[Table]:
     bands = np.append(np.arange(0, min(top, 2.5e5), 2.5e4), min(top, 2.5e5))
     order = np.argsort(position)
     spectra = [getattr(motion, field)[:, order] for motion in (found, linear)]
-    rows = by_frequency(*spectra, pair.run.time, position[order], bands)
+    rows = by_frequency(spectra[0], spectra[1], pair.run.time, position[order], bands)
     of_frequency = Table(
         "The difference over frequency",
         ["band, kHz", "share of the energy %", f"difference in f-k ({field}) %"],

@@ -11,6 +11,7 @@ from modal.formats.hdf5 import InputError, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY
 from modal.modes.mode_set import SCHEMA as MODES
+from modal.modes.mode_set import Choice
 from modal.packing.network_file import SCHEMA as NETWORK
 from modal.packing.sample import SCHEMA as SAMPLE
 from modal.waves.response import SCHEMA as RESPONSE
@@ -66,17 +67,17 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
 
 
 def kind_of(path: str | Path) -> str:
-    """The kind of product that a file is, by its schema; of modes also by their interval."""
+    """The kind of product that a file is, by its schema; of modes also by which were asked for."""
     with open_h5(path) as file:
-        schema, interval = (_text(file.attrs.get(name, "")) for name in ("schema", "interval"))
+        schema = _text(file.attrs.get("schema", ""))
+        choice = Choice.of_attributes(dict(file.attrs)) if schema == MODES else Choice("all")
     if schema == MODES:
         settings = read_provenance(path).settings or {}
         if settings.get("translations_only", str(path).endswith(".translations.modes.h5")):
             return "translations.modes"
-        if interval.startswith("highest"):
+        if choice.kind == "highest":
             return "highest.modes"
-        low = interval.split(" ")[0]
-        return "band.modes" if low[:1].isdigit() and float(low) > 0 else "modes"
+        return "band.modes" if choice.low > 0 else "modes"
     if schema not in KIND_OF:
         raise InputError(f"{path}: schema is {schema!r}, of no product that a report reads")
     return KIND_OF[schema]

@@ -15,22 +15,23 @@ from analysis.estimators.low_pass import RECORD
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.paper import matching_case
 from analysis.settled import MARK, why_unsettled
-from modal.formats.hdf5 import InputError, get, open_h5
+from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Source, packing_of, require_same_packing
-from modal.modes.density import SCHEMA as DENSITY_SCHEMA
-from modal.modes.density import VERSION as DENSITY_VERSION
+from modal.modes.density import read_density
 from modal.modes.mode_set import ModeSet, read_modes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
 from modal.waves.propagate import propagate
-from modal.waves.response import SCHEMA as RESPONSE_SCHEMA
-from modal.waves.response import VERSION as RESPONSE_VERSION
+from modal.waves.response import Response, read_response
 from modal.waves.signals import Signals, read_signals
 from modal.waves.source import Pulse
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
-EXTRA_KINDS = ("sample", "highest.modes", "band.modes", "structure", "density", "response")
+EXTRA_KINDS = (
+    *("sample", "highest.modes", "band.modes"),
+    *("linear.signals", "structure", "density", "response"),
+)
 """Read where they are there: compact sample, highest modes, those of a band, what names say."""
 
 
@@ -155,26 +156,28 @@ class Case:
         """Why its state does not count as settled; empty where it does."""
         return why_unsettled(self.network, np.nan if self.is_crystal else self.stress)
 
+    def _modes(self, kind: str) -> ModeSet | None:
+        return read_modes(self.product(kind)) if self.has(kind) else None
+
     @cached_property
     def modes(self) -> ModeSet | None:
         """Modes with rotations."""
-        return read_modes(self.product("modes")) if self.has("modes") else None
+        return self._modes("modes")
 
     @cached_property
     def translations(self) -> ModeSet | None:
         """Modes without rotations."""
-        kind = "translations.modes"
-        return read_modes(self.product(kind)) if self.has(kind) else None
+        return self._modes("translations.modes")
 
     @cached_property
     def band(self) -> ModeSet | None:
         """Modes of a band of higher frequencies, for chi_z."""
-        return read_modes(self.product("band.modes")) if self.has("band.modes") else None
+        return self._modes("band.modes")
 
     @cached_property
     def highest(self) -> ModeSet | None:
         """The highest modes, from which a run's time step was taken."""
-        return read_modes(self.product("highest.modes")) if self.has("highest.modes") else None
+        return self._modes("highest.modes")
 
     @cached_property
     def signals(self) -> Signals | None:
@@ -190,7 +193,8 @@ class Case:
         if books is not None and not books.kept:
             self.notes.append(
                 f"{self.path('signals')}: the energy drifts by {books.drift:.1e}, limit "
-                f"{books.limit:.1e}, although nothing slid; do not trust this run"
+                f"{books.limit:.1e}, and {books.gap:.1e} of the source wall's work is not "
+                "accounted for; do not trust this run"
             )
         if signals.chain_particle.max() >= self.network.n_particles:
             raise InputError(f"{self.path('signals')}: its chain leaves the network; run it again")
@@ -204,22 +208,12 @@ class Case:
     @cached_property
     def density(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Frequency (Hz), modes per Hz and modes below, of the whole spectrum; zero modes in it."""
-        if not self.has("density"):
-            return None
-        with open_h5(self.product("density"), DENSITY_SCHEMA, DENSITY_VERSION) as file:
-            frequency = get(file, "frequency", "f", (None,))
-            density = get(file, "all/density", "f", frequency.shape)
-            return frequency, density, get(file, "all/count_below", "f", frequency.shape)
+        return read_density(self.product("density")) if self.has("density") else None
 
     @cached_property
-    def response(self) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """Frequency (Hz), gain and resolution (Hz) from `python -m modal response`."""
-        if not self.has("response"):
-            return None
-        with open_h5(self.product("response"), RESPONSE_SCHEMA, RESPONSE_VERSION) as file:
-            frequency = get(file, "frequency", "f", (None,))
-            gain = get(file, "gain", "f", frequency.shape)
-            return frequency, gain, float(file.attrs["resolution"])
+    def response(self) -> Response | None:
+        """Gain over frequency, from `python -m modal response`."""
+        return read_response(self.product("response")) if self.has("response") else None
 
     @cached_property
     def passage(self) -> float:
@@ -263,9 +257,10 @@ class Case:
         (`modal.stiffness.pre_stress`) adds what the contacts' forces do.
         """
         recorded, motion, interval = self.signals, self._motion, 0.1 / self._motion.frequency
-        duration = self.network.length / self.lattice.velocity
         if recorded is not None:
             duration, interval = float(recorded.time[-1]), float(recorded.time[1])
+        else:
+            duration = self.network.length / self.lattice.velocity
         wave = propagate(
             self.network, duration, motion=motion, interval=interval, pre_stress=pre_stress
         )

@@ -14,7 +14,14 @@ import numpy as np
 from analysis.case import Case
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.layer_lattice import exact_twin, lattice_signals
-from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves, wavelength
+from analysis.estimators.low_pass import (
+    REACH,
+    STRETCH,
+    at_stretch,
+    spectra,
+    threshold_curves,
+    wavelength,
+)
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.ridge import ridge
 from analysis.estimators.transfer import (
@@ -174,20 +181,21 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
         put("arrival", "V_P, 5 % arrival, middle half", "m/s", biased, **{column: arrival})
         time, u = record.time, record.chain_displacement
         highest = REACH[True] * lattice.velocity / case.diameter
-        distance, reach = record.chain_position - origin, (1 - FADE) * time[-1] * lattice.velocity
-        curves = threshold_curves(time, u, (0.02, 0.01), highest)
-        for percent, values in zip((2, 1), curves, strict=True):
+        distance = record.chain_position - origin
+        curves = threshold_curves(*spectra(time, u, highest))
+        for percent, values in zip((2, 1), curves, strict=False):
             key, text = f"threshold_{percent}", f"f_low-pass, {percent} % rule"
-            found = plateau(distance, values, reach, length, case.diameter).value
-            put(key, f"{text}, plateau", "kHz", biased, **{column: found / 1e3})
+            found = at_stretch(distance, values, length, STRETCH[True]).value
+            at = "at {:g}-{:g} % of the length".format(*(100 * part for part in STRETCH[True]))
+            put(key, f"{text}, {at}", "kHz", biased, **{column: found / 1e3})
             for layer in (100, 150):
                 if layer < len(values):
-                    at, value = f"{text}, layer {layer}", {column: values[layer] / 1e3}
-                    put(f"{key}_{layer}", at, "kHz", biased, **value)
+                    at, here = f"{text}, layer {layer}", {column: values[layer] / 1e3}
+                    put(f"{key}_{layer}", at, "kHz", biased, **here)
         walls = wall_velocity(record, length)
         if walls is not None:
-            value = at_frequency(walls[0], walls[1], 5e4)
-            put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: value})
+            speed = at_frequency(walls[0], walls[1], 5e4)
+            put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: speed})
 
 
 def _gain_rows(case: Case, put) -> None:
@@ -195,7 +203,7 @@ def _gain_rows(case: Case, put) -> None:
     duration = TRAVELS * passage
     time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
     records = {"theory": lattice_signals(case.lattice, time), "yade": case.signals}
-    gains = {name: r and gain_factor(r, duration) for name, r in records.items()}
+    gains = {name: gain_factor(r, duration) if r else None for name, r in records.items()}
     for column, found in ({"linear": network_gain(case.network, passage)} | gains).items():
         if found is not None:
             same = found.undamped(passage)
@@ -216,7 +224,7 @@ def stress_rows(cases: list[Case]) -> dict[str, np.ndarray]:
         if not float(case.network.study.get("stress", 0)) > 0:
             raise InputError(f"{case.path('network')}: study has no stress; export it again")
     columns = {"stress_Pa": np.array([float(case.network.study["stress"]) for case in cases])}
-    table = {"theory": [], "modal": [], "yade": []}
+    table: dict[str, list[tuple[float, float]]] = {"theory": [], "modal": [], "yade": []}
     for case in cases:
         lattice, modes = case.lattice, case.modes
         table["theory"].append((lattice.velocity, lattice.low_pass_frequency))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def _translations(m: Measures) -> float:
     return np.nan if only is None else only.frequency[-1] / m.case.lattice.low_pass_frequency
 
 
-def _largest_chi(m: Measures, low: float, high: float, chain: bool) -> tuple[float, str]:
+def largest_chi(m: Measures, low: float, high: float, chain: bool) -> tuple[float, str]:
     """Largest chi_z, of the chain as in the paper or of all, and of which modes between two Hz."""
     sets = [modes for modes in (m.case.modes, m.case.band) if modes is not None]
     if not sets:
@@ -77,8 +78,10 @@ SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
     ("threshold_2", "f_low-pass, unbiased, YADE, kHz", lambda m: m.yade_band_edge / 1e3),
     ("lambda_edge", "lambda / D at the band edge, linear", lambda m: m.edge_wavelength[0]),
     ("lambda_edge", "lambda / D at the band edge, YADE", lambda m: m.edge_wavelength[1]),
-    ("lambda_over_d", "lambda_low-pass / D, 2 %", lambda m: m.low_pass_wavelength(0)),
-    ("lambda_over_d_1", "lambda_low-pass / D, 1 %", lambda m: m.low_pass_wavelength(1)),
+    ("lambda_over_d", "lambda_low-pass / D, 2 %, YADE", lambda m: m.yade_wavelength(0)),
+    ("lambda_over_d", "lambda_low-pass / D, 2 %, linear", lambda m: m.low_pass_wavelength(0)),
+    ("lambda_over_d_1", "lambda_low-pass / D, 1 %, YADE", lambda m: m.yade_wavelength(1)),
+    ("lambda_over_d_1", "lambda_low-pass / D, 1 %, linear", lambda m: m.low_pass_wavelength(1)),
     ("translations_only", "f_max without rotations / f_low-pass", _translations),
 )
 """Id in `analysis.paper`, heading, and how it is measured."""
@@ -89,16 +92,16 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
     rows = []
     for m in cases:
         for key, head, measure in SINGLE:
-            row = _row(m.case.label, key, head, m.case.paper_case, lambda f=measure, m=m: f(m))
+            row = _row(m.case.label, key, head, m.case.paper_case, partial(measure, m))
             if row is None or ("YADE" in head and m.case.signals is None):
                 continue
             if "unbiased" in head and not m.case.is_crystal:
                 continue
             rows.append(row)
         for key, which, low, high in CHI:
-            value, seen = _largest_chi(m, low, high, which.endswith("chain"))
+            value, seen = largest_chi(m, low, high, which.endswith("chain"))
             head = f"largest chi_z {which}" + (f" ({seen})" if seen else "")
-            row = _row(m.case.label, key, head, m.case.paper_case, lambda v=value: v)
+            row = _row(m.case.label, key, head, m.case.paper_case, partial(float, value))
             rows += [row] if row else []
         limits = stated_range("gain_maximum", m.case.paper_case)
         if limits is not None and m.gain_height:
@@ -119,9 +122,9 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
             edges = np.array([edge(m) for m in members])
             text = f"exponent of V_P against stress, {producer}"
             of_stress, of_edges = power_law(stress, peaks), power_law(peaks, edges)
-            rows.append(_row(name, "exponent", text, case, lambda law=of_stress: law.exponent))
+            rows.append(_row(name, "exponent", text, case, partial(getattr, of_stress, "exponent")))
             text = f"slope of f_low-pass over V_P, logarithms, {producer}"
-            rows.append(_row(name, "slope", text, case, lambda law=of_edges: law.exponent))
+            rows.append(_row(name, "slope", text, case, partial(getattr, of_edges, "exponent")))
     rows = [row for row in rows if row]
     return rows + _spread(cases)
 
@@ -152,7 +155,7 @@ def _spread(cases: list[Measures]) -> list[list[str]]:
         text = f"{m.case.stress / 1e3:g} kPa, {len(same)} cases"
         spread = 100 * (max(top) / min(top) - 1)
         row = _row(
-            text, "f_max_spread", "spread of f_max, %", m.case.paper_case, lambda s=spread: s
+            text, "f_max_spread", "spread of f_max, %", m.case.paper_case, partial(float, spread)
         )
         if row:
             rows.append(row)

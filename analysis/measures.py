@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from analysis.case import Case
+from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.coherent import Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion, mode_dispersion
 from analysis.estimators.effective_medium import of_contacts, of_means
-from analysis.estimators.low_pass import Passband, Plateau
-from analysis.estimators.resonances import Standing, standing_modes
+from analysis.estimators.low_pass import Edge, Passband, columns_of
+from analysis.estimators.resonances import (
+    Standing,
+    fitted_wavenumbers,
+    long_wave_velocity,
+    standing_modes,
+)
 from analysis.estimators.ridge import Ridge, ridge
+from analysis.estimators.scattering import Scattering
 from analysis.estimators.transfer import Gain, at_frequency, network_gain, wall_velocity
 from analysis.estimators.travel_time import (
     first_peak_times,
@@ -46,6 +54,8 @@ class Measures:
 
     def __init__(self, case: Case) -> None:
         self.case = case
+        self.row: Any = None
+        """What `analysis.rows` has measured of it."""
 
     @cached_property
     def void_ratio(self) -> float:
@@ -95,9 +105,7 @@ class Measures:
         )
         known = np.isfinite(times)
         bearing, distance, times = bearing[known], distance[known], times[known]
-        cells = np.maximum(1, (network.cell_size[:2] / case.diameter).astype(int))
-        place = (network.position[bearing, :2] / network.cell_size[:2] % 1 * cells).astype(int)
-        column = place[:, 0] * cells[1] + place[:, 1]
+        column = columns_of(network, bearing)
         members = [np.flatnonzero(column == c) for c in np.unique(column)]
         speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
         if not speeds:
@@ -109,6 +117,21 @@ class Measures:
         record = self.case.signals
         books = None if record is None else record.balance
         return np.nan if books is None else float(getattr(books, name))
+
+    @cached_property
+    def off_linear(self) -> float:
+        """YADE less the linear wave at its own times, relative L2: layers' means, or a chain's.
+
+        Over the whole record; NaN without a run.
+        """
+        run = self.case.signals
+        if run is None:
+            return np.nan
+        linear = self.case.linear()
+        seen, wanted = run.layer_displacement, linear.layer_displacement
+        if self.case.is_crystal or seen is None or wanted is None:
+            seen, wanted = run.chain_displacement, linear.chain_displacement
+        return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
 
     @cached_property
     def coherent(self) -> Coherent:
@@ -187,33 +210,54 @@ class Measures:
 
     @cached_property
     def resonances(self) -> tuple[np.ndarray, np.ndarray]:
-        """f_r (Hz), kappa_r (1/m): pure modes of a crystal, else the structure factor's ridge.
+        """f_r (Hz), kappa_r (1/m, Eq. 4): pure modes of a crystal, else those that bear the waves.
 
-        Without a structure factor, the modes with the largest shares of the standing waves.
+        Beyond the modes that can be told, and without their shapes, the structure factor's ridge.
         """
         modes, structure = self.case.modes, self.case.structure
         if modes is not None and modes.resonance_frequency is not None and self.case.is_crystal:
             return modes.resonance_frequency, modes.resonance_wavenumber
+        own = np.empty(0) if self.standing is None else self.standing.frequency
         if structure is not None:
-            return structure.ridge()[0], structure.wavenumber
-        if self.standing is not None:
-            f = self.standing.frequency
-            return f, np.pi * np.arange(1, len(f) + 1) / self.case.network.length
-        return np.empty(0), np.empty(0)
+            f = structure.ridge()[0]
+            known = structure.order <= len(own)
+            f[known] = own[structure.order[known] - 1]
+            return f, structure.wavenumber
+        return own, np.pi * np.arange(1, len(own) + 1) / self.case.network.length
+
+    @cached_property
+    def first_resonance(self) -> float:
+        """f_1, Hz, of the first P resonance: of its mode, else V_P / 2 L of the long waves."""
+        f = self.resonances[0]
+        return float(f[0]) if len(f) else 0.5 / self.passage
+
+    @cached_property
+    def modal_first(self) -> float:
+        """V_P, m/s, of the first resonance by Eqs. 3 and 4: 2 L f_1; NaN without modes."""
+        f = self.resonances[0]
+        return 2 * self.case.network.length * float(f[0]) if len(f) else np.nan
 
     @cached_property
     def modal(self) -> Estimate:
-        """V_P, m/s: slope of the modes' omega = V kappa (1 + b kappa^2), r = 2 ... 10."""
-        f, kappa = self.resonances
-        modes = self.case.modes
-        if self.case.is_crystal and modes is not None and modes.resonance_shape is not None:
-            chain = self.case.lattice
-            return Estimate(mode_dispersion(f, modes.resonance_shape, chain.distance).velocity)
-        if len(f) < LOW_ORDER:
+        """V_P, m/s, of the modes' wave numbers by Eq. 4, from omega = V kappa (1 + b kappa^2)."""
+        return Estimate(*long_wave_velocity(*self.resonances))
+
+    @cached_property
+    def modal_fitted(self) -> Estimate:
+        """V_P, m/s, of wave numbers that are fitted to the modes' shapes."""
+        modes, network = self.case.modes, self.case.network
+        if modes is None:
             return Estimate(np.nan)
-        part = slice(1, LOW_ORDER)
-        fit, spread = np.polyfit(kappa[part] ** 2, 2 * np.pi * f[part] / kappa[part], 1, cov=True)
-        return Estimate(float(fit[1]), float(np.sqrt(spread[1, 1])))
+        if self.case.is_crystal and modes.resonance_shape is not None:
+            f, distance = self.resonances[0], self.case.lattice.distance
+            return Estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
+        if self.standing is None:
+            return Estimate(np.nan)
+        bearing = force_bearing(network)
+        depth = network.position[bearing, 2] - network.wall_position[0]
+        rows = self.standing.row[:LOW_ORDER]
+        kappa = fitted_wavenumbers(modes.mode_shape[rows][:, bearing, 2], depth, network.length)
+        return Estimate(*long_wave_velocity(self.standing.frequency[:LOW_ORDER], kappa))
 
     @cached_property
     def effective(self) -> tuple[float, float]:
@@ -232,13 +276,12 @@ class Measures:
             case.wave,
             case.signals,
             velocity=self.long_wave.value,
-            passage=case.passage,
             crystal=case.is_crystal,
         )
 
     @cached_property
-    def low_pass(self) -> list[Plateau]:
-        """f_low-pass, Hz, by the 2 %, 1 %, ... rule: the layers' plateau, linear wave."""
+    def low_pass(self) -> list[Edge]:
+        """f_low-pass, Hz, by the 2 %, 1 %, ... rule of the paper on the linear wave."""
         return self.passband.low_pass
 
     @property
@@ -278,27 +321,38 @@ class Measures:
         dem = np.nan if run is None else ridge(run).edge_wavelength
         return self.ridge.edge_wavelength / self.case.diameter, dem / self.case.diameter
 
-    def wavelength_at(self, frequency: float) -> float:
-        """Wavelength, m, of the coherent wave at a frequency, Hz.
+    def wavelength_at(self, frequency: float, record: Signals | None = None) -> float:
+        """Wavelength, m, along the chain of a record (the linear wave's) at a frequency, Hz.
 
-        Where its wave number is no longer measured, from the structure factor's ridge. NaN beyond
-        the band edge of a crystal.
+        From the record as the threshold rule cuts it. Of a crystal from its ridge; NaN beyond the
+        band edge, where no wave travels.
         """
+        record = record or self.case.wave
         if self.case.is_crystal:
-            return self.ridge.wavelength(frequency)
-        kappa = self.coherent.at(frequency, self.coherent.wavenumber)
-        f, wavenumber = self.resonances
-        rising = np.maximum.accumulate(f) == f if len(f) else np.zeros(0, bool)
-        if not np.isfinite(kappa) and rising.sum() > 1:
-            kappa = float(np.interp(frequency, f[rising], wavenumber[rising], right=np.nan))
+            return (self.ridge if record is self.case.wave else ridge(record)).wavelength(frequency)
+        kappa = chain_wavenumber(
+            record,
+            frequency,
+            self.case.network.length,
+            velocity=self.long_wave.value,
+            end=self.passband.end(record, self.passband.common),
+            part=force_bearing(self.case.network)[record.chain_particle],
+        )
         return 2 * np.pi / kappa
 
     def low_pass_wavelength(self, rule: int) -> float:
-        """lambda / D at the frequency of a rule, in the order of `THRESHOLDS`.
+        """lambda / D of the linear wave at the frequency of a rule, in the order of `THRESHOLDS`.
 
         NaN where that frequency lies beyond the band edge of a crystal, as the rule's may.
         """
         return self.wavelength_at(self.low_pass[rule].value) / self.case.diameter
+
+    def yade_wavelength(self, rule: int) -> float:
+        """The same of the YADE run, at its own frequency; NaN where there is none."""
+        if self.case.signals is None:
+            return np.nan
+        frequency = self.passband.of_yade[rule].value
+        return self.wavelength_at(frequency, self.case.signals) / self.case.diameter
 
     @cached_property
     def f_max(self) -> float:
@@ -312,31 +366,49 @@ class Measures:
         return float(found.frequency[-1])
 
     @cached_property
-    def free_path(self) -> float:
-        """Mean free path V_P / (2 pi width) of the coherent wave at f_low-pass, 2 %, in diameters.
-
-        From the full width of the structure factor's ridge, the rate at which disorder scatters.
-        """
+    def scattering(self) -> Scattering | None:
+        """Width of the structure factor's ridge over frequency; None without one."""
         if self.case.structure is None:
+            return None
+        return Scattering.of(self.case.structure, self.long_wave.value, self.case.diameter)
+
+    @cached_property
+    def free_path(self) -> float:
+        """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters."""
+        if self.scattering is None:
             return np.nan
-        peak, width = self.case.structure.ridge()
-        known = np.isfinite(width) & (np.maximum.accumulate(np.nan_to_num(peak)) == peak)
-        if known.sum() < 2:
-            return np.nan
-        at = np.interp(self.low_pass[0].value, peak[known], width[known], np.nan, np.nan)
-        return self.long_wave.value / (2 * np.pi * at) / self.case.diameter
+        return self.scattering.free_path(self.low_pass[0].value)
 
     @cached_property
     def gain(self) -> Gain:
         """Gain factor from the response file, else of the springs at the same resolution."""
-        if self.case.response is not None:
-            return Gain(*self.case.response)
+        found = self.case.response
+        if found is not None:
+            return Gain(found.frequency, found.gain, found.resolution)
         return network_gain(self.case.network, self.case.passage)
 
     @cached_property
     def gain_place(self) -> float:
         """Frequency of the gain's first maximum, in f_1 = V_P / 2 L."""
         return self.gain.first_maximum()[0] * 2 * self.passage
+
+    @cached_property
+    def gain_orders(self) -> tuple[np.ndarray, np.ndarray]:
+        """The gain's maxima (k,) as orders of two columns: f = r f_1, both walls held, and r - 1/2.
+
+        Each maximum is looked up among the measured resonances r f_1, which bend with dispersion:
+        the first is the order r at which a standing wave has its frequency, by interpolation; the
+        second what is expected where the source wall is free of stress, 1/2, 3/2, ...
+        """
+        f, (f_r, kappa) = self.gain.maxima(), self.resonances
+        if np.isfinite(self.low_pass[0].value):  # beyond it the walls hear no common wave
+            f = f[f < self.low_pass[0].value]
+        expected = np.arange(len(f)) + 0.5
+        rising = np.isfinite(f_r) & (np.maximum.accumulate(np.nan_to_num(f_r)) == f_r)
+        if rising.sum() < 2:
+            return f / self.first_resonance, expected
+        order = np.append(0.0, kappa[rising] * self.case.network.length / np.pi)
+        return np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan), expected
 
     @property
     def passage(self) -> float:

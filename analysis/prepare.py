@@ -6,6 +6,7 @@ report should.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +20,26 @@ from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.waves.response import frequency_response, write_response
 
+KINDS = "response", "density", "structure"
 RESOLUTION, DENSITY_RESOLUTION = 1e3, 2e3
 """Hz, of the structure factor and of the density of states."""
 DENSITY_TOLERANCE = 1e-3
 """Standard error of a count in parts of all modes."""
 
 
-def prepare(case: Case) -> list[Path]:
+def prepare(case: Case, kinds: Sequence[str] = KINDS) -> list[Path]:
     """Make what is missing or stale: the gain, and for a random case density and structure factor.
 
-    Says of what is stale which setting or source has changed; returns what was made.
+    Of `kinds` alone. Says of what is stale which setting or source has changed; returns what was
+    made.
     """
     network, digest, made = case.network, case.packing[0].sha256, []
     what = case.short.removeprefix("case ") if case.files is None else case.packing_path.name
 
     def wanted(kind: str, **settings: Any) -> Provenance | None:
         """What the file is to be made from, if it has to be made."""
+        if kind not in kinds:
+            return None
         command = f"python -m analysis prepare {what}"
         provenance = Provenance(command, settings, case.packing)
         if is_current(case.path(kind), provenance):
@@ -43,17 +48,17 @@ def prepare(case: Case) -> list[Path]:
         return provenance
 
     first = 0.5 / case.passage
-    gain = {"highest": REACH * first, "resolution": GAIN_RESOLUTION * first}
+    gain: dict[str, Any] = {"highest": REACH * first, "resolution": GAIN_RESOLUTION * first}
     if of_gain := wanted("response", **gain, pre_stress="none"):
         write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
     if case.is_crystal:
         return made
-    settings = {"resolution": DENSITY_RESOLUTION, "tolerance": DENSITY_TOLERANCE}
+    settings: dict[str, Any] = {"resolution": DENSITY_RESOLUTION, "tolerance": DENSITY_TOLERANCE}
     if of_density := wanted("density", **settings):
         states = density_of_states(network, **settings)
         write_density(made[-1], states, digest, of_density)
     layers = int(network.length / case.diameter)
-    ridge = {"resolution": RESOLUTION, "highest": 1.5 * layers / (2 * case.passage)}
+    ridge: dict[str, Any] = {"resolution": RESOLUTION, "highest": 1.5 * layers / (2 * case.passage)}
     orders = standing_orders(layers)
     if of_structure := wanted("structure", **ridge, orders=orders):
         found = structure_factor(network, orders, **ridge)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from analysis.case import EXTRA_KINDS, KINDS, Case
-from modal.formats.hdf5 import InputError
+from analysis.estimators import structure_factor
+from modal.formats.hdf5 import InputError, open_h5
 from modal.formats.provenance import (
     PACKING,
     Provenance,
@@ -16,9 +19,22 @@ from modal.formats.provenance import (
     packing_of,
     read_provenance,
 )
+from modal.modes import density, mode_set
+from modal.packing import network_file, sample
+from modal.waves import response, signals
 
 TABLES = "fcc.table", "random.table"
 """Tables of the cases, a column a setting."""
+FORMATS = {
+    "network": network_file,
+    "sample": sample,
+    "signals": signals,
+    "modes": mode_set,
+    "density": density,
+    "response": response,
+    "structure": structure_factor,
+}
+"""Last word of a kind: the module that has its SCHEMA and VERSION."""
 OTHER_NAMES = {"friction": "mu_wave"}
 """Settings that the tables call by another name."""
 
@@ -32,6 +48,16 @@ def names_in(folder: Path) -> list[str]:
         if kind:
             names.add(path.name.removesuffix(f".{kind}.h5"))
     return sorted(names)
+
+
+def stale_files(folder: Path, tables: Path, names: Sequence[str]) -> list[Path]:
+    """The products of these cases that are stale: made from what has changed since."""
+    settings, found = _settings_of_cases(tables), []
+    for case in (Case(name, folder) for name in names):
+        kinds = (kind for kind in (*KINDS, *EXTRA_KINDS) if case.has(kind))
+        row = settings.get(case.name, {})
+        found += [case.path(kind) for kind in kinds if _changes(case, kind, row)]
+    return found
 
 
 def status_table(folder: Path, tables: Path) -> str:
@@ -63,8 +89,10 @@ def status_table(folder: Path, tables: Path) -> str:
 
 def _changes(case: Case, kind: str, row: dict[str, Any]) -> list[str]:
     """What has changed since the product was made, as far as its file and those beside it tell."""
+    form = FORMATS[kind.split(".")[-1]]
     try:
-        made = read_provenance(case.path(kind))
+        with open_h5(case.path(kind), form.SCHEMA, form.VERSION):
+            made = read_provenance(case.path(kind))
         known = {name: OTHER_NAMES.get(name, name) for name in made.settings or {}}
         shared = {name: row[column] for name, column in known.items() if column in row}
         old = {name: made.settings[name] for name in shared} if made.settings else {}
@@ -94,5 +122,8 @@ def _settings_of_cases(folder: Path) -> dict[str, dict[str, Any]]:
         rows = [line.split() for line in path.read_text().splitlines() if line[:1] not in ("#", "")]
         for row in rows[1:]:
             values = dict(zip(rows[0], map(float, row), strict=False))
+            # What yade_scripts/wave.py reads in place of a column.
+            given = {name: os.environ.get(f"WAVE_{name.upper()}") for name in values}
+            values |= {name: float(text) for name, text in given.items() if text}
             found[f"case{int(values.pop('case')):02d}"] = values
     return found

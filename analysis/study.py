@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.deviations import HEADER, deviations
-from analysis.estimators.low_pass import Plateau
+from analysis.estimators.low_pass import Edge
 from analysis.estimators.power_law import power_law
 from analysis.measures import Estimate, Measures, groups
 from analysis.table import Table
@@ -29,7 +29,9 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...]
     ("V_P first peaks, linear wave, all columns (± scatter), m/s", lambda m: m.columns),
     ("V_P long waves, YADE, m/s", lambda m: m.yade_long_wave),
     ("V_P long waves, linear wave, m/s", lambda m: m.long_wave),
-    ("V_P modes, m/s", lambda m: m.modal),
+    ("V_P modes, 2 L f_1 (Eq. 4), m/s", lambda m: m.modal_first),
+    ("V_P modes, kappa of Eq. 4, long waves, m/s", lambda m: m.modal),
+    ("V_P modes, fitted kappa, long waves, m/s", lambda m: m.modal_fitted),
     ("phase velocity, walls, lambda L/5, m/s", lambda m: m.walls[0]),
     ("group velocity, walls, lambda L/5, m/s", lambda m: m.walls[1]),
     ("V_P EMT, its contacts, m/s", lambda m: m.effective[0]),
@@ -42,8 +44,10 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...]
     ("band edge, linear wave, kHz", lambda m: m.band_edge / 1e3),
     ("lambda/D at the band edge, linear wave", lambda m: m.edge_wavelength[0]),
     ("lambda/D at the band edge, YADE", lambda m: m.edge_wavelength[1]),
-    ("lambda_low-pass/D 2 %", lambda m: m.low_pass_wavelength(0)),
-    ("lambda_low-pass/D 1 %", lambda m: m.low_pass_wavelength(1)),
+    ("lambda_low-pass/D 2 %, YADE", lambda m: m.yade_wavelength(0)),
+    ("lambda_low-pass/D 1 %, YADE", lambda m: m.yade_wavelength(1)),
+    ("lambda_low-pass/D 2 %, linear wave", lambda m: m.low_pass_wavelength(0)),
+    ("lambda_low-pass/D 1 %, linear wave", lambda m: m.low_pass_wavelength(1)),
     ("mean free path at f_low-pass / D", lambda m: m.free_path),
     ("f_max, kHz", lambda m: m.f_max / 1e3),
     ("gain at its first maximum, at a resolution", lambda m: m.gain_height),
@@ -51,14 +55,15 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...]
     ("YADE, energy drift after the pulse", lambda m: m.of_balance("drift")),
     ("YADE, limit of the drift (none where contacts slid)", lambda m: m.of_balance("limit")),
     ("YADE, energy to friction after the pulse", lambda m: m.of_balance("friction")),
+    ("YADE, energy and friction less the wall's work, over it", lambda m: m.of_balance("gap")),
     ("YADE, contacts opened", lambda m: m.of_balance("opened")),
     ("YADE, contacts slid", lambda m: m.of_balance("slid")),
 )
 """Heading, and how it is measured."""
 
 
-def in_khz(found: Plateau) -> Estimate:
-    """A plateau in kHz."""
+def in_khz(found: Edge) -> Estimate:
+    """A threshold's frequency in kHz."""
     return Estimate(1e-3 * found.value, 1e-3 * found.error)
 
 
@@ -106,16 +111,24 @@ def table_2(cases: list[Measures]) -> Table:
     return Table(title, header, [list(row) for row in zip(*columns, strict=True)])
 
 
+def choices_of(m: Measures) -> list[list[str]]:
+    """Each choice of the rule in words, and f_low-pass, kHz, by it."""
+    return [[name, _chosen(edge)] for name, edge in m.passband.choices()]
+
+
 def table_of_choices(cases: list[Measures]) -> Table:
     """f_low-pass under every choice of the threshold rule: what its number is worth."""
     header = ["f_low-pass, kHz: whose spectra, threshold", *(m.case.label for m in cases)]
     columns = [m.passband.choices() for m in cases]
-    rows = [
-        [row[0][0], *(number(in_khz(plateau)) for _, plateau in row)]
-        for row in zip(*columns, strict=True)
-    ]
+    rows = [[row[0][0], *(_chosen(edge) for _, edge in row)] for row in zip(*columns, strict=True)]
     title = "The low-pass frequency under each choice of the rule (± half the quartile distance)"
     return Table(title, header, [row for row in rows if any(row[1:])])
+
+
+def _chosen(edge: Edge) -> str:
+    """A frequency in kHz, marked where it stands on no plateau."""
+    text = number(in_khz(edge))
+    return text if edge.flat or not text else f"{text}, no plateau"
 
 
 def _laws(members: list[Measures]) -> list[tuple[str, str, np.ndarray, np.ndarray]]:
@@ -169,10 +182,8 @@ def table_of_fits(cases: list[Measures]) -> Table:
                 error = number(law.error, 2)
                 rows.append([name, what, over, f"{law.exponent:.4f}", error, str(count)])
     for m in cases:
-        if m.case.structure is not None:
-            peak, width = m.case.structure.ridge()
-            steep = (peak > 0.7 * m.band) & (peak < 1.3 * m.band) & (width > 0)
-            law = power_law(peak[steep], width[steep])
+        if m.scattering is not None:
+            law = m.scattering.power(m.band)
             if np.isfinite(law.exponent):
                 text = [f"{law.exponent:.4f}", number(law.error, 2), "1"]
                 rows.append([m.case.label, "ridge width", "frequency, 0.7-1.3 f_low-pass", *text])

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from modal.formats.hdf5 import write_text
 
 
 @dataclass
@@ -32,14 +35,15 @@ class Table:
 
     def write_csv(self, path: Path) -> Path:
         """Write the header and the rows as CSV; returns the path."""
-        with open(path, "w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([self.header, *self.rows])
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.header, *self.rows])
+        write_text(path, text.getvalue())
         return path
 
     def write(self, stem: Path) -> list[Path]:
         """Write stem.csv and stem.md; returns their paths."""
         text = stem.with_name(stem.name + ".md")
-        text.write_text(self.markdown())
+        write_text(text, self.markdown())
         return [self.write_csv(stem.with_name(stem.name + ".csv")), text]
 
 

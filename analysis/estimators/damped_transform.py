@@ -45,7 +45,7 @@ class Dispersion:
     scale: float
     distance: float
 
-    def cosine(self, omega: np.ndarray) -> np.ndarray:
+    def cosine(self, omega: np.ndarray | float) -> np.ndarray:
         """cos(kappa l) at angular frequencies, rad/s; with omega = -i s, cosh(q l) at s."""
         x = -((np.asarray(omega) / self.scale) ** 2)
         return 1 + x * np.polynomial.polynomial.polyval(x, self.coefficients)
@@ -82,7 +82,7 @@ def laplace_ratio(
     u, sides = field[:, middle], field[:, middle - 1] + field[:, middle + 1]
     instrument = u
     if cosine is not None:
-        instrument, total = np.zeros_like(u), 0.0
+        instrument, total = np.zeros_like(u), np.zeros(len(cosine))
         before, now = np.ones_like(cosine), cosine  # T_j(G): U[n+j] + U[n-j] = 2 T_j(G) U[n]
         for j in range(2, reach + 1):
             before, now = now, 2 * cosine * now - before

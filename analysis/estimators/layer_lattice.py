@@ -119,10 +119,13 @@ class LayerLattice:
         """
         omega, shape = self.eigenmodes()
         force = amplitude * self.wall_stiffness / self.mass * shape[0]
-        drive = 2 * np.pi * frequency
-        time = np.asarray(time)[:, None]
-        q = _response(time, omega, drive) - _response(time - 1 / frequency, omega, drive)
-        return (force * q) @ shape.T
+        return (force * driven_by_pulse(time, omega, frequency)) @ shape.T
+
+
+def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np.ndarray:
+    """Shape (nt, n), s^2: oscillators (n,) rad/s under one period of 1 - cos, at times (nt,) s."""
+    drive, time = 2 * np.pi * frequency, np.asarray(time)[:, None]
+    return _response(time, omega, drive) - _response(time - 1 / frequency, omega, drive)
 
 
 def _response(time: np.ndarray, omega: np.ndarray, drive: float) -> np.ndarray:
@@ -143,7 +146,7 @@ def lattice_signals(
     return Signals(
         time=np.asarray(time, float),
         chain_particle=np.arange(chain.layers),
-        chain_position=chain.wall_gap + chain.distance * np.arange(chain.layers),
+        chain_position=chain.wall_gap + chain.distance * np.arange(float(chain.layers)),
         chain_displacement=u,
         source_displacement=source,
         source_stress=spring * (source - u[:, 0]),

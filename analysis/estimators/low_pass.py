@@ -1,9 +1,13 @@
 """Which frequencies a packing lets through: the paper's threshold rule, and what its choices do.
 
-The rule (section 5.1 of Otsubo et al. 2017): f_low-pass is the frequency at which the amplitude
-falls to 2 % (or 1 %) of the maximum; over distance it has a plateau, whose value is taken. Its free
-choices are the threshold, the length of the record and how it ends, and whose displacement is
-taken: `Passband` varies every one. The unbiased band edge of a crystal is in `damped_transform`.
+The rule (section 5.1 of Otsubo et al. 2017): on a map of frequency over distance from the source,
+shaded by the amplitude of the displacement of one chain of particles, f_low-pass is the frequency
+at which the amplitude falls to 2 % (or 1 %) of the maximum value, where it no longer varies with
+distance; the record ends before the reflection. Here the map is that of the chain's force-bearing
+particles, the maximum that of the whole map, the record ends after `PASSAGES` of the measured wave,
+and the value is the median over one `STRETCH` for all thresholds. Its free choices are whose
+displacement is taken, relative to what, and how long the record is: `Passband` varies every one.
+The unbiased band edge of a crystal is in `damped_transform`.
 """
 
 from __future__ import annotations
@@ -13,125 +17,132 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.estimators.coherent import PASSAGES
+from analysis.estimators.coherent import PASSAGES as COHERENT_PASSAGES
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 
 THRESHOLDS = (0.02, 0.01, 0.03, 0.05)
 """The paper's two first."""
-WIDTH = 20.0
-"""Stretch of a plateau, diameters."""
-NEAR = 5.0
-"""From where on distances count, diameters: nearer, the wall's own field is seen."""
+PASSAGES = 0.95
+"""Longest record, in passages of the long waves from wall to wall: the front is then at 0.95 L."""
+STRETCH = {True: (0.05, 0.15), False: (0.5, 0.6)}
+"""Part of the length whose median counts, of a crystal or not. A crystal's value falls from the
+source on, because the waves of its band edge are slow and the record is short (section 5.1)."""
+NEAR = 0.02
+"""Part of the length next to the source wall that never counts: there its own field is seen."""
+FLAT = 0.1
+"""Largest relative change to the stretches before and behind that still counts as a plateau."""
 REACH = {True: 0.7, False: 0.4}
 """Highest frequency that is looked at, V_P / D, of a crystal, whose band ends at 0.45, or not."""
-FADE = 0.2
-"""Part of a record, at its end, that fades out."""
-RECORD = 1.5 * PASSAGES
+RECORD = 1.5 * COHERENT_PASSAGES
 """Length of the linear wave's record, in passages from wall to wall of the affine wave."""
 SURE = 0.9
 """Part of the spectrum below whose end it is seen that nothing more follows."""
-
-
-def threshold_frequency(
-    frequency: np.ndarray, amplitude: np.ndarray, threshold: float = 0.02
-) -> np.ndarray:
-    """Highest frequency (nc,) Hz at which each column exceeds threshold * its own maximum."""
-    above = amplitude > threshold * amplitude.max(axis=0)
-    last = amplitude.shape[0] - 1 - np.argmax(above[::-1], axis=0)
-    return frequency[last]
+WHOSE, REFERENCES = ("chain", "layers"), ("map", "own")
+"""Whose displacement; relative to the maximum of the whole map, or of the own spectrum."""
+OVERSAMPLING = 4
+"""Frequencies a record length."""
 
 
 @dataclass(frozen=True)
-class Plateau:
-    """Value of a distance curve where it is flattest: median, half the quartile distance, place."""
+class Edge:
+    """f_low-pass of one threshold, Hz: median over the stretch, half the quartile distance.
+
+    `change` is the larger relative change to the stretches of equal width before and behind it; NaN
+    where a stretch holds fewer than three values.
+    """
 
     value: float
     error: float
-    start: float
-    end: float
+    change: float
+
+    @property
+    def flat(self) -> bool:
+        """Whether the value stands on a plateau; if not, the rule has no answer of its own."""
+        return bool(self.change <= FLAT)
 
 
-def flattest(
-    distance: np.ndarray, values: np.ndarray, width: float, first: float, last: float
-) -> Plateau:
-    """The plateau of `values` (n,) over `distance` (n,), in m, chosen without an eye.
+UNKNOWN = Edge(np.nan, np.nan, np.nan)
 
-    Of all stretches of `width` between `first` and `last` the one in which the values change least:
-    the least difference of the medians of its two halves, plus half its quartile distance. NaN
-    where no stretch fits; values that are NaN do not count. Nearer than some diameters the wall's
-    own field counts; farther than the record reaches, it ends before the slow high frequencies
-    have come: `first` and `last` keep off both.
+
+def last_crossing(frequency: np.ndarray, amplitude: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Highest frequency (nc,) Hz at which each column falls through its level, interpolated.
+
+    frequency (nf,) Hz, amplitude (nf, nc), level (nc,) or a number. Between two frequencies the
+    logarithm of the amplitude is taken as straight. NaN where a column is above its level close to
+    the last frequency, or nowhere.
+
+    >>> last_crossing(np.arange(4.0), np.array([[8.0], [8.0], [2.0], [0.1]]), 4.0)
+    array([1.5])
     """
-    order = np.argsort(distance)
-    order = order[np.isfinite(np.asarray(values)[order])]
-    z, f = np.asarray(distance)[order], np.asarray(values)[order]
-    best = Plateau(np.nan, np.nan, np.nan, np.nan)
-    least = np.inf
-    for start in np.arange(first, last - width + 1e-9 * width, width / 10):
-        inside = (z >= start) & (z <= start + width)
-        early = inside & (z < start + width / 2)
-        if early.sum() < 2 or (inside & ~early).sum() < 2:
-            continue
-        half = np.subtract(*np.percentile(f[inside], [75, 25])) / 2
-        change = abs(np.median(f[early]) - np.median(f[inside & ~early])) + half
-        if change < least:
-            least = change
-            best = Plateau(float(np.median(f[inside])), float(half), start, start + width)
-    return best
+    above = amplitude > level
+    count = len(frequency)
+    last = np.minimum(count - 1 - np.argmax(above[::-1], axis=0), count - 2)
+    column = np.arange(amplitude.shape[1])
+    tiny = np.finfo(float).tiny
+    here, next_ = (np.log(np.maximum(amplitude[last + k, column], tiny)) for k in (0, 1))
+    wanted = np.log(np.maximum(np.broadcast_to(level, here.shape), tiny))
+    part = (here - wanted) / np.maximum(here - next_, 1e-12)
+    found = frequency[last] + (frequency[1] - frequency[0]) * np.clip(part, 0, 1)
+    return np.where(above.any(axis=0) & (last <= SURE * (count - 1)), found, np.nan)
+
+
+def spectra(
+    time: np.ndarray, displacement: np.ndarray, highest: float, fade: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency (nf,) Hz to `highest`, and the amplitudes (nf, p) of `displacement` (nt, p).
+
+    The last part, `fade`, of the record fades out by a half cosine; the paper's rule has none.
+    """
+    step = float(time[1] - time[0])
+    frequency = np.arange(0, min(highest, 0.5 / step), 1 / (OVERSAMPLING * len(time) * step))
+    kernel = np.exp(-2j * np.pi * frequency[:, None] * time)
+    if fade:
+        past = np.clip((time - time[0]) / (time[-1] - time[0]) / fade - (1 / fade - 1), 0, 1)
+        kernel *= np.cos(np.pi / 2 * past) ** 2
+    amplitude = np.empty((len(frequency), displacement.shape[1]), np.float32)
+    for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
+        part = slice(start, start + 4096)
+        amplitude[:, part] = abs(kernel @ displacement[:, part])
+    return frequency, amplitude
 
 
 def threshold_curves(
-    time: np.ndarray,
-    displacement: np.ndarray,
-    thresholds: tuple[float, ...],
-    highest: float,
-    fade: float = FADE,
+    frequency: np.ndarray, amplitude: np.ndarray, reference: str = "map"
 ) -> np.ndarray:
-    """The threshold rule for every column of `displacement` (nt, p); shape (thresholds, p), Hz.
+    """The rule for every column and each of `THRESHOLDS`; shape (thresholds, p), Hz.
 
-    NaN where the amplitude is still above the threshold close to `highest` (Hz). Four frequencies a
-    record length. The last part, `fade`, of the record fades out by a half cosine: a cut in the
-    middle of a motion spreads over all frequencies as 1 / f and would lie above the threshold.
+    Relative to the maximum of the whole map (`map`), or of each column (`own`).
     """
-    step = float(time[1] - time[0])
-    frequency = np.arange(0, min(highest, 0.5 / step), 1 / (4 * len(time) * step))
-    past = np.clip((time - time[0]) / (time[-1] - time[0]) / fade - (1 / fade - 1), 0, 1)
-    kernel = np.exp(-2j * np.pi * frequency[:, None] * time) * np.cos(np.pi / 2 * past) ** 2
-    found = np.empty((len(thresholds), displacement.shape[1]))
-    for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
-        part = slice(start, start + 4096)
-        amplitude = abs(kernel @ displacement[:, part])
-        for row, threshold in zip(found, thresholds, strict=True):
-            row[part] = threshold_frequency(frequency, amplitude, threshold)
-    found[found > SURE * frequency[-1]] = np.nan
-    return found
+    top = amplitude.max() if reference == "map" else amplitude.max(axis=0)
+    return np.array([last_crossing(frequency, amplitude, t * top) for t in THRESHOLDS])
 
 
-def plateau(
-    distance: np.ndarray, values: np.ndarray, reach: float, length: float, diameter: float
-) -> Plateau:
-    """The plateau of a threshold curve over distance from the source wall, all in m.
-
-    Up to `reach`, as far as the front comes before the record fades, and off the receiver wall.
-    """
-    last = min(reach, length - NEAR * diameter)
-    return flattest(distance, values, WIDTH * diameter, NEAR * diameter, last)
-
-
-def wavelength(velocity: float, f_low_pass: float) -> float:
-    """lambda_low-pass, m, by Eq. 7, which holds for nearest neighbours alone: theory's 2 l."""
-    return 2 * velocity / (np.pi * f_low_pass)
+def at_stretch(
+    distance: np.ndarray, values: np.ndarray, length: float, stretch: tuple[float, float]
+) -> Edge:
+    """The value of a curve (nc,) over distance (nc,) on a stretch, in parts of `length`, m."""
+    low, high = stretch
+    medians = []
+    for shift in (-1, 0, 1):
+        first, last = low + shift * (high - low), high + shift * (high - low)
+        inside = (distance >= max(NEAR, first) * length) & (distance < last * length)
+        seen = values[inside & np.isfinite(values)]
+        medians.append(float(np.median(seen)) if len(seen) > 2 else np.nan)
+        if shift == 0:
+            quartiles = np.percentile(seen, [75, 25]) if len(seen) > 2 else np.full(2, np.nan)
+    before, value, behind = medians
+    change = float(np.max(abs(np.array([before, behind]) / value - 1)))
+    return Edge(value, float(np.subtract(*quartiles)) / 2, change)
 
 
 class Passband:
-    """The threshold rule on the linear wave of a packing, `wave`, and beside it on a YADE `run`.
+    """The threshold rule on a packing's records: `run` of YADE, or None, and the linear `wave`.
 
-    The linear wave, recorded on every particle for `RECORD` passages, is the reference, because all
-    choices can be made on it. `velocity` (m/s) is that of its long waves, `passage` (s) the time
-    from wall to wall of the affine wave. A crystal has its own layers; in other packings layers are
-    slabs a diameter thick.
+    `velocity` (m/s) is that of the long waves. The linear wave is recorded on every particle, so
+    that the rule can be had along every column of the sample. A crystal has its own layers; in
+    other packings layers are slabs a diameter thick.
     """
 
     def __init__(
@@ -141,88 +152,130 @@ class Passband:
         run: Signals | None,
         *,
         velocity: float,
-        passage: float,
         crystal: bool,
     ) -> None:
         self.network, self.wave, self.run = network, wave, run
-        self.velocity, self.passage, self.crystal = velocity, passage, crystal
+        self.velocity, self.crystal = velocity, crystal
         self.diameter = 2 * float(network.radius.mean())
         self.highest = REACH[crystal] * velocity / self.diameter
+        self.stretch = STRETCH[crystal]
+        self._bearing = force_bearing(network)
+
+    def end(self, record: Signals, passages: float = PASSAGES) -> float:
+        """Where a record ends for the rule, s: at so many passages, or as long as it is."""
+        return min(float(record.time[-1]), passages * self.network.length / self.velocity)
+
+    def passages(self, record: Signals) -> float:
+        """That end in passages of the long waves."""
+        return self.end(record) * self.velocity / self.network.length
+
+    def map(
+        self,
+        record: Signals,
+        whose: str = "chain",
+        passages: float = PASSAGES,
+        fade: float = 0.0,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distance (nc,) m, frequency (nf,) Hz and amplitude (nf, nc) of a record cut short."""
+        kept = record.time <= self.end(record, passages) * (1 + 1e-9)
+        z, u = record.chain_position, record.chain_displacement
+        if whose == "chain":
+            bearing = self._bearing[record.chain_particle]
+            z, u = z[bearing], u[:, bearing]
+        elif not self.crystal:
+            z, u = record.layer_position, record.layer_displacement
+        frequency, amplitude = spectra(record.time[kept], u[kept], self.highest, fade)
+        return z - self.network.wall_position[0], frequency, amplitude
+
+    def edges(
+        self,
+        record: Signals | None,
+        whose: str = "chain",
+        reference: str = "map",
+        passages: float = PASSAGES,
+        fade: float = 0.0,
+    ) -> list[Edge]:
+        """f_low-pass for each of `THRESHOLDS`; unknown without a record, or one of layers."""
+        if record is None or (
+            whose == "layers" and not self.crystal and record.layer_displacement is None
+        ):
+            return [UNKNOWN] * len(THRESHOLDS)
+        distance, frequency, amplitude = self.map(record, whose, passages, fade)
+        curves = threshold_curves(frequency, amplitude, reference)
+        return [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
 
     @cached_property
-    def layers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Distance of the layers (nl,) m, and their frequencies (thresholds, nl), Hz."""
-        return self._of_layers(self.wave)
+    def low_pass(self) -> list[Edge]:
+        """By the paper's words, of the linear wave cut as the run is."""
+        return self.edges(self.wave, passages=self.common)
 
     @cached_property
-    def yade(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The same of the YADE run's record; None where there is none, or none of layers."""
-        record = self.run
-        if record is None or (not self.crystal and record.layer_displacement is None):
-            return None
-        return self._of_layers(record)
+    def of_yade(self) -> list[Edge]:
+        """By the paper's words, of the YADE run; unknown where there is none."""
+        return self.edges(self.run)
+
+    @property
+    def common(self) -> float:
+        """Passages of the record: those of the run, where it is shorter than `PASSAGES`."""
+        return PASSAGES if self.run is None else min(PASSAGES, self.passages(self.run))
 
     @cached_property
-    def particles(self) -> tuple[np.ndarray, np.ndarray]:
-        """The same of every force-bearing particle: all chains of the sample, not one."""
-        bearing = np.flatnonzero(force_bearing(self.network))
-        u = self.wave.particle_displacement[:, bearing]
-        distance = self.network.position[bearing, 2] - self.network.wall_position[0]
-        return distance, threshold_curves(self.wave.time, u, THRESHOLDS, self.highest)
+    def of_columns(self) -> np.ndarray:
+        """f_low-pass (columns, thresholds), Hz, along each column of the linear wave.
+
+        A column is a diameter wide: what the choice of a chain is worth. NaN where unknown.
+        """
+        network, length = self.network, self.network.length
+        bearing = np.flatnonzero(self._bearing)
+        kept = self.wave.time <= self.end(self.wave, self.common) * (1 + 1e-9)
+        u = self.wave.particle_displacement[kept][:, bearing]
+        frequency, amplitude = spectra(self.wave.time[kept], u, self.highest)
+        distance = network.position[bearing, 2] - network.wall_position[0]
+        low, high = self.stretch[0] * length, self.stretch[1] * length
+        column, found = columns_of(network, bearing), []
+        for number in np.unique(column):
+            own = np.flatnonzero(column == number)
+            top = amplitude[:, own].max()
+            part = amplitude[:, own[(distance[own] >= low) & (distance[own] < high)]]
+            if part.shape[1] > 4:
+                curves = [last_crossing(frequency, part, t * top) for t in THRESHOLDS]
+                found.append(np.median(curves, axis=1))
+        return np.array(found).reshape(-1, len(THRESHOLDS))
 
     @cached_property
-    def low_pass(self) -> list[Plateau]:
-        """f_low-pass, Hz, for each threshold: the plateau of the layers' values."""
-        return self._plateaus(*self.layers, self.wave.time[-1])
+    def chain_scatter(self) -> np.ndarray:
+        """Standard deviation over the columns (thresholds,), Hz; NaN from fewer than two."""
+        known = [values[np.isfinite(values)] for values in self.of_columns.T]
+        return np.array([np.std(v, ddof=1) if len(v) > 1 else np.nan for v in known])
 
-    @cached_property
-    def of_particles(self) -> list[Plateau]:
-        """The same of single particles: its error is what the choice of a chain is worth."""
-        return self._plateaus(*self.particles, self.wave.time[-1])
-
-    @cached_property
-    def of_yade(self) -> list[Plateau]:
-        """The same of the YADE run's record, NaN where there is none."""
-        if self.yade is None:
-            return [Plateau(np.nan, np.nan, np.nan, np.nan)] * len(THRESHOLDS)
-        return self._plateaus(*self.yade, self.run.time[-1])
-
-    def of_record(self, passages: float, fade: float = FADE) -> list[Plateau]:
-        """The layers' plateaus from a record of so many affine passages that ends by `fade`."""
-        end = passages * self.passage
-        distance, found = self._of_layers(self.wave, end, fade)
-        return self._plateaus(distance, found, end, fade)
-
-    def choices(self) -> list[tuple[str, Plateau]]:
+    def choices(self) -> list[tuple[str, Edge]]:
         """What each choice makes of f_low-pass, the others kept."""
         rows = []
-        for what, found in (
-            ("layers", self.low_pass),
-            ("single particles", self.of_particles),
-            ("YADE record", self.of_yade),
-        ):
-            rows += [(f"{what}, {100 * t:g} %", p) for t, p in zip(THRESHOLDS, found, strict=True)]
-        for passages in (1.0, PASSAGES):
-            text = f"layers, 2 %, record of {passages:g} passages, not {RECORD:g}"
-            rows.append((text, self.of_record(passages)[0]))
-        for fade in (0.05, 0.5):
-            text = f"layers, 2 %, last {100 * fade:g} % of the record fade, not {100 * FADE:g} %"
-            rows.append((text, self.of_record(RECORD, fade)[0]))
+        for name, record in (("YADE", self.run), ("linear wave", self.wave)):
+            for whose in WHOSE:
+                for reference in REFERENCES:
+                    of = "the whole map" if reference == "map" else f"each of the {whose}"
+                    edges = self.edges(record, whose, reference, self.common)
+                    for threshold, edge in zip(THRESHOLDS, edges, strict=True):
+                        text = f"{name}, {whose}, {100 * threshold:g} % of the maximum of {of}"
+                        rows.append((text, edge))
+        for passages in (0.7, 1.15, 1.73):
+            text = f"linear wave, chain, 2 % of the map, record of {passages:g} passages"
+            rows.append((text, self.edges(self.wave, passages=passages)[0]))
+        text = "linear wave, chain, 2 % of the map, last fifth of the record fades"
+        rows.append((text, self.edges(self.wave, fade=0.2)[0]))
         return rows
 
-    def _of_layers(
-        self, record: Signals, end: float = np.inf, fade: float = FADE
-    ) -> tuple[np.ndarray, np.ndarray]:
-        z, u = record.layer_position, record.layer_displacement
-        if self.crystal:  # its own layers, not slabs a diameter thick
-            z, u = record.chain_position, record.chain_displacement
-        kept = record.time <= end * (1 + 1e-9)
-        found = threshold_curves(record.time[kept], u[kept], THRESHOLDS, self.highest, fade)
-        return z - self.network.wall_position[0], found
 
-    def _plateaus(
-        self, distance: np.ndarray, found: np.ndarray, end: float, fade: float = FADE
-    ) -> list[Plateau]:
-        """As far as the front comes before a record to `end` (s) fades, off the receiver wall."""
-        end = (1 - fade) * end * self.velocity
-        return [plateau(distance, row, end, self.network.length, self.diameter) for row in found]
+def columns_of(network: Network, particles: np.ndarray) -> np.ndarray:
+    """Number (p,) of the column, a diameter wide, in which each of the particles (p,) stands."""
+    diameter = 2 * float(network.radius.mean())
+    # A crystal's cell, pressed together, is little less than whole diameters wide.
+    cells = np.maximum(1, (network.cell_size[:2] / diameter + 0.05).astype(int))
+    place = (network.position[particles, :2] / network.cell_size[:2] % 1 * cells).astype(int)
+    return place[:, 0] * cells[1] + place[:, 1]
+
+
+def wavelength(velocity: float, f_low_pass: float) -> float:
+    """lambda_low-pass, m, by Eq. 7, which holds for nearest neighbours alone: theory's 2 l."""
+    return 2 * velocity / (np.pi * f_low_pass)

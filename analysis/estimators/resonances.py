@@ -20,6 +20,8 @@ from modal.stiffness.matrices import mass_diagonal
 LEAST_SHARE = 0.25
 """Below it the standing wave belongs to no mode."""
 HIGHEST_ORDER = 40
+LONG = 1, 10
+"""Of r - 1: the orders that the velocity of long waves is fitted to."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,48 @@ def standing_modes(modes: ModeSet, network: Network) -> Standing:
     lost = np.flatnonzero(largest < LEAST_SHARE)
     kept = slice(0, lost[0] if len(lost) else len(orders))
     return Standing(modes.frequency[row[kept]], largest[kept], row[kept])
+
+
+def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> np.ndarray:
+    """kappa (R,) 1/m of the sine that fits each of the shapes (R, p) best, r = 1 ... R in order.
+
+    `depth` (p,) from the source wall and `length` from wall to wall, m. Phase and wave number are
+    free: walls that give way make the standing waves longer than Eq. 4 has them. NaN where the best
+    is more than half an order off.
+    """
+    found = np.full(len(shape), np.nan)
+    offsets = np.linspace(-0.5, 0.5, 101)
+    for k, u in enumerate(shape):
+        kappa = np.pi * (k + 1 + offsets) / length
+        if k == 0:
+            kappa = kappa[kappa > 0.6 * np.pi / length]
+        missed = []
+        for wave in kappa:
+            basis = np.column_stack([np.sin(wave * depth), np.cos(wave * depth)])
+            weight = np.linalg.solve(basis.T @ basis, basis.T @ u)
+            missed.append(-float(weight @ (basis.T @ u)))
+        at = int(np.argmin(missed))
+        if 0 < at < len(kappa) - 1:
+            before, least, behind = missed[at - 1 : at + 2]
+            shift = 0.5 * (before - behind) / (before - 2 * least + behind)
+            found[k] = kappa[at] + shift * (kappa[1] - kappa[0])
+    return found
+
+
+def long_wave_velocity(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[float, float]:
+    """V_P, m/s, and its standard error: omega / kappa = V (1 + b kappa^2), r = 2 ... 10.
+
+    frequency (R,) Hz and wavenumber (R,) 1/m of r = 1 ... R; NaN with fewer than ten.
+    """
+    if len(frequency) < LONG[1]:
+        return np.nan, np.nan
+    f, kappa = frequency[slice(*LONG)], wavenumber[slice(*LONG)]
+    known = np.isfinite(f) & np.isfinite(kappa)
+    if known.sum() < 5:
+        return np.nan, np.nan
+    f, kappa = f[known], kappa[known]
+    fit, spread = np.polyfit(kappa**2, 2 * np.pi * f / kappa, 1, cov=True)
+    return float(fit[1]), float(np.sqrt(spread[1, 1]))
 
 
 def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

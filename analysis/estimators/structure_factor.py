@@ -11,19 +11,21 @@ version 1.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
-from modal.formats.provenance import Provenance
+from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
+from modal.waves.signals import DIRECTIONS
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
@@ -36,8 +38,9 @@ FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 class StructureFactor:
     """power (R, nf), 1/Hz, at frequency (nf,) Hz of standing waves; each row integrates to 1.
 
-    order (R,) r; wavenumber (R,) pi r / L, rad/m (Eq. 4); `resolution` Hz, the full width at half
-    height that a single mode has.
+    order (R,) r, wavenumber (R,) pi r / L, rad/m (Eq. 4); of plane waves order (R, 3), the periods
+    along x, y and z, and wavenumber the length of the wave vector; `resolution` Hz, the full width
+    at half height that a single mode has.
     """
 
     frequency: np.ndarray
@@ -70,28 +73,63 @@ class StructureFactor:
         return peak, width
 
 
-def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
-    """Shape (6n, R): sin(pi r z / L) along z of force-bearing spheres, scaled by M^1/2, unit."""
+def standing_waves(network: Network, orders: np.ndarray, direction: str = "z") -> np.ndarray:
+    """Shape (6n, R): sin(pi r z / L) of force-bearing spheres, scaled by M^1/2, unit.
+
+    They move along `direction`: z for P-waves, x or y for S-waves.
+    """
+    if direction not in DIRECTIONS:
+        raise InputError(f"direction {direction!r}: choose x, y or z")
     bearing = force_bearing(network)
     if not bearing.any():
         raise InputError("no particle has two contacts; such a packing carries no wave")
     depth = (network.position[:, 2] - network.wall_position[0]) / network.length
     pattern = np.zeros((network.n_particles, 6, len(orders)))
-    pattern[:, 2] = np.sin(np.pi * depth[:, None] * orders) * bearing[:, None]
+    pattern[:, DIRECTIONS.index(direction)] = (
+        np.sin(np.pi * depth[:, None] * orders) * bearing[:, None]
+    )
     pattern = pattern.reshape(-1, len(orders)) * np.sqrt(mass_diagonal(network))[:, None]
     return pattern / np.linalg.norm(pattern, axis=0)
 
 
 def structure_factor(
-    network: Network, orders: np.ndarray, resolution: float = 1e3, highest: float | None = None
+    network: Network,
+    orders: np.ndarray,
+    resolution: float = 1e3,
+    highest: float | None = None,
+    direction: str = "z",
 ) -> StructureFactor:
     """S_r(f) of the standing waves r in `orders` (R,), to `highest` (Hz; default: the whole band).
+
+    The spheres move along `direction`: z for P-waves, x or y for S-waves.
 
     About 1.2 f_max / resolution products with K for each r.
     """
     orders = np.asarray(orders, int)
     if not 0 < resolution < np.inf or len(orders) == 0 or orders.min() < 1:
         raise InputError("resolution must be a positive number of Hz, the orders 1 or more")
+    frequency, power = power_of_patterns(
+        network,
+        lambda part: standing_waves(network, orders[part], direction),
+        len(orders),
+        resolution,
+        highest,
+    )
+    return StructureFactor(frequency, orders, np.pi * orders / network.length, power, resolution)
+
+
+def power_of_patterns(
+    network: Network,
+    patterns: Callable[[slice], np.ndarray],
+    number: int,
+    resolution: float,
+    highest: float | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency (nf,), Hz, and power (R, nf), 1/Hz, of a `number` R of patterns of motion.
+
+    `patterns` gives some of them as unit vectors (6n, r), scaled by M^1/2; each row integrates to
+    1, or to 0 for a pattern of zeros.
+    """
     operator = ContactOperator(network, mass_scaled=True)
     top, _ = bound_of_spectrum(operator)
     if top <= 0:
@@ -99,19 +137,17 @@ def structure_factor(
     f_top = float(np.sqrt(top) / (2 * np.pi))
     # A line's standard deviation in omega / omega_max is pi over the orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * f_top / resolution / 2)))
-    moments = np.empty((len(orders), count))
-    for first in range(0, len(orders), BLOCK):
+    moments = np.empty((number, count))
+    for first in range(0, number, BLOCK):
         part = slice(first, first + BLOCK)
-        label = f"structure {first // BLOCK + 1}/{-(-len(orders) // BLOCK)}"
-        start = standing_waves(network, orders[part])
-        moments[part] = _moments(operator, start, top, count, label)
+        label = f"structure {first // BLOCK + 1}/{-(-number // BLOCK)}"
+        moments[part] = _moments(operator, patterns(part), top, count, label)
     frequency = np.arange(resolution / 5, min(highest or f_top, 0.999 * f_top), resolution / 5)
     angle = np.arccos(frequency / f_top)
     wave = np.cos(2 * angle[:, None] * np.arange(count)) * _jackson(count)
     wave[:, 1:] *= 2
     power = moments @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
-    wavenumber = np.pi * orders / network.length
-    return StructureFactor(frequency, orders, wavenumber, power, resolution)
+    return frequency, power
 
 
 def _moments(
@@ -119,14 +155,14 @@ def _moments(
 ) -> np.ndarray:
     """Shape (R, count): <e|T_k(X)|e>; T_2k = 2 T_k T_k - 1 halves the products."""
     found = np.empty((start.shape[1], count))
-    found[:, 0] = 1
+    found[:, 0] = size = (start * start).sum(axis=0)
     before = start.copy()
     now = operator.accumulate(start, -start, 2 / top)
     found[:, 1] = first = (start * now).sum(axis=0)
     for done in progress(count // 2, label):
         k = done + 1
         if 2 * k < count:
-            found[:, 2 * k] = 2 * (now * now).sum(axis=0) - 1
+            found[:, 2 * k] = 2 * (now * now).sum(axis=0) - size
         ahead = operator.accumulate(now, -2 * now - before, 4 / top)
         if 2 * k + 1 < count:
             found[:, 2 * k + 1] = 2 * (now * ahead).sum(axis=0) - first
@@ -149,10 +185,8 @@ def write_structure(
     made: Provenance | None = None,
 ) -> None:
     """Write atomically."""
-    with atomic_h5(path) as file:
-        if made:
-            made.write(file)
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION, network_sha256=network_sha256)
+    with new_product(path, SCHEMA, VERSION, made) as file:
+        file.attrs["network_sha256"] = network_sha256
         file.attrs["resolution"] = found.resolution
         put(file, "frequency", found.frequency, "Hz")
         put(file, "order", found.order, "1")
@@ -164,7 +198,8 @@ def read_structure(path: str | Path) -> StructureFactor:
     """Read and validate; InputError with one line for anything wrong."""
     with open_h5(path, SCHEMA, VERSION) as file:
         frequency = get(file, "frequency", "f", (None,))
-        order = get(file, "order", "i", (None,))
-        wavenumber = get(file, "wavenumber", "f", order.shape)
+        plane = "order" in file and file["order"].ndim == 2
+        order = get(file, "order", "i", (None, 3) if plane else (None,))
+        wavenumber = get(file, "wavenumber", "f", (len(order),))
         power = get(file, "power", "f", (len(order), len(frequency)))
         return StructureFactor(frequency, order, wavenumber, power, float(file.attrs["resolution"]))

@@ -45,19 +45,31 @@ class Gain:
 
     def first_maximum(self) -> tuple[float, float]:
         """Frequency, Hz, and height of the first local maximum; NaN where there is none."""
+        at = self._tops()
+        return self._summit(at[0]) if len(at) else (np.nan, np.nan)
+
+    def maxima(self) -> np.ndarray:
+        """Frequencies, Hz, of all local maxima, the lowest first."""
+        return np.array([self._summit(at)[0] for at in self._tops()])
+
+    def _tops(self) -> np.ndarray:
         g = self.gain
-        at = 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
-        if not len(at):
-            return np.nan, np.nan
+        return 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
+
+    def _summit(self, at: int) -> tuple[float, float]:
+        """Frequency, Hz, and height of the maximum near a point of the grid."""
+        g = self.gain
         # 1 / g^2, a sum of squares of cosines and constants, is smooth where g itself is sharp.
-        near = slice(max(0, at[0] - 3), at[0] + 4)
+        near = slice(max(0, at - 3), at + 4)
         step = self.frequency[1] - self.frequency[0]
-        x = (self.frequency[near] - self.frequency[at[0]]) / step
+        x = (self.frequency[near] - self.frequency[at]) / step
         curve = np.polyfit(x, g[near] ** -2, len(x) - 1)
         fine = np.linspace(-1, 1, 401)
         values = np.polyval(curve, fine)
         best = int(np.argmin(values))
-        return float(self.frequency[at[0]] + step * fine[best]), float(values[best] ** -0.5)
+        if values[best] <= 0:  # a polynomial through noise
+            return float(self.frequency[at]), float(g[at])
+        return float(self.frequency[at] + step * fine[best]), float(values[best] ** -0.5)
 
     def undamped(self, passage: float) -> float:
         """Height of the maxima of a column without damping under the same window.

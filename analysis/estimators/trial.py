@@ -17,7 +17,14 @@ import numpy as np
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.estimators.low_pass import FADE, REACH, plateau, threshold_curves
+from analysis.estimators.low_pass import (
+    REACH,
+    STRETCH,
+    THRESHOLDS,
+    at_stretch,
+    spectra,
+    threshold_curves,
+)
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import MIDDLE, arrival_velocity, first_peak_velocity
 from analysis.table import Table
@@ -112,22 +119,21 @@ VELOCITIES: dict[str, Callable[[Signals], float]] = {
 
 
 def _threshold(threshold: float, layer: int | None) -> Callable[[Signals], float]:
-    """At one layer; with None on the plateau."""
+    """Relative to the maximum of the whole map, at one layer; with None on the stated stretch."""
 
     def measure(record: Signals) -> float:
         z, u = record.chain_position, record.chain_displacement
+        curve = threshold_curves(*spectra(record.time, u, HIGHEST))[THRESHOLDS.index(threshold)]
         if layer is not None:
-            return float(threshold_curves(record.time, u[:, [layer]], (threshold,), HIGHEST)[0, 0])
-        found = threshold_curves(record.time, u, (threshold,), HIGHEST)[0]
-        reach = (1 - FADE) * record.time[-1] * CHAIN.velocity
-        return plateau(z, found, reach, LENGTH, DIAMETER).value
+            return float(curve[layer])
+        return at_stretch(z, curve, LENGTH, STRETCH[True]).value
 
     return measure
 
 
 EDGES: dict[str, Callable[[Signals], float]] = {
-    f"{100 * threshold:g} %, {'plateau' if layer is None else f'layer {layer}'}": _threshold(
-        threshold, layer
+    f"{100 * threshold:g} %, {'5-15 % of the length' if layer is None else f'layer {layer}'}": (
+        _threshold(threshold, layer)
     )
     for threshold in (0.01, 0.02, 0.05)
     for layer in (20, 50, 100, 150, None)

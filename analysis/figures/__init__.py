@@ -6,21 +6,25 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from analysis.figures import cases as of_cases
 from analysis.figures import modes, packing, spectra, velocities, waves
 from analysis.figures.picture import Picture
 from analysis.figures.render import save
 from analysis.measures import Measures
+from analysis.rows import row_of
 from modal.formats.hdf5 import InputError
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A figure: its numbers in the paper, the function, and whether it lays cases side by side."""
+    """A figure: its numbers in the paper, its function of cases or of their rows, and of which."""
 
     number: str
-    function: Callable[[list[Measures]], Picture]
+    function: Callable[[list[Any]], Picture]
     crystals_only: bool = False
+    of_rows: bool = False
 
     @property
     def caption(self) -> str:
@@ -36,18 +40,21 @@ FIGURES: dict[str, Entry] = {
     "signals": Entry("3", waves.signals),
     "signals_stress": Entry("4", waves.signals_stress),
     "space_time": Entry("5", waves.space_time),
-    "velocity_cases": Entry("6", velocities.velocity_cases),
+    "velocity_cases": Entry("6", of_cases.velocity_cases, of_rows=True),
     "natural_frequencies": Entry("7", modes.natural_frequencies),
-    "highest_frequency": Entry("8", modes.highest_frequency),
+    "highest_frequency": Entry("8", of_cases.highest_frequency, of_rows=True),
     "chi_z": Entry("9", modes.chi_z),
     "mode_shapes": Entry("10", modes.mode_shapes),
     "velocity_frequency": Entry("11", velocities.velocity_frequency),
     "spectrum_distance": Entry("12, 13", waves.spectrum_distance),
     "dispersion": Entry("14, 15", spectra.dispersion),
-    "low_pass_cases": Entry("16", velocities.low_pass_cases),
-    "velocity_low_pass": Entry("17", velocities.velocity_low_pass),
-    "wavelength_cases": Entry("18", velocities.wavelength_cases),
+    "low_pass_cases": Entry("16", of_cases.low_pass_cases, of_rows=True),
+    "velocity_low_pass": Entry("17", of_cases.velocity_low_pass, of_rows=True),
+    "wavelength_cases": Entry("18", of_cases.wavelength_cases, of_rows=True),
     "gain": Entry("19", spectra.gain),
+    "gain_orders": Entry("", of_cases.gain_orders, of_rows=True),
+    "scattering": Entry("", of_cases.scattering, of_rows=True),
+    "density_excess": Entry("", of_cases.density_excess, of_rows=True),
     "low_pass_chains": Entry("", waves.low_pass_chains),
     "structure": Entry("", spectra.structure),
     "stress_dependence": Entry("", velocities.stress_dependence, crystals_only=True),
@@ -64,7 +71,7 @@ def compose(name: str, cases: list[Measures]) -> Picture:
         cases = [m for m in cases if m.case.is_crystal]
         if not cases:
             raise InputError(f"figure {name} is of FCC crystals; give the case of one")
-    return entry.function(cases)
+    return entry.function([row_of(m) for m in cases] if entry.of_rows else cases)
 
 
 def draw(name: str, cases: list[Measures], stem: Path) -> list[Path]:

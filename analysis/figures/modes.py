@@ -1,13 +1,14 @@
-"""Figures 7 to 10: natural frequencies, the highest, what the modes move, and their shapes."""
+"""Figures 7, 9 and 10: natural frequencies, what the modes move, and their shapes."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from analysis.estimators.power_law import power_law
-from analysis.figures.picture import Panel, Picture
+from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.measures import Measures
+from analysis.paper import stated
 from modal.formats.hdf5 import InputError
+from modal.packing.rattlers import firmly_held
 
 BINS = 90
 
@@ -20,82 +21,77 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
     panels = []
     for m in cases:
         case, dof = m.case, 6 * m.case.network.n_particles
-        left = Panel("natural frequency (kHz)", "modes below, share", case.label)
-        right = Panel("natural frequency (kHz)", "density (1/kHz)", case.label)
-        left.legend, right.legend = "upper left", "upper left"
-        if case.modes is not None and len(case.modes.frequency) == dof:
-            _spectrum(left, right, case.modes.frequency, "all modes", "-")
+        left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
+        right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)", legend="upper right")
+        right.ylim = (0, 0.02)
+        if case.is_crystal and case.modes is not None and len(case.modes.frequency) == dof:
+            _spectrum(left, right, case.modes.frequency, case.label, color="k", lw=0.9)
             if case.translations is not None:
-                _spectrum(left, right, case.translations.frequency, "translations only", ":")
+                look = {"color": "0.55", "ls": ":"}
+                text = f"{case.label}, translations only"
+                _spectrum(left, right, case.translations.frequency, text, **look)
         elif case.density is not None:
             f, density, below = case.density
-            left.line(f / 1e3, below / dof, "density of states", color="k")
-            right.line(f / 1e3, 1e3 * density / dof, "density of states", color="k")
+            loose = case.mu_comp > 0.2
+            look = {"color": "#c05000" if loose else "#0060a8", "ls": "-." if loose else "--"}
+            left.line(below / dof, f / 1e3, case.label, **look)
+            right.line(f / 1e3, 1e3 * density / dof, case.label, **look)
         else:
             continue
+        top = stated("f_max", case.paper_case)
+        if top:
+            text = "paper, highest" if case.is_crystal else ""
+            left.line([1.0], [top], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
         panels += [left, right]
     if not panels:
         raise InputError(
             "no case has all its modes or a density of states; run python -m analysis prepare CASE"
         )
-    return Picture(panels, columns=2, shape=(10, 0.4 + 1.25 * len(panels)))
+    return Picture(merged(panels), columns=2, shape=(10, 4))
 
 
-def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, style: str) -> None:
+def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **look) -> None:
     f = np.sort(frequency) / 1e3
     every = np.unique(np.linspace(0, len(f) - 1, 400).astype(int))
-    left.line(f[every], (every + 1) / len(f), label, ls=style, color="k")
+    left.line((every + 1) / len(f), f[every], label, **look)
     share, edges = np.histogram(f, np.linspace(0, 1.02 * f[-1], BINS))
     share = share / (len(f) * np.diff(edges))
-    right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), label, ls=style, color="k")
-
-
-def highest_frequency(cases: list[Measures]) -> Picture:
-    """Fig. 8: highest natural frequency against stress, with and without rotations, and Eq. 10."""
-    panel = Panel("stress (kPa)", "$f_{max}$ (kHz)", xscale="log", yscale="log")
-    for kind, marker in ((True, "s"), (False, "o")):
-        members = [m for m in cases if m.case.is_crystal is kind]
-        if not members:
-            continue
-        stress = np.array([m.case.stress for m in members]) / 1e3
-        top = np.array([m.f_max for m in members]) / 1e3
-        name = "FCC" if kind else "random"
-        law = power_law(stress, top)
-        text = f"{name}: {law}" if np.isfinite(law.exponent) else name
-        panel.line(stress, top, text, marker=marker, mfc="none", ls="none", color="k", ms=7)
-        if kind:
-            edge = [m.case.lattice.low_pass_frequency / 1e3 for m in members]
-            panel.line(stress, edge, "FCC, Eq. 10", ls="--", color="0.5")
-            some = [m for m in members if m.case.translations is not None]
-            only = [m.case.translations.frequency[-1] / 1e3 for m in some]
-            at = [m.case.stress / 1e3 for m in some]
-            panel.line(at, only, "FCC, translations only", marker="x", ls="none", color="k")
-    return Picture([panel])
+    right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), label, **look)
 
 
 def chi_z(cases: list[Measures]) -> Picture:
-    """Fig. 9: chi_z (Eq. 2) of the modes in the files, not of all; all particles, and the chain."""
+    """Fig. 9: chi_z (Eq. 2) of the modes in the files; all particles, the chain, and the paper's.
+
+    Where no mode was computed the panel is shaded.
+    """
     panels = []
     for m in _with_modes(cases):
-        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.4))
-        panel.legend, panel.legend_columns = "upper left", 3
-        for modes in (m.case.modes, m.case.band):
-            if modes is None:
-                continue
-            first = modes is m.case.modes
-            for values, text, colour, marker in (
-                (modes.chi_z_chain, "chain", "0.65", "x"),
-                (modes.chi_z, "all particles", "k", "."),
+        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.5))
+        panel.legend, panel.legend_columns = "upper center", 2
+        sets = [modes for modes in (m.case.modes, m.case.band) if modes is not None]
+        sets = [modes for modes in sets if len(modes.frequency)]
+        for modes in sets:
+            first = modes is sets[0]
+            for values, text, style in (
+                (modes.chi_z, "all particles", {"color": "0.55", "marker": ".", "ms": 3}),
+                (modes.chi_z_chain, "chain", {"color": "#c05000", "marker": "x", "ms": 3}),
             ):
-                style = {"marker": marker, "ls": "none", "ms": 3, "color": colour}
                 f, chi = _distinct(modes.frequency / 1e3, values)
-                panel.line(f, chi, text if first else "", **style)
+                panel.line(f, chi, text if first else "", ls="none", mew=0.6, **style)
+        if len(sets) > 1:
+            ends = sorted((s.frequency.min() / 1e3, s.frequency.max() / 1e3) for s in sets)
+            gap = [ends[0][1], ends[1][0]]
+            if gap[1] > gap[0]:
+                panel.add("band", gap, [0, 0], [1, 1], "not computed", color="0.9")
         f_r = m.standing.frequency if m.standing else m.case.modes.resonance_frequency
         if f_r is not None and len(f_r):
             style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
             panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
+        if m.case.paper_case == 6:
+            panel.line([0, 10], [0.9, 0.9], "paper: > 0.9 below 10 kHz", color="k", ls="--")
+            panel.line([15, 20], [0.33, 0.33], "paper: 0.33 above 15 kHz", color="k", ls=":")
         panels.append(panel)
-    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+    return Picture(panels, columns=columns_for(len(panels)))
 
 
 def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -112,22 +108,33 @@ def mode_shapes(cases: list[Measures]) -> Picture:
     panels = []
     for m in _with_modes(cases):
         case, f, shapes = m.case, m.case.modes.resonance_frequency, m.case.modes.resonance_shape
-        chain = case.record
+        chain = case.record.chain_particle
         if m.standing is not None:
+            # A sphere that little holds swings by itself, far beyond the standing wave.
+            chain = chain[firmly_held(case.network)[chain]]
             f = m.standing.frequency
-            shapes = case.modes.mode_shape[m.standing.row][:, chain.chain_particle, 2]
+            shapes = case.modes.mode_shape[m.standing.row][:, chain, 2]
         if shapes is None or len(shapes) == 0:
             continue
-        z = chain.chain_position - case.network.wall_position[0]
-        for r in sorted({min(r, len(shapes)) for r in (1, 2, 5, 10, 50, 200)}):
+        z = case.network.position[chain, 2] - case.network.wall_position[0]
+        orders = (1, 2, 5, 10, 50, 200) if case.is_crystal else (1, 2, 5, 10, 15, 20)
+        paper = {(2, 1): stated("f_1", 2), (2, 200): stated("f_200", 2)}
+        known = sorted({min(r, len(shapes)) for r in orders})
+        known += [r for r in (3, 7) if r < len(shapes)][: len(orders) - len(known)]
+        for r in sorted(known):
             sine = np.sin(np.pi * r * z / case.network.length)
             shape = shapes[r - 1] * np.sign(shapes[r - 1] @ sine)
             shape = shape / np.percentile(abs(shape), 98)
             title = f"{case.short}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
-            panel = Panel("distance (mm)", "$u_z$ (-)", title, ylim=(-1.3, 1.3))
+            panel = Panel("distance (mm)", "$u_z$ (-)", title, ylim=(-1.3, 2.2))
+            panel.legend, panel.legend_columns = "upper right", 2
             if r <= 20:
-                panel.line(1e3 * z, sine, color="0.6", lw=2)
-            panel.line(1e3 * z, shape, color="k", marker=".", ms=2, lw=0.5)
+                order = np.argsort(z)
+                panel.line(1e3 * z[order], sine[order], "Eq. 3", color="0.6", lw=2)
+            text = "mode"
+            if (case.paper_case, r) in paper:
+                text += f"; paper: {paper[case.paper_case, r]:g} kHz"
+            panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
             panels.append(panel)
     if not panels:
         raise InputError(f"{cases[0].case.path('modes')}: no shapes of resonances; make them again")

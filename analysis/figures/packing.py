@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from analysis.figures.picture import Panel, Picture
+from analysis.figures.picture import Panel, Picture, share_limits
 from analysis.measures import Measures
 from modal.packing.state import contacts_per_particle
 
-SHOWN = 0.5
-"""Part of the sample's length that is drawn, so that spheres are large enough to be seen."""
-
 
 def samples(cases: list[Measures]) -> Picture:
-    """Fig. 1: spheres of a slab one diameter thick, near half of the sample, by their contacts."""
+    """Fig. 1: spheres of a slab one diameter thick, by their number of contacts."""
     panels = []
     for measured in cases:
         case = measured.case
@@ -21,20 +20,18 @@ def samples(cases: list[Measures]) -> Picture:
         y, middle = network.position[:, 1], 0.5 * float(network.cell_size[1])
         near = np.argsort(abs((y % network.cell_size[1]) - middle))
         chosen = near[abs((y[near] % network.cell_size[1]) - middle) < 0.5 * d]
-        end = network.wall_position[0] + SHOWN * network.length
-        chosen = chosen[network.position[chosen, 2] < end]
         x = network.position[chosen, 0] % network.cell_size[0]
         z = network.position[chosen, 2] - network.wall_position[0]
         number = contacts_per_particle(network)[chosen]
         panel = Panel(
             "distance from the source wall (mm)", "x (mm)", title=case.label, equal=True,
-            colour_label="contacts", xlim=(0, 1e3 * SHOWN * network.length),
+            colour_label="contacts", xlim=(0, 1e3 * network.length),
             ylim=(-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d),
         )  # fmt: skip
-        style = {"diameter": 1e3 * d, "cmap": "viridis", "clim": (0, 12)}
+        style: dict[str, Any] = {"diameter": 1e3 * d, "cmap": "viridis", "clim": (0, 12)}
         panel.add("spheres", 1e3 * z, 1e3 * x, number, **style)
         panels.append(panel)
-    return Picture(panels, shape=(10, 0.4 + 2.1 * len(panels)))
+    return Picture(share_limits(panels, "x"), shape=(11, 0.4 + 1.6 * len(panels)))
 
 
 def source(cases: list[Measures]) -> Picture:

@@ -10,6 +10,7 @@ picture shows, and drawing it again gives the same picture.
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -17,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.formats.hdf5 import InputError, write_text
 
-KINDS = ("line", "map", "spheres", "band", "vline", "hline")
+KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
 DIGITS, SHADES = 5, 3
 """Significant digits of coordinates and of a map's values."""
 
@@ -29,8 +30,8 @@ class Series:
     """One curve, point set, map or band of a panel.
 
     kind: `line` (points joined or not, by `style`); `map`, z (ny, nx) over x (nx,) and y (ny,);
-    `spheres`, discs at x, y coloured by z; `band` between y and z; `vline`, `hline`, at each x or
-    y. `style` goes to Matplotlib as it is.
+    `spheres`, discs at x, y coloured by z; `band` between y and z; `error` bars of z about y;
+    `vline`, `hline`, at each x or y. `style` goes to Matplotlib as it is.
     """
 
     kind: str
@@ -89,22 +90,58 @@ class Picture:
     shape: tuple[float, float] | None = None
 
 
+def columns_for(count: int) -> int:
+    """Columns that leave no part of a grid of panels blank: 1, 2, 3, 2 x 2, then three a row."""
+    return count if count < 4 else 2 if count % 2 == 0 and count < 6 else 3
+
+
+def merged(panels: list[Panel]) -> list[Panel]:
+    """Panels of one title become one, with the series of all; limits cover all of theirs."""
+    found: dict[str, Panel] = {}
+    for panel in panels:
+        if panel.title not in found:
+            found[panel.title] = Panel(**{**vars(panel), "series": list(panel.series)})
+            continue
+        own = found[panel.title]
+        own.series += panel.series
+        own.xlim, own.ylim = _union(own.xlim, panel.xlim), _union(own.ylim, panel.ylim)
+    return list(found.values())
+
+
+def share_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
+    """Give panels one common range along the axes named; those without a range keep their own."""
+    for name in (f"{axis}lim" for axis in axes):
+        limits = [getattr(p, name) for p in panels if getattr(p, name) is not None]
+        for panel in panels if limits else []:
+            setattr(panel, name, (min(low for low, _ in limits), max(high for _, high in limits)))
+    return panels
+
+
+def _union(
+    one: tuple[float, float] | None, two: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    if one is None or two is None:
+        return one or two
+    return min(one[0], two[0]), max(one[1], two[1])
+
+
 def write_picture(path: Path, picture: Picture) -> None:
     """Write the CSV."""
-    with open(path, "w", newline="") as file:
-        head = {"columns": picture.columns, "shape": picture.shape}
-        file.write("# " + json.dumps({"picture": head}) + "\n")
-        for panel in picture.panels:
-            bare = Panel(**{**vars(panel), "series": []})
-            file.write("# " + json.dumps({"panel": asdict(bare)}) + "\n")
-            for series in panel.series:
-                facts = {"kind": series.kind, "label": series.label, "style": series.style}
-                if series.kind == "map":
-                    facts["x"] = list(series.x)
-                file.write("# " + json.dumps({"series": facts}) + "\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("panel", "series", "x", "y", "z"))
-        writer.writerows(_rows(picture))
+    file = io.StringIO()
+    head = {"columns": picture.columns, "shape": picture.shape}
+    file.write("# " + json.dumps({"picture": head}) + "\n")
+    for panel in picture.panels:
+        bare = Panel(**{**vars(panel), "series": []})
+        file.write("# " + json.dumps({"panel": asdict(bare)}) + "\n")
+        for series in panel.series:
+            facts = {"kind": series.kind, "label": series.label, "style": series.style}
+            if series.kind == "map":
+                facts["x"] = list(series.x)
+            file.write("# " + json.dumps({"series": facts}) + "\n")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(("panel", "series", "x", "y", "z"))
+    writer.writerows(_rows(picture))
+    write_text(path, file.getvalue())
 
 
 def _rows(picture: Picture) -> Iterator[tuple[str, ...]]:
@@ -136,13 +173,13 @@ def read_picture(path: str | Path) -> Picture:
                 continue
             panel = picture.panels[-1]
             own = points.get((len(picture.panels) - 1, len(panel.series)), [])
-            y = [float(row[1]) for row in own]
+            y = np.array([float(row[1]) for row in own])
             if "x" in head["series"]:
-                z = [[float(v) for v in row[2].split()] for row in own]
-                panel.series.append(Series(y=y, z=z, **head["series"]))
+                grid = np.array([[float(v) for v in row[2].split()] for row in own])
+                panel.series.append(Series(y=y, z=grid, **head["series"]))
                 continue
-            x = [float(row[0]) for row in own]
-            z = [float(row[2]) for row in own] if own and own[0][2] else None
+            x = np.array([float(row[0]) for row in own])
+            z = np.array([float(row[2]) for row in own]) if own and own[0][2] else None
             panel.series.append(Series(x=x, y=y, z=z, **head["series"]))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); check the name") from error

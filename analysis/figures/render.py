@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import matplotlib
@@ -15,6 +16,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullF
 from PIL import Image
 
 from analysis.figures.picture import Panel, Picture, Series, write_picture
+from modal.formats.hdf5 import write_whole
 
 STYLE = Path(__file__).with_name("paper.mplstyle")
 COLOURS = 256
@@ -38,12 +40,13 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     if any(series.kind in ("map", "spheres") for series in panel.series):
         ax.grid(False)
     if any(series.label for series in panel.series):
-        ax.legend(loc=panel.legend, ncols=panel.legend_columns)
+        ax.legend(loc=panel.legend, ncols=panel.legend_columns)  # type: ignore[call-overload]
     for axis, scale in ((ax.xaxis, panel.xscale), (ax.yaxis, panel.yscale)):
         if scale == "log":
             _plain_numbers(axis)
         else:
-            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+            few = panel.equal and axis is ax.yaxis
+            axis.set_major_locator(MaxNLocator(2 if few else 6, steps=[1, 2, 2.5, 5, 10]))
 
 
 def _plain_numbers(axis: Axis) -> None:
@@ -66,6 +69,8 @@ def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
         ax.plot(x, y, label=label, **style)
     elif series.kind == "band":
         ax.fill_between(x, y, z, label=label, **style)
+    elif series.kind == "error":
+        ax.errorbar(x, y, yerr=z, fmt="none", **style)
     elif series.kind in ("vline", "hline"):
         draw = ax.axvline if series.kind == "vline" else ax.axhline
         for k, place in enumerate(x if series.kind == "vline" else y):
@@ -106,7 +111,9 @@ def save_png(picture: Picture, path: Path) -> Path:
         canvas = FigureCanvasAgg(to_figure(picture))
         canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    data = io.BytesIO()
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(data, "png", optimize=True)
+    write_whole(path, data.getbuffer())
     return path
 
 

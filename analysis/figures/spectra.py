@@ -6,12 +6,15 @@ import numpy as np
 
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.fk import fk_map
-from analysis.figures.picture import Panel, Picture
+from analysis.figures.picture import Panel, Picture, columns_for
 from analysis.figures.waves import producer_name
 from analysis.measures import Measures
 from modal.formats.hdf5 import InputError
 from modal.theory.fcc import dispersion as eq_9
 from modal.waves.signals import Signals
+
+FAINTEST = 0.02
+"""Part of the map's maximum: from the first frequency below it on the map is left white."""
 
 
 def dispersion(cases: list[Measures]) -> Picture:
@@ -28,13 +31,19 @@ def dispersion(cases: list[Measures]) -> Picture:
         widest = widest if case.is_crystal else min(widest, 2.5 * np.pi * top / m.long_wave.value)
         rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
         rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
-        shade = 20 * np.log10(np.maximum(amplitude[np.ix_(rows, columns)], 1e-3))
+        shade = amplitude[np.ix_(rows, columns)]
+        # Each frequency relative to its own maximum: the ridge is dark as far as there is a wave.
+        own = shade.max(axis=1, keepdims=True)
+        lost = np.logical_or.accumulate(own < FAINTEST * own.max(), axis=0)
+        shade = np.where(lost, 0.0, shade / np.maximum(own, 1e-30))
+        shade = 20 * np.log10(np.maximum(shade, 1e-2))
         panel = Panel(
             r"wave number $\kappa$ (rad/m)", "frequency (kHz)", case.label, legend="lower right",
-            colour_label="f-k amplitude (dB)", xlim=(0, float(widest)), ylim=(0, top / 1e3),
+            colour_label="amplitude, each frequency (dB)", xlim=(0, float(widest)),
+            ylim=(0, top / 1e3),
         )  # fmt: skip
-        panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", alpha=0.6)
-        kappa = np.linspace(0, widest, 101)
+        panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-40, vmax=0)
+        kappa = kappa_line = np.linspace(0, widest, 101)
         if case.is_crystal:
             chain = case.lattice
             theory = eq_9(kappa, chain.stiffness, chain.mass, chain.distance) / (2e3 * np.pi)
@@ -45,7 +54,17 @@ def dispersion(cases: list[Measures]) -> Picture:
         else:
             wave = m.coherent
             text = "coherent wave of the layers"
-            panel.line(wave.wavenumber, wave.frequency / 1e3, text, color="#c05000", ls="--", lw=2)
+            kept = wave.frequency <= _leaves(m)
+            kappa, f_c = wave.wavenumber[kept], wave.frequency[kept] / 1e3
+            panel.line(kappa, f_c, text, color="#c05000", ls="--", lw=2)
+            slope = kappa_line * m.long_wave.value / (2e3 * np.pi)
+            panel.line(kappa_line, slope, "long waves", color="k", ls=":", lw=0.9)
+            edge = m.passband.of_yade if case.signals else m.passband.low_pass
+            record_ = case.signals or case.wave
+            kappa_e = 2 * np.pi / m.wavelength_at(edge[0].value, record_)
+            style = {"marker": "D", "ls": "none", "color": "#c05000", "ms": 6, "mfc": "w"}
+            text = "$f_{low-pass}$ 2 %, one chain"
+            panel.line([kappa_e], [edge[0].value / 1e3], text, **style)
         f_r, k_r = m.resonances
         every = slice(None, None, max(1, len(f_r) // 20)) if case.is_crystal else slice(None)
         if len(f_r):
@@ -53,7 +72,22 @@ def dispersion(cases: list[Measures]) -> Picture:
             style = {"marker": "o", "ls": "none", "mfc": "w", "color": "#0060a8", "ms": 4}
             panel.line(k_r[every], f_r[every] / 1e3, text, **style)
         panels.append(panel)
-    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+    return Picture(panels, columns=columns_for(len(panels)))
+
+
+def _leaves(m: Measures) -> float:
+    """Frequency, Hz, at which the coherent wave leaves the modes' ridge by 5 %; else infinity.
+
+    Beyond it the layers' means hold no wave of one wave number.
+    """
+    f_r, kappa = m.resonances
+    if m.case.structure is None or len(f_r) < 5:
+        return np.inf
+    wave = m.coherent
+    rising = np.maximum.accumulate(np.nan_to_num(f_r)) == f_r
+    own = np.interp(wave.frequency, f_r[rising], kappa[rising], np.nan, np.nan)
+    off = np.flatnonzero((abs(wave.wavenumber / own - 1) > 0.05) & (wave.frequency > 0.3 * m.band))
+    return float(wave.frequency[off[0]]) if len(off) else np.inf
 
 
 def _of_layers(record: Signals) -> Signals:
@@ -130,4 +164,4 @@ def gain(cases: list[Measures]) -> Picture:
             style = {"color": "#0060a8", "ls": ":", "lw": 1}
             panel.add("vline", f_r / 1e3, 0 * f_r, None, "resonances", **style)
         panels.append(panel)
-    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+    return Picture(panels, columns=columns_for(len(panels)))

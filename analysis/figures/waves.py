@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from analysis.case import Case
 from analysis.estimators.layer_lattice import exact_twin
-from analysis.figures.picture import Panel, Picture
+from analysis.estimators.low_pass import threshold_curves
+from analysis.figures.picture import Panel, Picture, columns_for, merged, share_limits
 from analysis.measures import Measures
+from analysis.paper import stated
 from modal.waves.signals import Signals
 
 POINTS = 130
 """About as many points on a side of a map, and twice as many of a curve."""
+
+
+SHOWN = 1.3
+"""Longest time that is drawn, in passages of the affine wave from wall to wall."""
 
 
 def _thin(count: int) -> slice:
@@ -24,26 +32,37 @@ def producer_name(record: Signals) -> str:
     return known.get(record.producer, record.producer)
 
 
+def _nearest(case: Case, record: Signals, wanted: float) -> tuple[int, float]:
+    """Place in the record's chain of the particle nearest to `wanted` diameters; its depth in D."""
+    depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
+    n = int(np.argmin(abs(depth - wanted)))
+    return n, float(depth[n])
+
+
+def _end(case: Case, record: Signals) -> float:
+    """Time, s, up to which motions are drawn: before the reflection comes back to 100 D."""
+    return min(float(record.time[-1]), SHOWN * case.passage)
+
+
 def _signal(case: Case, wanted: float) -> Panel:
     """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
     record = case.record
-    depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
-    n = int(np.argmin(abs(depth - wanted)))
-    title = (
-        f"{case.short}{case.under_stress}, {depth[n]:.0f} D from source, "
-        f"pulse {record.input_frequency / 1e3:g} kHz"
-    )
+    n, depth = _nearest(case, record, wanted)
+    title = f"{case.label}, {depth:.0f} D, pulse {record.input_frequency / 1e3:g} kHz"
     u = 1e9 * record.chain_displacement[:, n]
-    panel = Panel("time (ms)", "$u_z$ (nm)", title, legend="upper right")
-    panel.ylim = (1.15 * float(u.min()), 1.5 * float(u.max()))  # the legend stands above the wave
-    _curve(panel, record, n, record.time[-1], producer_name(record), color="0.6", lw=2.2)
+    panel = Panel("time (ms)", "$u_z$ (nm)", title)
+    end = _end(case, record)
+    panel.xlim = (0, 1e3 * end)
+    # The legend stands above the wave.
+    panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
+    _curve(panel, record, n, end, producer_name(record), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if case.is_crystal:
         twin = exact_twin(record, case.lattice)
-        _curve(panel, twin, n, record.time[-1], "exact chain", **thin)
+        _curve(panel, twin, n, end, "exact chain", **thin)
     elif record is not case.wave:
         m = int(np.flatnonzero(case.wave.chain_particle == record.chain_particle[n])[0])
-        _curve(panel, case.wave, m, record.time[-1], "linear wave", **thin)
+        _curve(panel, case.wave, m, end, "linear wave", **thin)
     return panel
 
 
@@ -58,14 +77,37 @@ def _curve(panel: Panel, record: Signals, n: int, end: float, label: str, **styl
 def signals(cases: list[Measures]) -> Picture:
     """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
     panels = [_signal(m.case, wanted) for m in cases for wanted in (10, 50, 100)]
+    for first in range(3):
+        share_limits(panels[first::3])
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
 
 
+LOOKS = {1e4: ("0.6", "-"), 1e5: ("k", "-"), 1e6: ("#0060a8", "--"), 1e7: ("#c05000", ":")}
+"""Colour and line of a stress, Pa."""
+
+
 def signals_stress(cases: list[Measures]) -> Picture:
-    """Fig. 4: displacement at 50 D from the source wall; each panel names its pulse's frequency."""
-    ordered = sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.stress))
-    panels = [_signal(m.case, 50) for m in ordered]
-    return Picture(panels, shape=(5.5, 0.5 + 1.9 * len(panels)))
+    """Fig. 4: displacement at 50 D from the source wall, a panel for each friction."""
+    panels = []
+    for m in sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.mu_comp, m.case.stress)):
+        case, record = m.case, m.case.record
+        n, depth = _nearest(case, record, 50)
+        near = min(LOOKS, key=lambda s: abs(np.log(s / case.stress)) if case.stress > 0 else s)
+        colour, line = LOOKS[near]
+        group = "FCC" if case.is_crystal else rf"$\mu_{{comp}}$ = {case.mu_comp:g}"
+        panel = Panel("time (ms)", "$u_z$ (nm)", group, legend="upper right")
+        end = _end(case, record)
+        panel.xlim = (0, 1e3 * end)
+        u = 1e9 * record.chain_displacement[:, n]
+        panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
+        text = (
+            f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {depth:.0f} D, "
+            f"pulse {record.input_frequency / 1e3:g} kHz, {producer_name(record)}"
+        )
+        _curve(panel, record, n, end, text, color=colour, ls=line)
+        panels.append(panel)
+    panels = share_limits(merged(panels))
+    return Picture(panels, shape=(7, 0.5 + 2.2 * len(panels)))
 
 
 def space_time(cases: list[Measures]) -> Picture:
@@ -74,76 +116,106 @@ def space_time(cases: list[Measures]) -> Picture:
     for measured in cases:
         record, case = measured.case.record, measured.case
         z = 1e3 * (record.chain_position - case.network.wall_position[0])
-        step, every = _thin(len(record.time)), _thin(2 * len(z))
+        time = record.time[record.time <= _end(case, record) * (1 + 1e-9)]
+        step, every = _thin(len(time)), _thin(2 * len(z))
         order = np.argsort(z)[every]  # a chain may step back
-        u = 1e9 * record.chain_displacement[step][:, order]
+        time = time[step]
+        u = 1e9 * record.chain_displacement[: record.time.searchsorted(time[-1], "right")]
+        u = u[step][:, order]
         top = float(f"{np.percentile(abs(u), 99.9):.3g}")
         panel = Panel(
             "distance from the source wall (mm)", "time (ms)", title=case.label,
             colour_label="$u_z$ (nm)", legend="upper left",
+            xlim=(float(z.min()), float(z.max())),
         )  # fmt: skip
-        panel.map(z[order], 1e3 * record.time[step], u, cmap="gray_r", vmin=-top, vmax=top)
+        panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
         line = z / measured.long_wave.value
-        seen = line < 1e3 * record.time[-1]
+        seen = line < 1e3 * time[-1]
         panel.line(z[seen], line[seen], "long-wave $V_P$", color="k", ls="--")
         panels.append(panel)
-    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+    return Picture(panels, columns=columns_for(len(panels)))
 
 
 def spectrum_distance(cases: list[Measures]) -> Picture:
-    """Figs. 12 and 13: spectral amplitude over distance (layer means), thresholds and plateau."""
+    """Figs. 12 and 13: spectra of one chain over distance, and where they fall to 2 % and 1 %."""
     panels = []
-    for measured in cases:
-        case = measured.case
-        distance, found = measured.passband.layers
-        wave = case.wave
-        u = wave.chain_displacement if case.is_crystal else wave.layer_displacement
-        top = (
-            0.55 * measured.passband.highest
-            if not case.is_crystal
-            else 0.8 * measured.passband.highest
-        )
-        frequency = np.linspace(0, top, 150)
-        amplitude = abs(np.exp(-2j * np.pi * frequency[:, None] * wave.time) @ u)
-        shade = 20 * np.log10(np.maximum(amplitude / amplitude.max(), 1e-3))
-        every = _thin(2 * len(distance))
+    for m in cases:
+        case, band = m.case, m.passband
+        record, edges = case.record, band.of_yade if case.signals else band.low_pass
+        distance, frequency, amplitude = band.map(record, passages=band.common)
+        order = np.argsort(distance)
+        distance, amplitude = distance[order], amplitude[:, order]
+        top = (0.8 if case.is_crystal else 0.4) * band.highest
+        rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
+        shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
         panel = Panel(
-            "distance from the source wall (mm)", "frequency (kHz)", title=case.label,
-            colour_label="amplitude (dB)", ylim=(0, top / 1e3),
-            legend="lower left" if case.is_crystal else "upper right",
+            "distance from the source wall (mm)", "frequency (kHz)",
+            title=f"{case.label}, {producer_name(record)}", colour_label="amplitude (dB)",
+            ylim=(0, top / 1e3), legend="lower left" if case.is_crystal else "upper right",
         )  # fmt: skip
-        panel.map(1e3 * distance[every], frequency / 1e3, shade[:, every], cmap="gray_r")
-        for row, plateau, text, style in zip(
-            found[:2], measured.low_pass[:2], ("2 %", "1 %"), ("-", ":"), strict=True
+        # A layer is drawn only with all others: every third alone would show a false band.
+        panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
+        curves = threshold_curves(frequency, amplitude)
+        ends = np.array(band.stretch) * case.network.length
+        for row, edge, text, style in zip(
+            curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
         ):
             panel.line(1e3 * distance, row / 1e3, f"{text} threshold", color="#c05000", ls=style)
-            ends = 1e3 * np.array([plateau.start, plateau.end])
-            panel.line(
-                ends, [plateau.value / 1e3] * 2, f"plateau {text}", color="#0060a8", ls=style, lw=3
-            )
+            value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
+            place = [edge.value / 1e3] * 2
+            panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
+        paper = stated("threshold_2", case.paper_case)
+        if paper:
+            dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
+            panel.add("hline", [0], [paper], None, f"paper: {paper:g} kHz", **dashed)
         panels.append(panel)
-    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+    return Picture(panels, columns=columns_for(len(panels)))
 
 
 def low_pass_chains(cases: list[Measures]) -> Picture:
-    """Beyond the paper: f_low-pass (2 %) of every particle against that of the layers."""
+    """Beyond the paper: f_low-pass (2 %) over distance by one chain, each of it, and the layers."""
     panels = []
-    for measured in cases:
-        case = measured.case
-        distance, found = measured.passband.particles
-        edges = np.linspace(0, case.network.length, 41)
-        middle = 0.5e3 * (edges[1:] + edges[:-1])
-        with np.errstate(all="ignore"):
-            slabs = zip(edges[:-1], edges[1:], strict=True)
-            groups = [found[0][(distance >= a) & (distance < b)] for a, b in slabs]
-            groups = [g[np.isfinite(g)] for g in groups]
-            low, mid, high = np.array(
-                [np.percentile(g, (16, 50, 84)) if len(g) > 2 else [np.nan] * 3 for g in groups]
-            ).T
-        panel = Panel("distance from the source wall (mm)", "$f_{low-pass}$ (kHz)", case.label)
-        panel.add("band", middle, low / 1e3, high / 1e3, "particles, 16-84 %", color="0.8")
-        panel.line(middle, mid / 1e3, "particles, median", color="k", ls="--")
-        z, layers = measured.passband.layers
-        panel.line(1e3 * z, layers[0] / 1e3, "layer means", color="#c05000")
+    for m in cases:
+        case, band = m.case, m.passband
+        panel = Panel(
+            "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", case.label,
+            ylim=(0, 0.5 * band.highest / 1e3), legend="lower center",
+        )  # fmt: skip
+        if case.is_crystal:
+            panel.ylim = (0, band.highest / 1e3)
+        for whose, reference, text, style in (
+            ("chain", "map", "chain, of the whole map", {"color": "k"}),
+            ("chain", "own", "chain, of each particle's maximum", {"color": "0.55"}),
+            ("layers", "map", "layer means, of the whole map", {"color": "#c05000", "ls": "--"}),
+        ):
+            distance, frequency, amplitude = band.map(case.wave, whose, band.common)
+            curve = threshold_curves(frequency, amplitude, reference)[0]
+            middle, medians = _slabs(distance, curve, case.network.length)
+            panel.line(1e3 * middle, medians / 1e3, text, **style)
+        ends = 1e3 * np.array(band.stretch) * case.network.length
+        for values, text, colour in ((band.of_columns[:, 0], "all columns", "#0060a8"),):
+            low, high = np.nanpercentile(values, (16, 84)) if np.isfinite(values).any() else (0, 0)
+            panel.add(
+                "band",
+                ends,
+                [low / 1e3] * 2,
+                [high / 1e3] * 2,
+                f"{text}, 16-84 %",
+                color=colour,
+                alpha=0.4,
+            )
         panels.append(panel)
-    return Picture(panels, columns=2 if len(panels) > 1 else 1)
+    return Picture(panels, columns=columns_for(len(panels)))
+
+
+def _slabs(
+    distance: np.ndarray, values: np.ndarray, length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Middle, m, and median of the values of each fortieth of the length."""
+    edges = np.linspace(0, length, 41)
+    groups = [
+        values[(distance >= a) & (distance < b)] for a, b in zip(edges[:-1], edges[1:], strict=True)
+    ]
+    groups = [g[np.isfinite(g)] for g in groups]
+    medians = [np.median(g) if len(g) > 1 else np.nan for g in groups]
+    return 0.5 * (edges[1:] + edges[:-1]), np.array(medians)

@@ -1,0 +1,253 @@
+"""What the settings of a compression change: means over seeds, limits, and modal against YADE.
+
+Rows are those of cases/convergence.table, their packings made by workflow/convergence.smk. A row
+that differs from `own` in one setting is a rung of that setting's ladder; where the setting is an
+error to be made small (a step, a rate, the size of the cell), a straight line through the ladder,
+weighted with the standard errors, gives the limit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analysis.packing_state import QUANTITIES
+from analysis.table import Table
+from modal.formats.hdf5 import InputError
+from modal.preparation.protocol import NOMINAL_FRACTION
+
+OWN, NOT_AGITATED = "own", "monotonic_not_agitated"
+RATES = frozenset({"approach_rate", "inertial_number"})
+SHOWN = ("e", "Z", "Z_bearing", "rattlers", "fabric_zz", "force_squared", "weak_forces", "V_P")
+"""Quantities of the tables; the first, second and last decide about the default."""
+STRESS_ERROR = 0.01
+"""Of a packing that has reached its stress: the relative error of V_P is then below 0.2 %."""
+DIGITS = {"e": 4, "e_bulk": 4, "Z": 3, "Z_bearing": 3, "V_P": 1}
+TWINS = {"twin": "twin_yade", "modal_half_step": "yade_half_step"}
+TWINS |= {"modal_half_rates": "yade_half_rates"}
+"""Rows of the same settings by modal's own loop and by YADE."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One setting at one friction and stress, Pa; `values` hold a number a seed, by quantity.
+
+    `unsettled` packings more are there, which have not reached the stress: none of the values.
+    """
+
+    name: str
+    settings: dict[str, str]
+    stress: float
+    values: dict[str, np.ndarray]
+    unsettled: int
+
+    @property
+    def friction(self) -> float:
+        """mu_comp."""
+        return float(self.settings["mu_comp"])
+
+    def mean(self, quantity: str) -> tuple[float, float, int]:
+        """Mean, its standard error (NaN from one seed) and the number of seeds."""
+        known = self.values[quantity][np.isfinite(self.values[quantity])]
+        if not known.size:
+            return np.nan, np.nan, 0
+        error = known.std(ddof=1) / np.sqrt(known.size) if known.size > 1 else np.nan
+        return float(known.mean()), float(error), known.size
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """A setting that rows vary alone; `columns` change together, `size` makes a number of a row.
+
+    With `error` the limit is at size 0, and the distance from it an error in the first power. The
+    rows differ in nothing else from the one that is named `base`.
+    """
+
+    title: str
+    columns: frozenset[str]
+    size: Callable[[Row], float]
+    error: bool
+    base: str = OWN
+
+
+def _number(column: str) -> Callable[[Row], float]:
+    return lambda row: float(row.settings[column])
+
+
+def _length(row: Row) -> float:
+    """Length of the cell in diameters at the nominal solid fraction."""
+    spheres, width = float(row.settings["spheres"]), float(row.settings["width"])
+    return spheres * np.pi / 6 / NOMINAL_FRACTION / width**2
+
+
+LADDERS = (
+    Ladder("time step / limit", frozenset({"fraction"}), _number("fraction"), True),
+    Ladder("agitated: rate (1/s)", RATES, _number("approach_rate"), False),
+    Ladder("not agitated: rate (1/s)", RATES, _number("approach_rate"), True, NOT_AGITATED),
+    Ladder(
+        "servo: inertial number", frozenset({"inertial_number"}), _number("inertial_number"), True
+    ),
+    Ladder(
+        "agitated: damping", frozenset({"agitated_damping"}), _number("agitated_damping"), False
+    ),
+    Ladder("later damping", frozenset({"damping"}), _number("damping"), False),
+    Ladder("hot stress (Pa)", frozenset({"hot_stress"}), _number("hot_stress"), False),
+    Ladder("settled: residual", frozenset({"residual"}), _number("residual"), False),
+    Ladder(
+        "diameter / width",
+        frozenset({"spheres", "width"}),
+        lambda row: 1 / float(row.settings["width"]),
+        True,
+    ),
+    Ladder("diameter / length", frozenset({"spheres"}), lambda row: 1 / _length(row), True),
+    Ladder("peak without friction (Pa)", frozenset({"peak"}), _number("peak"), False),
+)
+"""Of `RATES` the approach's is shown; the servo's goes with it."""
+
+
+def read_rows(folder: str | Path, table: str | Path) -> list[Row]:
+    """Rows of a table with packings ROW_muMU/SEED/STRESSPa.json in `folder`; InputError if none."""
+    lines = [line.split() for line in Path(table).read_text().splitlines() if line[0] != "#"]
+    own: dict[str, str] = {}
+    rows = []
+    for cells in lines[1:]:
+        settings = dict(zip(lines[0], cells, strict=True))
+        own = settings if settings["setting"] == OWN else own
+        settings = {name: own[name] if cell == "-" else cell for name, cell in settings.items()}
+        name = settings["setting"]
+        found = defaultdict(list)
+        where = Path(folder, f"{name}_mu{settings['mu_comp']}")
+        for path in sorted(where.glob("*/*Pa.json")):
+            state = json.loads(path.read_text())
+            if lacking := set(QUANTITIES) - set(state):
+                raise InputError(
+                    f"{path}: has no {', '.join(lacking)}, an older version made it; remove it and "
+                    "run workflow/convergence.smk"
+                )
+            found[float(path.name.removesuffix("Pa.json"))].append(state)
+        for stress, states in sorted(found.items()):
+            there = [state for state in states if state["stress_error"] < STRESS_ERROR]
+            values = {q: np.array([state[q] for state in there], float) for q in QUANTITIES}
+            rows.append(Row(name, settings, stress, values, len(states) - len(there)))
+    if not rows:
+        raise InputError(f"{folder}: no packing of {table} is there; run workflow/convergence.smk")
+    return rows
+
+
+def rungs(ladder: Ladder, rows: Iterable[Row], friction: float, stress: float) -> list[Row]:
+    """The rows of a ladder at one friction and stress, Pa, its base among them, by their size."""
+    here = [row for row in rows if (row.friction, row.stress) == (friction, stress)]
+    base = next((row for row in here if row.name == ladder.base), None)
+    if base is None:
+        return []
+    unlike = {"setting", "seeds"}
+    found = [
+        row
+        for row in here
+        if {n for n, cell in row.settings.items() if cell != base.settings[n]} - unlike
+        in (ladder.columns, set())
+    ]
+    return sorted(found, key=ladder.size) if len(found) > 1 else []
+
+
+def limit(size: np.ndarray, value: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
+    """Value at size 0 of a line through (n,) points, its standard error, chi^2 a point to spare.
+
+    `error` (n,) holds the standard errors of the points, which weigh with their inverse squares.
+    """
+    known = np.isfinite(value) & np.isfinite(error) & (error > 0)
+    if known.sum() < 2:
+        return np.nan, np.nan, np.nan
+    matrix = np.stack([np.ones(known.sum()), size[known]], axis=1) / error[known, None]
+    target = value[known] / error[known]
+    covariance = np.linalg.inv(matrix.T @ matrix)
+    line = covariance @ matrix.T @ target
+    spare = known.sum() - 2
+    chi = float(((target - matrix @ line) ** 2).sum() / spare) if spare else np.nan
+    return float(line[0]), float(np.sqrt(covariance[0, 0])), chi
+
+
+def _text(quantity: str, value: float, error: float = np.nan) -> str:
+    form = f".{DIGITS.get(quantity, 4)}f"
+    if not np.isfinite(value):
+        return ""
+    return f"{value:{form}}" + (f" ± {error:{form}}" if np.isfinite(error) else "")
+
+
+def _apart(distance: float, error: float, form: str = "{:+.1f}") -> str:
+    """A distance in standard errors, where there is one."""
+    return form.format(distance / error) if error > 0 else ""
+
+
+def settings_table(rows: list[Row]) -> Table:
+    """Mean and standard error of each row; in brackets its distance from `own` in such errors."""
+    own = {(row.friction, row.stress): row for row in rows if row.name == OWN}
+    lines = []
+    for row in rows:
+        count = row.mean("e")[2]
+        seeds = f"{count}, {row.unsettled} not settled" if row.unsettled else f"{count}"
+        cells = [row.name, row.settings["mu_comp"], f"{row.stress / 1e3:g}", seeds]
+        base = own.get((row.friction, row.stress))
+        for quantity in SHOWN:
+            value, error, _ = row.mean(quantity)
+            text = _text(quantity, value, error)
+            if base is not None and base is not row:
+                before, its, _ = base.mean(quantity)
+                text += _apart(value - before, np.hypot(error, its), " ({:+.1f})")
+            cells.append(text)
+        lines.append(cells)
+    header = ("setting", "mu_comp", "stress, kPa", "seeds", *SHOWN)
+    return Table("Settings: mean ± standard error (distance from `own` in errors)", header, lines)
+
+
+def limits_table(rows: list[Row]) -> Table:
+    """Where a step, a rate and the size of the cell lead, and how far from it `own` is."""
+    lines = []
+    for ladder in LADDERS:
+        for friction, stress in sorted({(row.friction, row.stress) for row in rows}):
+            steps = rungs(ladder, rows, friction, stress)
+            if not ladder.error or not steps:
+                continue
+            own = next(row for row in steps if row.name == ladder.base)
+            size = np.array([ladder.size(row) for row in steps])
+            for quantity in SHOWN:
+                means = np.array([row.mean(quantity)[:2] for row in steps])
+                there, error, chi = limit(size, *means.T)
+                here, its, _ = own.mean(quantity)
+                lines.append(
+                    [
+                        ladder.title,
+                        f"{friction:g}",
+                        f"{stress / 1e3:g}",
+                        quantity,
+                        _text(quantity, here, its),
+                        _text(quantity, there, error),
+                        _apart(here - there, error),
+                        f"{chi:.1f}" if np.isfinite(chi) else "",
+                    ]
+                )
+    header = ["ladder", "mu_comp", "stress, kPa", "quantity", "as it is", "limit"]
+    header += ["distance in errors of the limit", "chi^2 a point to spare"]
+    return Table("Limits of the ladders, by a straight line", header, lines)
+
+
+def twins_table(rows: list[Row]) -> Table:
+    """The same settings by modal and by YADE: means, and their difference in standard errors."""
+    by_name = {(row.name, row.friction, row.stress): row for row in rows}
+    lines = []
+    for (name, friction, stress), row in by_name.items():
+        other = by_name.get((TWINS.get(name, ""), friction, stress))
+        if other is None:
+            continue
+        for quantity in SHOWN:
+            (a, s, n), (b, t, m) = row.mean(quantity), other.mean(quantity)
+            line = [name, f"{friction:g}", f"{stress / 1e3:g}", quantity, f"{n}, {m}"]
+            line += [_text(quantity, a, s), _text(quantity, b, t)]
+            lines.append([*line, _apart(a - b, np.hypot(s, t))])
+    header = ("setting", "mu_comp", "stress, kPa", "quantity", "seeds", "modal", "YADE")
+    return Table("The twins", (*header, "difference in standard errors"), lines)

@@ -1,0 +1,94 @@
+"""S-waves of the crystal along [001]: layers that slide and turn, in closed form.
+
+A transverse wave along z moves each layer of the FCC as a whole: u along x, and a turn theta about
+y. With d the distance of neighbours and S = d (theta + theta') / 2, the energy between two layers,
+for each sphere, is ((kn + 3 kt) du^2 - 4 sqrt(2) kt du S + 3 kt S^2) / 2, du the slide of the upper
+one; the neighbours inside a layer add kt d^2 theta^2 / 2. Two coupled branches follow, as in O.
+Mouraille's thesis (Twente, 2009); the modes between walls are those of a banded matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from analysis.estimators.layer_lattice import driven_by_pulse
+from modal.theory.fcc import FccLattice
+
+
+@dataclass(frozen=True)
+class ShearLattice:
+    """Layers of an FCC crystal between two flat walls, sliding along x, for S-waves along z.
+
+    `layers` in number; wall_stiffness, N/m, tangential, and lever, m, from centre to wall.
+    """
+
+    crystal: FccLattice
+    layers: int
+    wall_stiffness: float
+    lever: float
+
+    @classmethod
+    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> ShearLattice:
+        """That of a crystal between flat walls of its own material."""
+        material, radius = crystal.material, crystal.radius
+        normal = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
+        wall = float(normal * crystal.kt / crystal.kn)
+        return cls(crystal, layers, wall, radius - crystal.wall_overlap / 2)
+
+    @property
+    def velocity(self) -> float:
+        """Long-wave velocity, m/s: V^2 = (kn + kt) l^2 / m; turning takes two thirds off 3 kt."""
+        crystal = self.crystal
+        return crystal.layer_distance * float(np.sqrt((crystal.kn + crystal.kt) / crystal.mass))
+
+    def branches(self, kappa: np.ndarray) -> np.ndarray:
+        """Shape (2, nk), rad/s: transverse and rotational branch at wave numbers (nk,), rad/m."""
+        crystal = self.crystal
+        half = np.asarray(kappa, float) * crystal.layer_distance / 2
+        kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
+        inertia = 0.4 * crystal.mass * crystal.radius**2
+        sine, cosine = np.sin(half), np.cos(half)
+        slide = 4 * (kn + 3 * kt) * sine**2 / crystal.mass
+        turn = kt * d**2 * (3 * cosine**2 + 1) / inertia
+        couple = 32 * (kt * d * sine * cosine) ** 2 / (crystal.mass * inertia)
+        root = np.sqrt((slide - turn) ** 2 / 4 + couple)
+        mean = (slide + turn) / 2
+        return np.sqrt(np.maximum(np.array([mean - root, mean + root]), 0))
+
+    def eigenmodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angular frequencies (2n,), rad/s, and mass-scaled unit shapes (2n, 2n) in columns.
+
+        Rows are u and theta of each layer in turn.
+        """
+        crystal, n = self.crystal, self.layers
+        kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
+        # Slide and mean turn of a pair in terms of u, theta, u', theta'.
+        rows = np.array([[-1, 0, 1, 0], [0, d / 2, 0, d / 2]])
+        spring = np.array([[kn + 3 * kt, -2 * np.sqrt(2) * kt], [-2 * np.sqrt(2) * kt, 3 * kt]])
+        pair, K = rows.T @ spring @ rows, np.zeros((2 * n, 2 * n))
+        for layer in range(n - 1):
+            K[2 * layer : 2 * layer + 4, 2 * layer : 2 * layer + 4] += pair
+        turns = np.arange(1, 2 * n, 2)
+        K[turns, turns] += kt * d**2
+        for end, lever in ((slice(0, 2), self.lever), (slice(2 * n - 2, 2 * n), -self.lever)):
+            slip = np.array([-1, lever])
+            K[end, end] += self.wall_stiffness * np.outer(slip, slip)
+        scale = self._scale()
+        square, shape = eigh(K * np.outer(scale, scale))
+        return np.sqrt(np.maximum(square, 0)), shape
+
+    def _scale(self) -> np.ndarray:
+        mass = self.crystal.mass
+        return np.tile(1 / np.sqrt([mass, 0.4 * mass * self.crystal.radius**2]), self.layers)
+
+    def displacement(self, time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
+        """Exact u of each layer, (nt, n) m, when the source wall moves along x by the pulse."""
+        omega, shape = self.eigenmodes()
+        scale = self._scale()
+        push = amplitude * self.wall_stiffness * np.array([1, -self.lever]) * scale[:2]
+        force = push @ shape[:2]
+        motion = force * driven_by_pulse(time, omega, frequency)
+        return (motion @ shape.T * scale)[:, ::2]

@@ -1,0 +1,270 @@
+"""The numbers of a case: what the tables and figures over all cases are made of.
+
+A `Row` holds values with their errors, and curves, but none of the case's files: a whole study fits
+into memory, and its cases are measured side by side.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis.deviations import largest_chi
+from analysis.estimators.damped_transform import mode_dispersion
+from analysis.estimators.low_pass import THRESHOLDS, Edge
+from analysis.estimators.power_law import PowerLaw, power_law
+from analysis.measures import Estimate, Measures
+from modal.formats.hdf5 import InputError
+
+PERCENT = {0.02: "2", 0.01: "1", 0.03: "3"}
+"""Thresholds of the tables, and how their columns call them."""
+NOTHING = Estimate(np.nan)
+
+
+@dataclass
+class Row:
+    """One case: number of the study (None for another packing), name, what it is, its numbers.
+
+    `stress` Pa and `mu_comp` of the compression; `record` is `yade`, or `linear` where no run is
+    there; `values` by their column in table1.csv; `flat` says of thresholds whether they stand on a
+    plateau; `curves` are arrays by name; `absent` says which products are not there.
+    """
+
+    number: int | None
+    name: str
+    label: str
+    crystal: bool
+    stress: float
+    mu_comp: float
+    record: str
+    unsettled: str
+    values: dict[str, Estimate] = field(default_factory=dict)
+    flat: dict[str, bool] = field(default_factory=dict)
+    curves: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    absent: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def value(self, name: str) -> float:
+        """A number; NaN where it is not known."""
+        return self.values.get(name, NOTHING).value
+
+    def error(self, name: str) -> float:
+        """Its uncertainty; NaN where that is not known."""
+        return self.values.get(name, NOTHING).error
+
+    @property
+    def group(self) -> str:
+        """What the paper joins by lines: FCC, or a friction."""
+        return "FCC" if self.crystal else f"random, mu_comp {self.mu_comp:g}"
+
+
+def number_of(name: str) -> int | None:
+    """The case's number in the study, from its name."""
+    match = re.fullmatch(r"case(\d\d)", name)
+    return int(match[1]) if match and 1 <= int(match[1]) <= 32 else None
+
+
+def groups_of(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """Rows by kind and friction, in order of stress."""
+    found: dict[str, list[Row]] = {}
+    for row in sorted(rows, key=lambda r: (not r.crystal, r.mu_comp, r.stress)):
+        found.setdefault(row.group, []).append(row)
+    return found
+
+
+def law_of(members: list[Row], x: str, y: str) -> PowerLaw:
+    """y as a power of x over the cases of a group; x may be `stress_pa`."""
+    at = [row.stress if x == "stress_pa" else row.value(x) for row in members]
+    return power_law(np.array(at), np.array([row.value(y) for row in members]))
+
+
+def _peak(m: Measures, own: Estimate) -> Estimate:
+    """First peaks with the error of the fit and what the choice of the chain is worth."""
+    chain = m.columns.error if np.isfinite(m.columns.error) else 0.0
+    return Estimate(own.value, float(np.hypot(own.error, chain)))
+
+
+VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
+    "particles": lambda m: float(m.case.network.n_particles),
+    "length_over_d": lambda m: m.case.network.length / m.case.diameter,
+    "width_over_d": lambda m: float(m.case.network.cell_size[0]) / m.case.diameter,
+    "void_ratio": lambda m: m.void_ratio,
+    "coordination_number": lambda m: m.coordination[0],
+    "coordination_number_bearing": lambda m: m.coordination[1],
+    "v_p_first_peaks_yade_m_per_s": lambda m: _peak(m, m.yade_first_peak),
+    "v_p_first_peaks_linear_m_per_s": lambda m: _peak(m, m.first_peak),
+    "v_p_first_peaks_columns_m_per_s": lambda m: m.columns,
+    "v_p_long_waves_yade_m_per_s": lambda m: m.yade_long_wave,
+    "v_p_long_waves_linear_m_per_s": lambda m: m.long_wave,
+    "v_p_modes_first_m_per_s": lambda m: m.modal_first,
+    "v_p_modes_eq_4_m_per_s": lambda m: m.modal,
+    "v_p_modes_fitted_m_per_s": lambda m: m.modal_fitted,
+    "v_p_walls_phase_m_per_s": lambda m: m.walls[0],
+    "v_p_walls_group_m_per_s": lambda m: float(m.walls[1]),
+    "v_p_static_m_per_s": lambda m: m.static,
+    "v_p_emt_contacts_m_per_s": lambda m: m.effective[0],
+    "v_p_emt_means_m_per_s": lambda m: m.effective[1],
+    "f_max_khz": lambda m: m.f_max / 1e3,
+    "f_1_khz": lambda m: m.resonances[0][0] / 1e3 if len(m.resonances[0]) else np.nan,
+    "band_edge_linear_khz": lambda m: m.band_edge / 1e3,
+    "band_edge_yade_khz": lambda m: m.yade_band_edge / 1e3,
+    "band_edge_theory_khz": lambda m: _of_crystal(m, "low_pass_frequency") / 1e3,
+    "v_p_theory_m_per_s": lambda m: _of_crystal(m, "velocity"),
+    "band_edge_modes_khz": lambda m: _modal_edge(m) / 1e3,
+    "lambda_edge_linear_over_d": lambda m: m.edge_wavelength[0],
+    "lambda_edge_yade_over_d": lambda m: m.edge_wavelength[1],
+    "f_min_khz": lambda m: np.nan if m.case.modes is None else m.case.modes.frequency[0] / 1e3,
+    "f_200_khz": lambda m: _resonance(m, 200) / 1e3,
+    "resonances": lambda m: float(len(m.resonances[0])) if m.case.modes else np.nan,
+    "translations_only_over_edge": lambda m: _translations(m),
+    "chi_z_below_10_khz": lambda m: largest_chi(m, 0.0, 1e4, chain=True)[0],
+    "chi_z_above_15_khz": lambda m: largest_chi(m, 1.5e4, np.inf, chain=True)[0],
+    "chi_z_above_15_khz_all": lambda m: largest_chi(m, 1.5e4, np.inf, chain=False)[0],
+    "gain_maximum": lambda m: float(np.max(m.gain.gain)),
+    "gain_resolution_hz": lambda m: m.gain.resolution,
+    "free_path_at_f_low_pass_over_d": lambda m: m.free_path,
+    "ioffe_regel_khz": lambda m: np.nan if m.scattering is None else m.scattering.limit / 1e3,
+    "energy_drift": lambda m: m.of_balance("drift"),
+    "energy_to_friction": lambda m: m.of_balance("friction"),
+    "energy_gap": lambda m: m.of_balance("gap"),
+    "contacts_opened": lambda m: m.of_balance("opened"),
+    "contacts_slid": lambda m: m.of_balance("slid"),
+    "yade_less_linear_layers": lambda m: m.off_linear,
+}
+"""Column of table1.csv, and how it is measured; frequencies and wavelengths follow below."""
+
+
+def _of_crystal(m: Measures, name: str) -> float:
+    return float(getattr(m.case.lattice, name)) if m.case.is_crystal else np.nan
+
+
+def _modal_edge(m: Measures) -> float:
+    modes = m.case.modes
+    if not m.case.is_crystal or modes is None or modes.resonance_shape is None:
+        return np.nan
+    found = mode_dispersion(
+        modes.resonance_frequency, modes.resonance_shape, m.case.lattice.distance
+    )
+    return found.low_pass_frequency
+
+
+def _resonance(m: Measures, r: int) -> float:
+    f = m.resonances[0]
+    return float(f[r - 1]) if m.case.is_crystal and len(f) >= r else np.nan
+
+
+def _translations(m: Measures) -> float:
+    only = m.case.translations
+    if only is None or not m.case.is_crystal:
+        return np.nan
+    return float(only.frequency[-1] / m.case.lattice.low_pass_frequency)
+
+
+def row_of(m: Measures) -> Row:
+    """All numbers that a case's products allow, each measured once."""
+    if m.row is None:
+        m.row = _measured(m)
+    return m.row
+
+
+def _measured(m: Measures) -> Row:
+    case = m.case
+    row = Row(
+        number_of(case.name),
+        case.name,
+        case.label,
+        case.is_crystal,
+        case.stress,
+        0.0 if case.is_crystal else case.mu_comp,
+        "linear" if case.signals is None else "yade",
+        case.unsettled,
+    )
+    for name, measure in VALUES.items():
+        try:
+            found = measure(m)
+        except InputError as error:
+            row.notes.append(f"{name}: {error}")
+            continue
+        row.values[name] = found if isinstance(found, Estimate) else Estimate(float(found))
+    _low_pass(m, row)
+    own = "yade" if row.record == "yade" else "linear"
+    row.values["v_p_first_peaks_m_per_s"] = row.values[f"v_p_first_peaks_{own}_m_per_s"]
+    for percent in PERCENT.values():
+        for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d")):
+            row.values[f"{quantity}_{percent}_{unit}"] = row.values[
+                f"{quantity}_{percent}_{own}_{unit}"
+            ]
+        row.flat[percent] = row.flat[f"{percent}_{own}"]
+    row.texts["gain_height"] = m.gain_height
+    row.texts["chi_z_above_15_khz"] = largest_chi(m, 1.5e4, np.inf, chain=True)[1]
+    _curves(m, row)
+    row.absent = [
+        kind
+        for kind in ("signals", "modes", "density", "structure", "response")
+        if not case.has(kind) and not (case.is_crystal and kind in ("density", "structure"))
+    ]
+    row.notes += case.notes
+    return row
+
+
+def _low_pass(m: Measures, row: Row) -> None:
+    """f_low-pass and lambda / D of both producers, by the paper's words and by its neighbours."""
+    band = m.passband
+    row.values["record_passages"] = Estimate(band.common)
+    scatter = dict(zip(THRESHOLDS, band.chain_scatter, strict=True))
+    for producer, record, edges in (
+        ("yade", m.case.signals, band.of_yade),
+        ("linear", m.case.wave, band.low_pass),
+    ):
+        of_threshold = dict(zip(THRESHOLDS, edges, strict=True))
+        for threshold, percent in PERCENT.items():
+            edge = of_threshold[threshold]
+            error = _error(edge, scatter[threshold])
+            row.values[f"f_low_pass_{percent}_{producer}_khz"] = Estimate(
+                edge.value / 1e3, error / 1e3
+            )
+            row.flat[f"{percent}_{producer}"] = edge.flat
+            row.values[f"lambda_{percent}_{producer}_over_d"] = _wavelength(
+                m, record, edge.value, error
+            )
+    record = m.case.record
+    for whose, reference in (("chain", "own"), ("layers", "map")):
+        name = "own" if reference == "own" else "layers"
+        edge = band.edges(record, whose, reference, band.common)[0]
+        row.values[f"f_low_pass_2_{name}_khz"] = Estimate(edge.value / 1e3, edge.error / 1e3)
+        row.flat[f"2_{name}"] = edge.flat
+        row.values[f"lambda_2_{name}_over_d"] = _wavelength(m, record, edge.value, edge.error)
+
+
+def _error(edge: Edge, scatter: float) -> float:
+    """Of the choice of the chain, which holds the estimator's own; of one chain its spread."""
+    return float(scatter) if np.isfinite(scatter) and scatter > 0 else edge.error
+
+
+def _wavelength(m: Measures, record, frequency: float, error: float) -> Estimate:
+    """lambda / D at a frequency, with what the frequency's error makes of it."""
+    if record is None or not np.isfinite(frequency):
+        return NOTHING
+    at = [m.wavelength_at(frequency + sign * error, record) for sign in (0, -1, 1)]
+    here, low, high = (value / m.case.diameter for value in at)
+    return Estimate(here, 0.5 * abs(low - high))
+
+
+def _curves(m: Measures, row: Row) -> None:
+    """What figures over several cases draw."""
+    gain = m.gain
+    row.curves["gain"] = (gain.frequency, gain.gain)
+    row.curves["gain_orders"] = m.gain_orders
+    row.curves["first"] = (np.array([m.first_resonance]),)
+    row.curves["resonances"] = m.resonances
+    if m.scattering is not None:
+        row.curves["ridge"] = (m.scattering.frequency, m.scattering.width)
+    if m.case.density is not None:
+        f, density, below = m.case.density
+        every = slice(None, None, max(1, len(f) // 400))
+        share = 6 * m.case.network.n_particles
+        row.curves["density"] = (f[every], density[every] / share, below[every] / share)

@@ -1,0 +1,220 @@
+"""The page itself: positions and motions as small whole numbers, and what draws them.
+
+`page.html` draws with three.js and uPlot, which lie beside it in one file and go into the page, so
+that it opens anywhere. Displacements are 16 bits a component, in steps of 1/32,767 of the largest:
+35,201 spheres at 100 times are 9 MB of text.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.display import quantity
+from modal.exchange.picture import VISIBLE, sphere_stress
+from modal.formats.hdf5 import InputError, open_h5, write_whole
+from modal.formats.provenance import packing_of, read_provenance, require_same_packing
+from modal.modes.mode_set import SCHEMA as MODES
+from modal.modes.mode_set import ModeSet, read_modes
+from modal.packing.network import Network
+from modal.packing.reading import read_packing
+from modal.waves.signals import SCHEMA as SIGNALS
+from modal.waves.signals import Signals, read_signals
+
+STEPS = 32767
+"""Steps of a displacement from zero to the largest."""
+MOTION = 7_500_000
+"""Bytes of displacements in a page, of which base64 makes 10 MB of text."""
+FRAMES = 100, 400
+"""Times of a wave: as many as fit into `MOTION`, within these limits."""
+SHOWN_SIGNALS = 16
+SPECTRUM = 2.5
+"""Highest frequency of the spectra over that of the pulse."""
+
+
+def watch_page(
+    product: str | Path,
+    output: str | Path,
+    packing: str | Path | None = None,
+    frames: int | None = None,
+    chosen: list[int] | None = None,
+) -> list[str]:
+    """Write the page of a wave (`*.signals.h5`) or of modes (`*.modes.h5`); notes for the reader.
+
+    `packing` is the file that it was made from; if None, the one of its name beside the product.
+    `frames` is the number of times of a wave, `chosen` the modes by number from 1, all by default.
+    InputError for files without the motion of every sphere.
+    """
+    with open_h5(product) as file:
+        schema = file.attrs.get("schema")
+    if schema not in (SIGNALS, MODES):
+        raise InputError(f"{product}: neither signals nor modes; give *.signals.h5 or *.modes.h5")
+    packing = packing or _packing_beside(Path(product))
+    notes = [note for note in [require_same_packing(product, packing_of(packing))] if note]
+    network = read_packing(packing)
+    if schema == SIGNALS:
+        if chosen:
+            raise InputError("--modes: the file has a wave; give *.modes.h5")
+        shown = _of_wave(network, read_signals(product), str(product), frames)
+    else:
+        if frames is not None:
+            raise InputError("--frames: a mode's period needs none; leave it out")
+        shown = _of_modes(network, read_modes(product), str(product), chosen)
+    data = _of_packing(network) | shown
+    title = f"{Path(product).name}, {data['spheres']:,} spheres"
+    write_whole(output, _filled(title, data).encode())
+    return notes
+
+
+def _packing_beside(product: Path) -> Path:
+    """The packing that a product names as its source, in its folder."""
+    for source in read_provenance(product).packing:
+        if source.name and (product.parent / source.name).is_file():
+            return product.parent / source.name
+    raise InputError(f"{product}: its packing is not beside it; name its *.network.h5 as well")
+
+
+def _of_packing(network: Network) -> dict[str, Any]:
+    """Where the spheres are, and how hard their contacts press them."""
+    low = network.position.min(axis=0)
+    step = np.maximum(np.ptp(network.position, axis=0), network.radius.max()) / 65535
+    shown: dict[str, Any] = {
+        "spheres": network.n_particles,
+        "origin": low.tolist(),
+        "step": step.tolist(),
+        "position": coded(np.round((network.position - low) / step), "<u2"),
+        "radius": coded(network.radius, "<f4"),
+        "visible": VISIBLE * float(network.radius.mean()),
+    }
+    if network.force_normal is not None and network.force_tangential is not None:
+        pressure = sphere_stress(network)[:, :3].mean(axis=1)
+        top = float(np.percentile(pressure, 99)) or 1.0
+        shown["pressure"] = coded(np.clip(pressure / top * 255, 0, 255), "u1")
+        shown["pressure_ends"] = ["0", quantity(top, "Pa", 3)]
+    return shown
+
+
+def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) -> dict[str, Any]:
+    moved = signals.particle_displacement
+    if moved is None:
+        raise InputError(
+            f"{name}: without the motion of every sphere; make it again with wave --particles"
+        )
+    most = len(signals.time)
+    if frames is None:
+        frames = int(np.clip(MOTION // (2 * network.n_particles), *FRAMES))
+    elif frames < 2:
+        raise InputError(f"--frames {frames}: give 2 or more")
+    at = np.unique(np.linspace(0, most - 1, min(frames, most)).round().astype(int))
+    largest = float(abs(moved).max()) or 1.0
+    # A wave that has left the wall is small beside the push: colours are full at its size.
+    typical = float(np.median(abs(moved[at]).max(axis=1)))
+    chain = signals.chain_displacement
+    place = np.argsort(signals.chain_position)
+    place = place[np.unique(np.linspace(0, len(place) - 1, SHOWN_SIGNALS).round().astype(int))]
+    interval = float(np.mean(np.diff(signals.time)))
+    frequency = np.fft.rfftfreq(most, interval)
+    band = frequency <= SPECTRUM * signals.input_frequency
+    return {
+        "kind": "wave",
+        "told": (
+            f"{network.n_particles:,} spheres; a wave by {signals.producer}, pulse of "
+            f"{quantity(signals.input_frequency, 'Hz')}, {quantity(2 * signals.amplitude, 'm')} "
+            f"high; {len(at)} of {most} recorded times. Coloured by displacement along z."
+        ),
+        "time": _short(1e6 * signals.time[at]),
+        "displacement": quantised(moved[at], largest),
+        "real": largest,
+        "largest_nm": 1e9 * largest,
+        "contrast": float(np.log10(largest / max(typical, 1e-3 * largest))),
+        "signal_time": _short(1e6 * signals.time),
+        "spectrum_frequency": _short(frequency[band] / 1e3),
+        "signals": [
+            {
+                "name": f"the sphere at z = {1e3 * signals.chain_position[k]:.1f} mm",
+                "displacement": _short(1e9 * chain[:, k]),
+                "spectrum": _short(1e15 * interval * abs(np.fft.rfft(chain[:, k]))[band]),
+            }
+            for k in place
+        ],
+    }
+
+
+def _of_modes(
+    network: Network, modes: ModeSet, name: str, chosen: list[int] | None
+) -> dict[str, Any]:
+    if modes.mode_shape is None or not len(modes.frequency):
+        raise InputError(f"{name}: without mode shapes; make it again with modes -o")
+    numbers = chosen or list(range(1, len(modes.frequency) + 1))
+    for number in numbers:
+        if not 1 <= number <= len(modes.frequency):
+            raise InputError(f"--modes {number}: the file has modes 1 to {len(modes.frequency)}")
+    fits = max(1, MOTION // (6 * network.n_particles))
+    if len(numbers) > fits:
+        raise InputError(
+            f"{len(numbers)} modes of {network.n_particles} spheres make too large a page; choose "
+            f"up to {fits} with --modes"
+        )
+    index = np.array(numbers) - 1
+    shape = modes.mode_shape[index][:, :, :3]
+    largest = np.maximum(np.linalg.norm(shape, axis=2).max(axis=1), np.finfo(float).tiny)
+    main = (shape**2).sum(axis=1).argmax(axis=1)  # the axis along which a mode moves most
+    count = max(2, round(network.length / (2 * float(network.radius.mean()))))
+    source, receiver = network.wall_position
+    edges = np.linspace(source, receiver, count + 1)
+    layer = np.clip(np.searchsorted(edges, network.position[:, 2], side="right") - 1, 0, count - 1)
+    members = np.maximum(np.bincount(layer, minlength=count), 1)
+    return {
+        "kind": "modes",
+        "contrast": 0.0,
+        "told": (
+            f"{network.n_particles:,} spheres; {len(index)} of {len(modes.frequency)} modes, "
+            f"{'' if modes.certified else 'not '}certified complete. Amplitudes are arbitrary."
+        ),
+        "displacement": quantised(shape / largest[:, None, None], 1.0),
+        "layer_z": _short(1e3 * (edges[1:] + edges[:-1]) / 2),
+        "modes": [
+            {
+                "name": f"{number}: {modes.frequency[k] / 1e3:.6g} kHz",
+                "frequency": float(modes.frequency[k]) / 1e3,
+                "chi_z": float(modes.chi_z[k]),
+                "along": "xyz"[axis],
+                "layers": _short(np.bincount(layer, u[:, axis], count) / members / top),
+            }
+            for number, k, u, top, axis in zip(numbers, index, shape, largest, main, strict=True)
+        ],
+    }
+
+
+def quantised(values: np.ndarray, largest: float) -> str:
+    """Values from -largest to largest as base64 of 16-bit numbers, off by half a step at most."""
+    return coded(np.round(values / largest * STEPS), "<i2")
+
+
+def coded(values: np.ndarray, kind: str) -> str:
+    """Numbers of a kind, as `<i2`, in base64."""
+    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode()
+
+
+def _short(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.5g}") for value in values]
+
+
+def _filled(title: str, data: dict[str, Any]) -> str:
+    folder = files("analysis.watch")
+    parts = {
+        "title": title.replace("&", "&amp;").replace("<", "&lt;"),
+        "uplot": folder.joinpath("uplot.min.css").read_text(),
+        "libraries": folder.joinpath("libraries.min.js").read_text(),
+        # A text in it cannot end the script element.
+        "data": json.dumps(data).replace("</", "<\\/"),
+    }
+    page = folder.joinpath("page.html").read_text()
+    # In one pass: what is filled in may itself have doubled braces.
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], page)
