@@ -1,168 +1,135 @@
 #!/usr/bin/env bash
-# Run cases of the study: state -> sample -> highest mode -> wave -> modes -> comparison.
+# Run cases of the study: the front door of workflow/Snakefile, which says what is made from what.
 set -euo pipefail
 cd "$(dirname "$0")"
 usage() {
     cat <<'HELP'
-./run_cases.sh [--case N ...] [--all] [--stage NAME] [-j N] [--dry-run] [--help]
-  --case N ...   cases to run (default 2): 1-4 FCC (minutes), 5-32 random (hours)
-  --all          the FCC cases 1 to 4
-  --stage NAME   only one of: state sample highest wave modes analysis
-  -j N           jobs that yade-batch runs at a time (default 2)
-  --dry-run      print the commands, run nothing
-Products go to products/. What was made with other settings, or of a file that has changed, is said
-to be stale and made again; the rest is kept (python -m analysis status lists it). A random case
-starts from its committed sample in results/samples where products/ has nothing of its own. A case
-that fails is left out from there on, the others go on; the exit status is then 1.
+./run_cases.sh [--case N ... | --all | --study] [--stage NAME] [-j N] [--from-scratch] [--spheres N]
+               [--report] [--slurm] [--dry-run | --status] [--help]
+  --case N ...    cases to run (default 2): 1-4 FCC (minutes), 5-32 random (hours)
+  --all           the FCC cases 1 to 4
+  --study         all 32 cases, their linear waves, and every table and figure of the study
+  --stage NAME    only as far as one of: STAGES
+  -j N            jobs at a time (default: the number of cores; with --slurm 20)
+  --from-scratch  random cases start from a cloud, not from their committed samples
+  --spheres N     a reduced study: random packings of N spheres, compressed without YADE, crystals
+                  of 40 layers; its products have a folder of their own
+  --report        the report of these cases, and a page of what made each product
+  --slurm         every job is one of Slurm's (docs/workflow.md)
+  --dry-run       list what would be made and what it may cost, make nothing
+  --status        which case has what, what is stale and why, what the rest may cost
+Products go to products/. What is made is kept; what was made with other settings, or of a file that
+has changed, is made again. A product that fails is named with its reason, and what needs it is left
+out; the rest goes on. Exit status: 0; 2 if what is wrong says what to do; else 1.
+Ctrl-C stops the running jobs. A run that was killed is resumed by the same command.
 YADE is the program named by the variable YADE, or the one in PATH.
 HELP
 }
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
-cases=() stages=(state sample highest wave modes analysis) jobs=2 dry=
+number() { [[ "${2:-}" =~ ^[1-9][0-9]{0,7}$ ]] || fail "$1 needs a number, for example $1 $3"; }
+stages=(state sample highest wave linear modes response density structure analysis)
+cases=() stage=analysis jobs='' options=() products=products slurm='' only=''
 while [ $# -gt 0 ]; do
     case "$1" in
-        --case) shift
-            [[ "${1:-}" =~ ^[0-9]+$ ]] || fail "--case needs a number, for example --case 2"
-            while [[ "${1:-}" =~ ^[0-9]+$ ]]; do cases+=("$((10#$1))"); shift; done; continue ;;
+        --case) shift; [[ "${1:-}" =~ ^[0-9]+$ ]] || fail "--case needs a number, for example --case 2"
+            while [[ "${1:-}" =~ ^[0-9]+$ ]]; do
+                n=$((10#$1)); shift
+                [ "$n" -ge 1 ] && [ "$n" -le 32 ] || fail "case $n: there are cases 1 to 32"
+                [[ " ${cases[*]} " == *" $n "* ]] || cases+=("$n")
+            done; continue ;;
         --all) cases=(1 2 3 4) ;;
-        --stage) shift
-            [[ " ${stages[*]} " == *" ${1:-none} "* ]] || fail "--stage is one of: ${stages[*]}"
-            stages=("$1") ;;
-        -j) shift; [[ "${1:-}" =~ ^[1-9][0-9]*$ ]] || fail "-j needs a number"; jobs=$1 ;;
-        --dry-run) dry=1 ;;
-        --help|-h) usage; exit 0 ;;
+        --study) mapfile -t cases < <(seq 32); stage=study ;;
+        --report) stage=report ;;
+        --stage) shift; [[ " ${stages[*]} " == *" ${1:-none} "* ]] || fail "--stage is one of: ${stages[*]}"
+            stage=$1 ;;
+        -j) shift; number -j "${1:-}" 2; jobs=$1 ;;
+        --from-scratch) options+=(from_scratch=True) ;;
+        --spheres) shift; number --spheres "${1:-}" 1000; products=products/${1}_spheres
+            options+=("spheres=$1" preparation=modal crystal_layers=40) ;;
+        --slurm) slurm=slurm ;;
+        --dry-run|--status) only=${1#--} ;;
+        --help|-h) usage | sed "s/STAGES/${stages[*]}/"; exit 0 ;;
         *) fail "unknown option $1; see --help" ;;
     esac
     shift
 done
 [ ${#cases[@]} -gt 0 ] || cases=(2)
-for n in "${cases[@]}"; do
-    [ "$n" -ge 1 ] && [ "$n" -le 32 ] || fail "case $n: there are cases 1 to 32"
-done
-declare -A failed=()
-run() { if [ -n "$dry" ]; then echo "$*"; else "$@"; fi; }
-give_up() { # case, what is missing
-    failed[$1]=$2
-    echo "run_cases.sh: case $1: $2; going on without it" >&2
+[ -n "$jobs" ] || jobs=$([ -n "$slurm" ] && echo 20 || nproc)
+./setup.sh --extra "${slurm:-workflow}" --without-yade
+python=.venv/bin/python
+export PYTHONPATH=$PWD/workflow:$PWD
+options+=("products=$products" "cases=[$(IFS=,; echo "${cases[*]}")]" "stage=$stage")
+# Every product is renamed when it is complete, so what a killed run has finished counts; and Snakemake's
+# own lock would outlive a kill.
+snakemake=("$python" -m snakemake -s workflow/Snakefile --logger study --ignore-incomplete --nolock)
+study() { # Snakemake's options: what it says beside the study's own lines is left out
+    { "${snakemake[@]}" "$@" --config "${options[@]}" 2>&1 1>&3 |
+        { grep --line-buffered -v '^Using .* for setting default command line arguments.$' >&2 || true; }
+    } 3>&1
+    return "${PIPESTATUS[0]}"
 }
-attempt() { # case, what it makes, command: the case is given up where the command fails
-    local n=$1 what=$2 status=0; shift 2
-    run "$@" || status=$?
-    [ "$status" != 130 ] || exit 130
-    # Status 3: a product that falls short of what was asked, and says so.
-    [ "$status" = 0 ] || [ "$status" = 3 ] || give_up "$n" "no $what"
-}
-alive() { # cases ...: those that have not failed
-    local n; for n in "$@"; do [ -n "${failed[$n]:-}" ] || echo "$n"; done
-}
-yade() { # options, table, script: runs the jobs, whatever its status
-    local batch=${YADE:+$YADE-batch}; batch=${batch:-yade-batch}
-    command -v "$batch" > /dev/null || [ -n "$dry" ] ||
-        fail "$batch is not in PATH: install yade, or name it by the variable YADE"
-    run "$batch" "$@" || echo "run_cases.sh: $batch ended with status $?" >&2
-}
-file() { printf 'products/case%02d.%s.h5' "$1" "$2"; }
-committed() { printf 'results/samples/case%02d.sample.h5' "$1"; }
-column() { awk -v n="$1" -v c="$2" '$1 == n {print $c}' cases/random.table; }
-state() { # case: the state of its compression under the stress of the case
-    local mu stress; mu=$(column "$1" 2) stress=$(column "$1" 4)
-    if [ "$mu" = 0 ]; then
-        # Of two walks through one pressure the last counts; names begin with their number.
-        local name found; name="*_$(awk "BEGIN {printf \"%g\", $stress / 1000}")kPa.sample.h5"
-        found=$(find products/compression_mu0 -name "$name" 2>/dev/null | sort | tail -1 || true)
-        echo "${found:-products/compression_mu0/$name}"
-    else
-        printf 'products/compression_mu%s/%s' "$mu" "$(printf '%gPa.sample.h5' "$stress")"
-    fi
-}
-walks() { # case: whether its compression is walked; not where there is only a sample to start from
-    [ -f "$(state "$1")" ] || ! { [ -f "$(file "$1" sample)" ] || [ -f "$(committed "$1")" ]; }
-}
-rows() { # table, wanted first columns: writes these lines to a file of their own and names it
-    local wanted=$2 copy; copy=$(mktemp products/.table.XXXXXX)
-    awk -v want=" $wanted " '/^#/ {next} /^[a-z]/ || index(want, " " $1 " ")' "$1" > "$copy"
-    echo "$copy"
-}
-batch() { # script, kind of product, table, cases ...
-    local script=$1 kind=$2 table=$3 n lines; shift 3
-    mapfile -t lines < <(alive "$@")
-    [ ${#lines[@]} -gt 0 ] || return 0
-    [ -n "$dry" ] || table=$(rows "$table" "${lines[*]}")
-    yade -j "$jobs" --job-threads 1 --log "products/$kind.%.log" "$table" "$script"
-    [ -z "$dry" ] || return 0
-    rm -f "$table"
-    # yade-batch returns 0 although a job failed: what counts is the product. The scripts keep what
-    # is current and set aside what is stale.
-    for n in "${lines[@]}"; do
-        [ -f "$(file "$n" "$kind")" ] || give_up "$n" "no $kind, see products/$kind.*.log"
-    done
-}
-compressions() { # the compressions that the random cases come from
-    local n mu table=cases/compressions.table mus=" " walked=()
-    for n in "${random[@]}"; do
-        walks "$n" || continue
-        walked+=("$n") mu=$(column "$n" 2)
-        [[ $mus = *" $mu "* ]] || mus+="$mu "
-    done
-    if [[ $mus = *" 0 "* ]]; then
-        run .venv/bin/python -m modal pack -o products/compression_mu0 || [ $? != 130 ] || exit 130
-    fi
-    mus=${mus/ 0 / }
-    if [ "$mus" != " " ]; then
-        [ -n "$dry" ] || table=$(rows "$table" "$mus")
-        yade -j "$jobs" --job-threads 1 --log "products/compression.%.log" "$table" \
-            yade_scripts/compress.py
-        [ -n "$dry" ] || rm -f "$table"
-    fi
-    [ -z "$dry" ] || return 0
-    for n in "${walked[@]}"; do
-        [ -f "$(state "$n")" ] || give_up "$n" "no state, see products/compression.*.log"
-    done
-}
-random_samples() { # at rest with the friction of the wave, exported by YADE with its noise
-    local n
-    for n in $(alive "${random[@]}"); do
-        if walks "$n"; then
-            attempt "$n" sample .venv/bin/python -m modal relax "$(state "$n")" \
-                --friction "$(column "$n" 3)" --if-stale -o "$(file "$n" sample)"
-        elif [ ! -f "$(file "$n" sample)" ]; then
-            run cp "$(committed "$n")" "$(file "$n" sample)"
-        fi
-    done
-    batch yade_scripts/export_sample.py network cases/random.table "${random[@]}"
-}
-modes() { # case, kind, options
-    local n=$1 kind=$2; shift 2
-    [ -z "${failed[$n]:-}" ] || return 0
-    attempt "$n" "$kind" .venv/bin/python -m modal modes "$(file "$n" network)" "$@" \
-        --if-stale -o "$(file "$n" "$kind")"
-}
-fcc=() random=()
-for n in "${cases[@]}"; do if [ "$n" -le 4 ]; then fcc+=("$n"); else random+=("$n"); fi; done
-setup=(--extra analysis)
-case " ${stages[*]} " in *" state "* | *" sample "* | *" wave "*) ;; *) setup+=(--without-yade) ;; esac
-run ./setup.sh "${setup[@]}"
-run mkdir -p products
-for stage in "${stages[@]}"; do
-    case "$stage" in
-        state) [ ${#random[@]} = 0 ] || compressions ;;
-        sample) batch yade_scripts/sample_fcc.py network cases/fcc.table "${fcc[@]}"
-            [ ${#random[@]} = 0 ] || random_samples ;;
-        highest) for n in "${cases[@]}"; do modes "$n" highest.modes --highest 1; done ;;
-        wave) batch yade_scripts/wave.py signals cases/fcc.table "${fcc[@]}"
-            batch yade_scripts/wave.py signals cases/random.table "${random[@]}" ;;
-        modes) for n in "${fcc[@]}"; do
-                modes "$n" modes --all
-                modes "$n" translations.modes --all --translations-only
-            done
-            for n in "${random[@]}"; do modes "$n" modes --lowest 100; done ;;
-        analysis) mapfile -t whole < <(alive "${cases[@]}")
-            [ ${#whole[@]} = 0 ] || run .venv/bin/python -m analysis compare "${whole[@]}" \
-                --products products -o products/report || failed[comparison]="failed" ;;
-    esac
-done
-if [ ${#failed[@]} -gt 0 ]; then
-    text=; for n in "${!failed[@]}"; do text+="; case $n: ${failed[$n]}"; done
-    echo "run_cases.sh: failed:${text#;}" >&2
-    exit 1
+# No more jobs side by side than the memory that is free now has room for.
+how=(--cores "$jobs" --resources "mem_mb=$(awk '/^MemAvailable/ {print int($2 / 1024)}' /proc/meminfo)")
+if [ -n "$slurm" ]; then
+    command -v sbatch > /dev/null || fail "--slurm: no sbatch in PATH; run it where jobs are submitted"
+    # Where accounting is off, the controller is asked instead.
+    sacct --noheader > /dev/null 2>&1 || export PATH=$PWD/workflow/slurm:$PATH
+    how=(--profile workflow/profiles/slurm --jobs "$jobs")
 fi
+run() { study "${how[@]}" ${stale:+--forcerun $stale} "$@"; }
+
+if [ -z "$only" ]; then
+    mkdir -p "$products"
+    # Snakemake itself takes a disk without any space badly.
+    head -c 100000 /dev/zero 2> /dev/null > "$products/.space.$$" && rm "$products/.space.$$" ||
+        { rm -f "$products/.space.$$"; fail "$products: cannot be written; is the disk full?"; }
+    exec 9> "$products/.driver"
+    flock -n 9 || { echo "another run is at work in $products: waiting for it"; flock 9; }
+    # A kill leaves jobs behind: what they make counts, and nothing is made twice.
+    flock -n "$products/.jobs" true ||
+        { echo "jobs of a run that was killed are at work: waiting"; flock "$products/.jobs" true; }
+    # Its marks of unfinished products would keep Snakemake from its report.
+    [ ! -d .snakemake/incomplete ] || find .snakemake/incomplete -type f -delete
+    at_work() { squeue --me --noheader --format=%Z | grep -qxF "$PWD"; }
+    if [ -n "$slurm" ] && at_work; then
+        echo "Slurm jobs of an earlier run are at work or wait (scancel ends them): waiting for them"
+        while at_work; do sleep 10; done
+    fi
+fi
+stale=
+if compgen -G "$products/*.h5" > /dev/null; then
+    stale=$("$python" -m analysis status --products "$products" --stale "${cases[@]}")
+    [ "$only" != status ] || "$python" -m analysis status --products "$products"
+fi
+case $only in
+    status) plan=$(run --dry-run) || exit 2; grep -e '^plan: ' -e '^nothing' <<< "$plan"; exit 0 ;;
+    dry-run) run --dry-run || exit 2; exit 0 ;;
+esac
+# With Slurm it is the nodes that need YADE.
+if [ -z "$slurm" ] && ! ./setup.sh --is-yade-there 2> /dev/null; then
+    plan=$(run --dry-run) || exit 2
+    if grep -qE '^plan: (crystal|network|yade_wave) ' <<< "$plan" ||
+        [[ "$plan" == *"plan: states "* && " ${options[*]} " != *" preparation=modal "* ]]; then
+        ./setup.sh --extra workflow
+    fi
+fi
+STUDY_FAILED=$(mktemp) status=0
+export STUDY_FAILED
+trap 'rm -f "$STUDY_FAILED"' EXIT
+run || status=$?
+if [[ $status != 130 && ( $stage = analysis || $stage = report ) ]]; then
+    for n in "${cases[@]}"; do cat "$(printf '%s/report/case%02d.txt' "$products" "$n")" 2> /dev/null || true; done
+fi
+"$python" workflow/cost.py "$products"
+if [[ $status = 0 && ( $stage = report || $stage = study ) ]]; then
+    mkdir -p "$products/report"
+    study --cores 1 --report "$products/report/workflow.html" || status=$?
+    ls "$products"/*/{report,study,workflow}.html 2> /dev/null || true
+fi
+if [ "$status" = 1 ]; then
+    # Each had its line when it failed; after a long run they are said once more. Without any it was
+    # the settings that were refused.
+    [ "$(wc -l < "$STUDY_FAILED")" -lt 2 ] || sed 's/^. /run_cases.sh: failed: /' "$STUDY_FAILED" >&2
+    grep -q '^1' "$STUDY_FAILED" || status=2
+fi
+exit "$status"

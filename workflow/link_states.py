@@ -1,7 +1,7 @@
 """Link a walk's states to their names in the study: link_states.py FOLDER OUTPUT ...
 
-Each OUTPUT is named STRESSPa.sample.h5; it becomes a link to the last state of FOLDER that was made
-for this stress. Exit status 1 where one is missing.
+Each OUTPUT is named STRESSPa.sample.h5; it becomes a link to the last state in FOLDER, or in a
+folder of it, that was made for this stress. Exit status 1 where one is missing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from modal.packing.sample import read_sample
 def main(folder: Path, outputs: list[Path]) -> int:
     """Link all; the exit status."""
     states = {}
-    for path in sorted(folder.glob("*Pa.sample.h5")):
+    for path in sorted(folder.rglob("*Pa.sample.h5")):
         stress = read_sample(path).study.get("stress")
         if stress is not None:
             states[f"{float(stress):g}Pa.sample.h5"] = path

@@ -1,20 +1,31 @@
 #!/usr/bin/env bash
-# One line of a yade-batch table: yade_job.sh TABLE LINE SCRIPT FOLDER [LOG PRODUCT]
-# FOLDER is where YADE's scripts read and write. yade-batch returns 0 although its job failed: what
-# counts is the PRODUCT. YADE is the program that the variable YADE names, or the one in PATH.
+# One line of a yade-batch table: yade_job.sh TABLE KEY SCRIPT FOLDER LOG [PRODUCT]
+# The line is the one whose first column is KEY; FOLDER is where YADE's scripts read and write.
+# yade-batch returns 0 although its job failed: what counts is the PRODUCT. YADE is the program that
+# the variable YADE names, or the one in PATH.
 set -euo pipefail
-table=$1 line=$2 script=$3 folder=$4 log=${5:-$4/yade.log} product=${6:-}
-batch=${YADE:+$YADE-batch}; batch=${batch:-yade-batch}
-command -v "$batch" > /dev/null || {
-    echo "$batch is not in PATH: install yade, or name it by the variable YADE" >&2; exit 2; }
+tried=2023.02
+table=$1 key=$2 script=$3 folder=$4 log=$5 product=${6:-}
+fail() { echo "error: $*" >> "$log"; exit 2; }
 mkdir -p "$folder" "$(dirname "$log")"
+: > "$log"
+batch=${YADE:+$YADE-batch}; batch=${batch:-yade-batch}
+command -v "$batch" > /dev/null ||
+    fail "$batch is not in PATH: install YADE, load its module, or name it by the variable YADE"
+line=$(awk -v key="$key" '!/^#/ && NF && $1 + 0 == key + 0 && $1 ~ /^[0-9]/ {print NR; exit}' "$table")
+[ -n "$line" ] || fail "$table: no line begins with $key; add one"
 export WAVE_PRODUCTS=$folder OMP_NUM_THREADS=1
 # yade-batch wants its line in the name of the log.
 own=${log%.log}.line%.log
-"$batch" -j 1 --job-threads 1 --lines "$line" --log "$own" "$table" "$script" > "$log" 2>&1
+"$batch" -j 1 --job-threads 1 --nice 0 --lines "$line" --log "$own" "$table" "$script" > "$log" 2>&1 || true
 own=${own//%/$line}
-if [ -n "$product" ] && [ ! -f "$product" ]; then
-    grep -h '^error: ' "$own" >&2 || tail -n 5 "$own" >&2 || true
-    echo "$script, line $line of $table: no $product; see $own" >&2
+[ ! -f "$own" ] || { cat "$own" >> "$log"; rm -f "$own"; }
+[ -z "$product" ] || [ -f "$product" ] || {
+    if ! grep -q '^error: ' "$log"; then
+        here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1)
+        [[ "$here" = "$tried"* ]] || fail "no product; this is YADE ${here:-of no known version}, and" \
+            "$tried was tried; install that one, or name it by the variable YADE; see $log"
+        echo "no product from YADE $here; the lines before this one may say why" >> "$log"
+    fi
     exit 1
-fi
+}

@@ -1,0 +1,106 @@
+# What the settings of a compression change: cases/convergence.table, each row for several seeds.
+#
+#   snakemake -s workflow/convergence.smk -c 2 --keep-going
+#
+# Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
+# tables and figures of them. States are kept: a row added later runs alone.
+from math import pi
+from pathlib import Path
+
+
+workdir: Path(workflow.basedir).parent
+
+
+FOLDER, PYTHON = config.get("folder", "products/convergence"), ".venv/bin/python"
+
+
+def rows():
+    """Rows by setting and friction, a dash replaced by the value of `own` at the same friction."""
+    lines = [line.split() for line in open("cases/convergence.table") if line[0] != "#"]
+    found, own = {}, {}
+    for cells in lines[1:]:
+        row = dict(zip(lines[0], cells, strict=True))
+        own = row if row["setting"] == "own" else own
+        row = {name: own[name] if cell == "-" else cell for name, cell in row.items()}
+        found[f"{row['setting']}_mu{row['mu_comp']}"] = row
+    return found
+
+
+ROWS = rows()
+STUDY = (
+    "mu_comp spheres width approach_rate agitated_damping inertial_number fraction hot_stress damping residual".split()
+)
+
+
+def states(name):
+    """Names of the states of one packing, as the compression calls them."""
+    return [f"{float(stress):g}" for stress in ROWS[name]["stresses"].split(",")]
+
+
+def command(w):
+    """The compression of one row, by either program."""
+    row, folder = ROWS[w.row], f"{FOLDER}/{w.row}/{w.seed}"
+    if row["program"] == "minimiser":
+        aspect = int(row["spheres"]) * pi / 6 / 0.6 / float(row["width"]) ** 3
+        return (
+            f"{PYTHON} -m modal pack --spheres {row['spheres']} --aspect {aspect:.4f} --seed {w.seed} "
+            f"--peak {row['peak']} --tolerance {row['residual']} --stress {row['stresses']} -o {folder} && "
+            f"ln -f {folder}/01_*.sample.h5 {folder}/{float(row['stresses']):g}Pa.sample.h5"
+        )
+    if row["program"] == "modal":
+        given = " ".join(f"--{n.replace('_', '-')} {row[n]}" for n in STUDY if n != "mu_comp")
+        stresses = row["stresses"].replace(",", " ")
+        return f"{PYTHON} -m modal pack --friction {row['mu_comp']} {given} --seed {w.seed} --stress {stresses} -o {folder}"
+    head, line = " ".join([*STUDY, "seed", "highest"]), " ".join(row[n] for n in STUDY)
+    highest = row["stresses"].split(",")[-1]
+    return (
+        f"mkdir -p {folder} && printf '%s\\n%s\\n' '{head}' '{line} {w.seed} {highest}' > {folder}/yade.table && "
+        f"workflow/yade_job.sh {folder}/yade.table {row['mu_comp']} yade_scripts/compress.py {folder} {folder}/yade.log && "
+        f"mv {folder}/compression_mu{row['mu_comp']}/*Pa.sample.h5 {folder}/"
+    )
+
+
+rule all:
+    input:
+        [
+            f"{FOLDER}/{name}/{seed}/{state}Pa.json"
+            for name, row in ROWS.items()
+            for seed in range(1, min(int(row["seeds"]), config.get("seeds", 99)) + 1)
+            for state in states(name)
+            if float(state) >= 1e5
+        ],
+
+
+rule compression:
+    # The states are named by a file, as their number depends on the row.
+    output:
+        f"{FOLDER}/{{row}}/{{seed}}/walked",
+    params:
+        command=command,
+    log:
+        f"{FOLDER}/{{row}}/{{seed}}/walk.log",
+    shell:
+        "({params.command}) > {log} 2>&1 && touch {output}"
+
+
+rule rest:
+    input:
+        f"{FOLDER}/{{row}}/{{seed}}/walked",
+    output:
+        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.h5",
+    params:
+        friction=lambda w: f"{float(ROWS[w.row]['mu_comp']) + 0.1:g}",
+    log:
+        f"{FOLDER}/{{row}}/{{seed}}/{{state}}.rest.log",
+    shell:
+        "{PYTHON} -m modal relax {FOLDER}/{wildcards.row}/{wildcards.seed}/{wildcards.state}Pa.sample.h5 "
+        "--friction {params.friction} --tolerance 1e-6 -o {output} > {log} 2>&1 || [ $? = 3 ]"
+
+
+rule numbers:
+    input:
+        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.h5",
+    output:
+        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.json",
+    shell:
+        "{PYTHON} -m analysis packing {input} -o {output}"

@@ -1,0 +1,200 @@
+"""What the rules need to know of the study: its cases, what each starts from, what a rule takes.
+
+Read by the Snakefile alone. A case's line stands in cases/fcc.table or cases/random.table, its
+compression in cases/compressions.table; the settings of all in workflow/study.yaml.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import h5py
+from cost import expected
+
+FULL = 35201
+"""Spheres of a random packing of the study, and of its walks by YADE."""
+SAMPLES = Path("results/samples")
+CRYSTAL_KINDS = {
+    "sample": ["network"],
+    "highest": ["highest.modes"],
+    "wave": ["signals"],
+    "linear": ["linear.signals"],
+    "modes": ["modes", "translations.modes"],
+    "response": ["response"],
+}
+RANDOM_KINDS = CRYSTAL_KINDS | {
+    "modes": ["modes"],
+    "density": ["density"],
+    "structure": ["structure"],
+}
+"""Stage of the front door: the files of a case that it makes."""
+COMPARED = "sample", "highest", "wave", "modes", "response"
+REPORTED = *COMPARED, "density", "structure"
+"""Stages of which a case's comparison, and a report, read the files."""
+
+
+class Study:
+    """The cases of a study with its settings; ValueError where they do not fit together."""
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        self.config = config
+        self.folder = config["products"]
+        self.crystals, self.random = (
+            {f"case{int(key):02d}": row for key, row in table(name).items()}
+            for name in ("fcc", "random")
+        )
+        self.compressions = {number(mu): row for mu, row in table("compressions").items()}
+        self.rows = self.crystals | self.random
+        self.cases = [f"case{int(case):02d}" for case in config["cases"]]
+        self.reduced = config["spheres"] != FULL
+        if self.reduced and config["preparation"] == "yade":
+            raise ValueError(
+                f"spheres: {config['spheres']}: YADE's walks have the {FULL} of "
+                "cases/compressions.table; take preparation: modal for a reduced study"
+            )
+        for case in self.cases:
+            if case not in self.rows:
+                raise ValueError(f"{case}: no line in cases/fcc.table or cases/random.table")
+            mu = number(self.rows[case]["mu_comp"])
+            if case in self.random and mu != "0" and mu not in self.compressions:
+                raise ValueError(
+                    f"{case}: no compression with friction {mu}; add a line to "
+                    "cases/compressions.table"
+                )
+
+    def product(self, case: str, kind: str) -> str:
+        """File of a case's product."""
+        return f"{self.folder}/{case}.{kind}.h5"
+
+    def state(self, case: str) -> str:
+        """The state of its compression under the stress of a case."""
+        row = self.random[case]
+        mu, stress = number(row["mu_comp"]), number(row["stress"])
+        return f"{self.folder}/compression_mu{mu}/{stress}Pa.sample.h5"
+
+    @property
+    def stresses(self) -> list[str]:
+        """Stresses of the random cases, Pa, and the lowest, of which the paper has numbers too."""
+        return sorted({"1000", *(number(r["stress"]) for r in self.random.values())}, key=float)
+
+    def committed(self, case: str) -> str | None:
+        """The committed sample that a case starts from; not where it has a state of its own."""
+        if self.reduced or self.config["from_scratch"] or Path(self.state(case)).exists():
+            return None
+        path, row = SAMPLES / f"{case}.sample.h5", self.random[case]
+        if not path.exists() or any(
+            noted(path, name) not in (None, float(row[name])) for name in ("stress", "mu_comp")
+        ):
+            return None
+        return str(path)
+
+    def ready(self, case: str) -> bool:
+        """Whether the committed sample is at rest with the friction of the wave."""
+        path = self.committed(case)
+        friction = float(self.random[case]["mu_wave"])
+        return path is not None and noted(Path(path), "mu_wave") in (None, friction)
+
+    def start(self, case: str) -> str:
+        """What the sample of a random case is made from."""
+        return self.committed(case) or self.state(case)
+
+    def settings(self, *columns: str) -> Callable[[Any], dict[str, str]]:
+        """Settings of a case's line that shape a product: a change of one makes it again."""
+        return lambda w: {name: self.rows[w.case].get(name, "") for name in columns}
+
+    def width(self, mu: str) -> float:
+        """Width of a compression, diameters: as long for its width as that of the table."""
+        full = float(self.compressions[mu]["width"])
+        return round(full * (self.config["spheres"] / FULL) ** (1 / 3), 4)
+
+    def of_wave(self) -> dict[str, str]:
+        """Environment of a YADE wave: the study's amplitude, and what the caller has set."""
+        names = "amplitude", "fraction", "passage", "duration", "interval", "particles"
+        given = {name: os.environ.get(f"WAVE_{name.upper()}") for name in names}
+        given["amplitude"] = given["amplitude"] or str(self.config["amplitude"])
+        return {f"WAVE_{name.upper()}": value for name, value in given.items() if value}
+
+    def duration(self, case: str) -> float:
+        """Seconds in which a wave goes from wall to wall, and somewhat more."""
+        stress = float(self.rows[case]["stress"])
+        slowest = 1.2e-3 * (self.config["spheres"] / FULL) ** (1 / 3)
+        if case in self.crystals:
+            slowest = 5e-4 * self.config["crystal_layers"] / 200
+        return round(slowest * (1e5 / stress) ** (1 / 6), 7)
+
+    def files(self, case: str, stage: str) -> list[str]:
+        """Files that a stage makes of a case; none where it has no such stage."""
+        if stage == "state":
+            return [self.state(case)] if case in self.random and not self.committed(case) else []
+        kinds = CRYSTAL_KINDS if case in self.crystals else RANDOM_KINDS
+        return [self.product(case, kind) for kind in kinds.get(stage, [])]
+
+    def whole(self, *stages: str) -> list[str]:
+        """Files of these stages, of all cases."""
+        return [path for case in self.cases for stage in stages for path in self.files(case, stage)]
+
+    def targets(self) -> list[str]:
+        """What is asked for by the cases and the stage."""
+        stage = self.config["stage"]
+        if stage == "analysis":
+            return [f"{self.folder}/report/{case}.txt" for case in self.cases]
+        if stage == "report":
+            return [f"{self.folder}/report/report.html"]
+        if stage == "study":
+            return [f"{self.folder}/study/study.html", *self.whole("linear")]
+        return self.whole(stage)
+
+    def expected(self) -> dict[str, float]:
+        """Seconds that a job of each rule may take."""
+        return {name: row.seconds for name, row in self._expected().items()}
+
+    def needs(self, rule: str) -> dict[str, Any]:
+        """Resources of a rule's jobs: memory, MB, and run time, minutes, more at each attempt."""
+        row = self._expected()[rule]
+        minutes = int(10 + 4 * row.seconds / 60)
+
+        def runtime(wildcards: Any, attempt: int) -> int:
+            return minutes * attempt
+
+        return {"mem_mb": int(300 + 1.5 * row.memory), "runtime": runtime}
+
+    def _expected(self) -> dict[str, Any]:
+        if not hasattr(self, "_costs"):
+            self._costs = expected(Path(self.folder), self.config["spheres"] / FULL)
+        return self._costs
+
+
+@cache
+def noted(path: Path, name: str) -> float | None:
+    """What a sample notes of itself in its study; None where that cannot be read."""
+    try:
+        with h5py.File(path) as file:
+            return float(file["study"].attrs[name])
+    except (OSError, KeyError):
+        return None
+
+
+def number(text: str) -> str:
+    """A number in the short form that names of files have."""
+    return f"{float(text):g}"
+
+
+def table(name: str) -> dict[str, dict[str, str]]:
+    """Lines of a yade-batch table by their first column."""
+    with open(f"cases/{name}.table") as file:
+        lines = [line.split() for line in file if line.strip() and line[0] != "#"]
+    return {cells[0]: dict(zip(lines[0], cells, strict=True)) for cells in lines[1:]}
+
+
+def one_of(names: Any) -> str:
+    """Pattern of a wildcard that is one of these; none is like nothing."""
+    return "|".join(names) or "none"
+
+
+PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
+"""The project's Python, on every node; by the same name wherever the project lies."""
