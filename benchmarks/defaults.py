@@ -2,7 +2,7 @@
 
     python -m benchmarks defaults -o results/benchmarks
 
-prints the table of README.md from the committed rows; nothing is measured.
+prints the table of docs/benchmarks.md from the committed rows; nothing is measured.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchmarks import density, modes, preparation, time_step, wave
 from benchmarks.harness.measure import ROOT
 from benchmarks.harness.report import Rows, markdown_table, read_csv
 from modal.modes.density import density_of_states
-from modal.preparation.protocol import SETTLED, STABILITY
+from modal.preparation.protocol import SETTLED
 from modal.waves.propagate import propagate
 
 
@@ -153,14 +153,6 @@ def settled(rows: Rows) -> Iterator[Default]:
     )
 
 
-def preparation_step(rows: Rows) -> Iterator[Default]:
-    """Time step of the compression."""
-    text = preparation.differences(rows, "half the time step")
-    reason = f"stable; half of it changes {text}"
-    if text:
-        yield Default("time step of the preparation", f"{STABILITY:g} of the limit", reason)
-
-
 SOURCES: dict[str, Callable[[Rows], Iterator[Default]]] = {
     "fcc_time_step": crystal,
     "random_time_step": packing,
@@ -168,7 +160,6 @@ SOURCES: dict[str, Callable[[Rows], Iterator[Default]]] = {
     "eigensolvers": lowest_modes,
     "density": states,
     "preparation": settled,
-    "protocol": preparation_step,
 }
 """Table of rows -> defaults that follow from it."""
 

@@ -2,7 +2,7 @@
 
 The number of moments follows from the resolution, the number of vectors from the tolerance. The
 error is the largest distance of the number of modes below a frequency from the exact one, over all
-modes. Peers: the dense spectrum, and exact counts at a few frequencies. The same number of moments
+modes. The peer is an exact count at a few frequencies. The same number of moments
 of the exact spectrum, smoothed by the same kernel, tells the kernel's share from the vectors'.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.harness import diagram
 from benchmarks.harness.measure import measured
-from benchmarks.harness.packing import KnownPacking, spectrum
+from benchmarks.harness.packing import KnownPacking
 from benchmarks.harness.report import Page, Rows
 from modal.modes.counts import count_below
 from modal.modes.density import DensityOfStates, density_of_states
@@ -40,12 +40,6 @@ def states(path: str, resolution: float, tolerance: float) -> Callable[[], int]:
     network = read_network(path)
     density_of_states(network, resolution=1e5, tolerance=0.1)  # compiles; finds floppy modes
     return lambda: density_of_states(network, resolution=resolution, tolerance=tolerance).products
-
-
-def dense(path: str) -> Callable[[], int]:
-    """Task: the whole spectrum, frequencies only."""
-    network = read_network(path)
-    return lambda: len(spectrum(Eigenproblem.of(replace(network))))
 
 
 def counts(path: str, at: list[float]) -> Callable[[], list[int]]:
@@ -97,7 +91,7 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
 
 
 def run(quick: bool, folder: Path) -> Page:
-    """Resolutions at one tolerance, tolerances at the finest resolution, and the peers."""
+    """Resolutions at one tolerance, tolerances at the finest resolution, and exact counts."""
     packing, times = KnownPacking.of(SPHERES[quick], folder), 1 if quick else 3
     path, problem = str(packing.path), packing.problem
     exact, floppy = packing.exact, packing.floppy
@@ -119,7 +113,7 @@ def run(quick: bool, folder: Path) -> Page:
                 **cost.cost,
             }
         )
-    rows += peers(path, exact, times)
+    rows.append(peer(path, exact, times))
     task = (
         f"A {packing} and split off. `error` is the largest error of the number of modes below a "
         "frequency, over all modes; `error_of_kernel` what exact moments would have with the same "
@@ -129,19 +123,12 @@ def run(quick: bool, folder: Path) -> Page:
     return Page(TITLE, task, {"density": rows}, notes(rows), {"density": figure})
 
 
-def peers(path: str, exact: np.ndarray, times: int) -> Rows:
-    """The dense spectrum, and exact counts between which nothing is known."""
+def peer(path: str, exact: np.ndarray, times: int) -> dict[str, Any]:
+    """Exact counts, between which nothing is known."""
     at = np.linspace(0, exact[-1], COUNTS + 2)[1:-1]
     counted = measured("benchmarks.density:counts", times=times, path=path, at=at.tolist())
     wrong = abs(np.array(counted.value) - np.searchsorted(exact, at)).max() / len(exact)
-    whole = measured("benchmarks.density:dense", path=path)
-    return [
-        {"method": name, "error": error, **cost.cost}
-        for name, error, cost in (
-            (f"{COUNTS} exact counts", float(wrong), counted),
-            ("dense spectrum", 0.0, whole),
-        )
-    ]
+    return {"method": f"{COUNTS} exact counts", "error": float(wrong), **counted.cost}
 
 
 def knee(rows: Rows) -> dict[str, Any]:

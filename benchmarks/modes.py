@@ -1,11 +1,10 @@
-"""Modes: this program against what a user would type, in a random packing and in a crystal.
+"""Modes: this program against what a user would type, in a random packing.
 
 The lowest modes of a random packing, by this program's back ends, by scipy's `eigsh` with its
 tolerances, and by dense `eigh`. The error is that of the frequencies, against those from the energy
 of the springs, which are right to more digits than K itself. Loosely held spheres make K singular:
-what that does to a solver that does not know of them is part of the comparison.
-All modes of a crystal, by its lateral symmetry and dense. What each task costs at full size:
-`python -m benchmarks scaling`.
+what that does to a solver that does not know of them is part of the comparison. What each task
+costs at full size: `python -m benchmarks scaling`.
 """
 
 from __future__ import annotations
@@ -21,22 +20,17 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 from benchmarks.harness import diagram
-from benchmarks.harness.measure import attempted, measured
+from benchmarks.harness.measure import attempted
 from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
-from modal.modes.counts import count_below
-from modal.modes.highest import all_modes
 from modal.modes.lowest import lowest_modes
 from modal.modes.problem import Eigenproblem, frequency_of
-from modal.packing import examples as gallery
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network_file import read_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 TITLE = "Modes: this program against scipy's own solvers"
 SPHERES = {True: 250, False: 700}
-LAYERS = {True: (12, 40), False: (40, 200)}
-"""Layers of the 4 x 4 crystal that is compared with dense matrices, and of the long one."""
 LOWEST = 20
 TOLERANCES = {True: (1e-2, 1e-8, 0.0), False: (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 0.0)}
 SHIFT = -((2 * np.pi * 100.0) ** 2)
@@ -76,22 +70,16 @@ def typed(path: str, count: int, sigma: float | None, tolerance: float) -> Task:
     return action
 
 
-def dense(path: str, count: int | None) -> Task:
-    """Task: eigh of the full matrices; all modes, or the lowest `count` only."""
+def dense(path: str, count: int) -> Task:
+    """Task: the lowest modes by eigh of the full matrices."""
     network = read_network(path)
 
     def action() -> list[float]:
         K, M = stiffness_matrix(network).toarray(), np.diag(mass_diagonal(network))
-        subset = None if count is None else [0, count - 1]
-        return frequency_of(eigh(K, M, subset_by_index=subset, overwrite_a=True)[0]).tolist()
+        found = eigh(K, M, subset_by_index=[0, count - 1], overwrite_a=True, eigvals_only=True)
+        return frequency_of(found).tolist()
 
     return action
-
-
-def by_symmetry(path: str) -> Task:
-    """Task: all modes of a crystal by its lateral symmetry."""
-    network = read_network(path)
-    return lambda: all_modes(Eigenproblem.of(replace(network))).frequency.tolist()
 
 
 def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> tuple:
@@ -141,43 +129,16 @@ def packing_rows(packing: KnownPacking, quick: bool) -> Rows:
     if not quick:
         setting = {"count": all_low, "sigma": None, "tolerance": 1e-6}
         add("eigsh, which = SM", "tol = 1e-06", "typed", **setting)
-    add("eigh, all modes", "", "dense", count=None)
     add("eigh, lowest only", "", "dense", count=all_low)
     return rows
 
 
-def crystal_rows(folder: Path, quick: bool) -> Rows:
-    """All modes of 4 x 4 crystals: errors over the highest frequency, miscounts over all modes."""
-    path, (short, long) = str(folder / "crystal.network.h5"), LAYERS[quick]
-    write_network(path, gallery.fcc(cells=(4, 4, short)))
-    whole = measured("benchmarks.modes:dense", path=path, count=None)
-    blocks = measured("benchmarks.modes:by_symmetry", path=path)
-    network = gallery.fcc(cells=(4, 4, long))
-    write_network(path, network)
-    large = measured("benchmarks.modes:by_symmetry", path=path)
-    apart = abs(np.array(blocks.value) - whole.value).max() / max(whole.value)
-    # Cuts in the middle of the widest gaps, where no cluster of equal frequencies is split.
-    frequency, problem = np.array(large.value), Eigenproblem.of(network)
-    cuts = [frequency[k : k + 2].mean() for k in np.argsort(np.diff(frequency))[-3:]]
-    wrong = max(abs(count_below(problem, f) - int((frequency < f).sum())) for f in cuts)
-    return [
-        {"method": method, "layers": layers, "checked by": check, "error": float(error), **run.cost}
-        for method, layers, check, error, run in (
-            ("dense", short, "", 0.0, whole),
-            ("by symmetry", short, "dense", apart, blocks),
-            ("by symmetry", long, "three exact counts", wrong / len(frequency), large),
-        )
-    ]
-
-
 def run(quick: bool, folder: Path) -> Page:
-    """A random packing and a crystal."""
+    """Every method on one random packing."""
     packing = KnownPacking.of(SPHERES[quick], folder)
-    tables = {
-        "eigensolvers": packing_rows(packing, quick),
-        "crystal_modes": crystal_rows(folder, quick),
-    }
-    bound = round_off(packing)
+    rows = packing_rows(packing, quick)
+    # Round-off in K moves omega^2 of the lowest mode by half the unit times the highest.
+    shift = np.finfo(float).eps / 2 * (packing.exact[-1] / packing.exact[packing.floppy]) ** 2
     task = (
         f"The {LOWEST} lowest elastic modes of a {packing}. From the contact network to the "
         "frequencies, assembly included. The error is the largest of the wanted frequencies, "
@@ -185,30 +146,10 @@ def run(quick: bool, folder: Path) -> Page:
         f"with them (k = {LOWEST} + floppy: it is told how many there are). Only this program "
         f"counts the modes afterwards, which is in its time. Lowest mode "
         f"{packing.exact[packing.floppy]:.0f} Hz, highest {packing.exact[-1]:.0f} Hz: round-off in "
-        f"K can shift the lowest by half the unit times their ratio squared, {bound:.1e}. Then all "
-        "modes of crystals."
+        f"K can shift the lowest by half the unit times their ratio squared, {shift:.1e}."
     )
-    label = {"error": "relative error of the frequencies (-)"}
-    figure = diagram.work_precision(tables["eigensolvers"], label)
-    said = notes(tables["eigensolvers"]) + crystal_notes(tables["crystal_modes"])
-    return Page(TITLE, task, tables, said, {"eigensolvers": figure})
-
-
-def round_off(packing: KnownPacking) -> float:
-    """Relative shift of the lowest elastic frequency by round-off in K."""
-    ratio = packing.exact[-1] / packing.exact[packing.floppy]
-    return float(np.finfo(float).eps * ratio**2 / 2)
-
-
-def trend(rows: Rows) -> tuple[float, float] | None:
-    """Slope of log error over log tolerance, and its standard error; None below four points."""
-    known = [(float(row["setting"].removeprefix("tol = ")), row["error"]) for row in rows]
-    known = [(tolerance, error) for tolerance, error in known if tolerance > 0 and error]
-    if len(known) < 4:
-        return None
-    x, y = np.log(np.array(known)).T
-    fit, covariance = np.polyfit(x, y, 1, cov=True)
-    return float(fit[0]), float(np.sqrt(covariance[0, 0]))
+    figure = diagram.work_precision(rows, {"error": "relative error of the frequencies (-)"})
+    return Page(TITLE, task, {"eigensolvers": rows}, notes(rows), {"eigensolvers": figure})
 
 
 def choice(rows: Rows) -> tuple[float, str]:
@@ -222,16 +163,10 @@ def notes(rows: Rows) -> list[str]:
     """Where the errors stop, what the floppy modes do, and what each method costs."""
     known = [row for row in rows if row.get("error") is not None]
     own = [row["error"] for row in known if row["method"].startswith(OWN)]
-    eigsh_rows = [row for row in known if row["method"] == EIGSH]
-    errors = [row["error"] for row in eigsh_rows]
+    errors = [row["error"] for row in known if row["method"] == EIGSH]
     said = [f"{OWN.capitalize()}: errors of {min(own):.1e} to {max(own):.1e} with its back ends."]
     if errors:
-        text = f"{EIGSH}: errors of {min(errors):.1e} to {max(errors):.1e}"
-        slope = trend(eigsh_rows)
-        if slope is not None:
-            shown = "" if abs(slope[0]) > 2 * slope[1] else ", which shows no trend"
-            text += f"; they go as tol^({slope[0]:.2f} ± {slope[1]:.2f}){shown}"
-        said.append(text + ".")
+        said.append(f"{EIGSH}: errors of {min(errors):.1e} to {max(errors):.1e}.")
     for row in rows:
         if row.get("failure"):
             zero = f"lists {row['zero_modes']:.0f} floppy modes; " if row.get("zero_modes") else ""
@@ -251,14 +186,3 @@ def notes(rows: Rows) -> list[str]:
             f"program's own choice, {last['peak_mb'] / rows[0]['peak_mb']:.2g} times its memory."
         )
     return said
-
-
-def crystal_notes(rows: Rows) -> list[str]:
-    """What symmetry saves, and that nothing is lost by it."""
-    whole, blocks, large = rows
-    return [
-        f"All modes of 4 x 4 x {blocks['layers']} spheres by symmetry: dense matrices take "
-        f"{whole['seconds'] / blocks['seconds']:.3g} times as long, frequencies are within "
-        f"{blocks['error']:.0e}; {large['layers']} layers take {large['seconds']:.3g} s, exact "
-        f"counts are off by {large['error']:.0e} of all modes."
-    ]

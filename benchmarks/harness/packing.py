@@ -10,10 +10,10 @@ from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT
 from modal.modes.problem import Eigenproblem, frequency_of
-from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
-from modal.packing.sample import read_packing
+from modal.packing.reading import read_packing
+from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.stiffness.springs import contact_kinematics, contact_springs
 
@@ -88,7 +88,7 @@ def resized(sample: Network, spheres: int) -> Network:
     if spheres > 1.5 * sample.n_particles:
         times = round(spheres / sample.n_particles)
         across = max(d for d in range(1, int(np.sqrt(times)) + 1) if times % d == 0)
-        return gallery.repeat(sample, times // across, across)
+        return repeat(sample, times // across, across)
     if spheres >= sample.n_particles:
         return sample
     inside = (sample.particle_i < spheres) & (sample.particle_j < spheres)
