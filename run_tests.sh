@@ -13,5 +13,5 @@ pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
 "${pytest[@]}"
 # What runs YADE, reads and draws, or prepares at length has no second way of its own.
 export GRANULAR_WITHOUT=numba,pypardiso
-other=("*/test_"{"*yade",faults,analysis,benchmark,compress,"*damaged"}"*.py")
+other=("*/test_"{"*yade",faults,workflow,analysis,docs,watch,benchmark,compress,"*damaged"}"*.py")
 exec "${pytest[@]}" "${other[@]/#/--ignore-glob=}" tests

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from places import SHEARED
 
+from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
+from modal.packing.tiling import repeat
 
 YOUNG, POISSON = 60e9, 0.2
 
@@ -89,7 +91,7 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
 
 def sheared() -> Network:
     """150 spheres compressed with friction in YADE, at rest."""
-    return read_sample(Path(__file__).parent / "data/friction150.sample.h5").network()
+    return read_sample(SHEARED).network()
 
 
 def deep() -> Network:
@@ -174,7 +176,7 @@ SOUND = {
     "long crystal": lambda: gallery.fcc(cells=(1, 1, 300)),
     "hardly pressed": lambda: gallery.fcc(1e-3, (2, 2, 8)),
     "column": lambda: gallery.column(3),
-    "copies side by side": lambda: gallery.repeat(gallery.fcc(cells=(1, 1, 5)), 3, 2),
+    "copies side by side": lambda: repeat(gallery.fcc(cells=(1, 1, 5)), 3, 2),
     "sheared": sheared,
     "deep overlaps": deep,
     "levers as long as deep radii": lambda: levers_of_radii(deep()),
@@ -205,3 +207,54 @@ def mirrored(network: Network) -> Network:
         **{name: getattr(network, name) * flip for name in vectors},
         cell_shift=shift,
     )
+
+
+PER_CONTACT = [
+    "particle_i",
+    "particle_j",
+    "normal",
+    "lever_i",
+    "lever_j",
+    "stiffness_normal",
+    "stiffness_tangential",
+    "force_normal",
+    "force_tangential",
+    "overlap",
+    "sliding",
+    "cell_shift",
+]
+
+
+def with_contacts(network: Network, keep: np.ndarray) -> Network:
+    """The network with some of its contacts (indices or booleans)."""
+    return replace(network, **{name: getattr(network, name)[keep] for name in PER_CONTACT})
+
+
+def diluted(share: float, seed: int, layers: int = 6) -> Network:
+    """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
+    network = gallery.fcc(cells=(4, 4, layers))
+    return with_contacts(network, np.random.default_rng(seed).random(network.n_contacts) > share)
+
+
+def dense_squares(problem: Eigenproblem) -> np.ndarray:
+    """All omega^2, ascending, by a dense solver."""
+    return np.linalg.eigvalsh(problem.scaled.toarray())
+
+
+def columns_side_by_side(copies: int) -> Network:
+    """Uncoupled columns of two spheres: every frequency at least so many times."""
+    single = gallery.column(2)
+    many = {}
+    for name in PER_CONTACT:
+        data = getattr(single, name)
+        many[name] = np.concatenate([data] * copies)
+    ids = np.repeat(np.arange(copies) * 2, single.n_contacts)
+    many["particle_i"] = many["particle_i"] + ids
+    many["particle_j"] = np.where(
+        many["particle_j"] >= 0, many["particle_j"] + ids, many["particle_j"]
+    )
+    spheres = {
+        name: np.concatenate([getattr(single, name)] * copies)
+        for name in ("position", "radius", "mass", "inertia")
+    }
+    return replace(single, **many, **spheres)

@@ -98,7 +98,8 @@ def numbers(path: Path) -> Iterator[tuple[str, np.ndarray]]:
         yield from found.items()
     elif path.suffix == ".json":
         for key, value in json.loads(path.read_text()).items():
-            values = list(value.values()) if isinstance(value, dict) else value
+            # The order of an object's members means nothing.
+            values = [value[k] for k in sorted(value)] if isinstance(value, dict) else value
             yield key, np.array(values, object).ravel()
     else:
         rows = [line for line in path.read_text().splitlines() if not line.startswith("#")]

@@ -17,15 +17,16 @@ from analysis.estimators.layer_lattice import LayerLattice
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below, count_negative
-from modal.modes.highest import all_modes, highest_modes
+from modal.modes.dense import all_modes
+from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes
-from modal.modes.problem import Eigenproblem, slipping
+from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.neighbours import tangents
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample
-from modal.stiffness.springs import contact_kinematics
+from modal.stiffness.springs import contact_kinematics, slipping
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from modal.modes.counts import count_below
-from modal.modes.highest import all_modes
+from modal.modes.dense import all_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network

@@ -25,7 +25,7 @@ from modal.packing.sample import read_sample
 ROOT = Path(__file__).resolve().parents[1]
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
-    *("density_of_states", "propagate", "frequency_response", "FccLattice"),
+    *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),
 }
 
 
@@ -93,7 +93,8 @@ def test_numbers_as_the_command_line_prints_them(packing, printed):
     assert list(counts.values()) == found.tolist() and found.dtype.kind == "i"
     every = modal.eigenmodes(network, all=True).frequency
     assert found.tolist() == [(every < float(f)).sum() for f in at]
-    assert modal.count_modes(network, 5e4) == found[1]
+    one = modal.count_modes(network, 5e4)
+    assert one == found[1] and isinstance(one, int)
 
     said = printed("density", path, "--resolution", "1e4", "--at", *at)
     states = modal.density_of_states(network, resolution=1e4)
@@ -169,10 +170,10 @@ def test_what_is_wrong_is_said_without_the_command_line(packing):
         (lambda: modal.eigenmodes(network, lowest=3, certify=False), "highest"),
         (lambda: modal.eigenmodes(network, lowest=10_000), "10000 modes asked"),
         (lambda: modal.eigenmodes(network, lowest=2.5), "2.5 modes asked"),
-        (lambda: modal.eigenmodes(network, highest="3"), "3 modes asked"),
+        (lambda: modal.eigenmodes(network, highest="3"), "highest is '3'"),
         (lambda: modal.eigenmodes(network, between=(1.0, 2.0, 3.0)), "two frequencies"),
-        (lambda: modal.eigenmodes(network, between=1e4), "two frequencies"),
-        (lambda: modal.count_modes(network, [np.nan]), "not a frequency"),
+        (lambda: modal.eigenmodes(network, between=1e4), "not 2 numbers"),
+        (lambda: modal.count_modes(network, [np.nan]), "no frequency"),
         (lambda: modal.count_modes(network, 1e3, solver="magic"), "solver magic"),
         (lambda: modal.fcc(cells=(2, 2)), "three whole numbers"),
         (lambda: modal.fcc(cells=(2, 2, 0)), "three whole numbers"),
@@ -249,4 +250,48 @@ def test_examples_of_numbers_for_people():
 def test_the_script_in_examples(capsys):
     runpy.run_path(str(ROOT / "examples" / "crystal.py"))
     said = capsys.readouterr().out
-    assert "Eq. 10: 137616 Hz" in said and "of 1440" in said
+    assert "Eq. 10: 137.616 kHz" in said and "of 1200" in said
+
+
+WRONG = {
+    "read": lambda: modal.read(3),
+    "fcc": lambda: modal.fcc(cells=3),
+    "random_packing": lambda: modal.random_packing(spheres="many"),
+    "eigenmodes": lambda: modal.eigenmodes("mine.network.h5"),
+    "count_modes": lambda: modal.count_modes(modal.fcc(cells=(1, 1, 4)), "low"),
+    "density_of_states": lambda: modal.density_of_states(modal.fcc, resolution=2e3),
+    "propagate": lambda: modal.propagate(modal.fcc(cells=(1, 1, 4)), "long"),
+    "frequency_response": lambda: modal.frequency_response(None),
+    "elastic_moduli": lambda: modal.elastic_moduli(7),
+    "FccLattice": lambda: modal.FccLattice(stress="high"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_an_argument_of_a_wrong_kind_is_named_in_one_line(name):
+    with pytest.raises(modal.InputError, match=r"^\w+: \w+ is .{1,60}, not \w.*$") as raised:
+        WRONG[name]()
+    assert "\n" not in str(raised.value)
+    assert name in OFFERED - {"InputError", "Network"}
+
+
+def test_every_public_function_names_a_wrong_argument():
+    assert set(WRONG) == OFFERED - {"InputError", "Network"}
+
+
+def test_numbers_of_any_kind_are_numbers():
+    """Of numpy and of other libraries; a number missing is Python's own error."""
+    network = modal.fcc(np.float32(1e5), cells=np.array([1, 1, 6]))
+    assert modal.count_modes(network, np.float64(1e9)) == 36
+    assert len(modal.eigenmodes(network, lowest=np.int64(2)).frequency) == 2
+    assert len(modal.eigenmodes(network, between=[1e3, 1e5]).frequency) > 0
+    with pytest.raises(TypeError, match="propagate.. missing 1 required positional argument"):
+        modal.propagate(network)
+
+
+def test_frequencies_below_zero_are_refused(packing, capsys):
+    network, path = packing
+    with pytest.raises(modal.InputError, match="-5 Hz is no frequency"):
+        modal.count_modes(network, [1e3, -5])
+    assert main(["count", path, "--at", "-5"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -11,7 +11,7 @@ TESTS = """
 import pytest
 from modal.stiffness import operator
 from modal.solvers.factor import available
-from modal.preparation import loops
+from modal import loops
 
 def test_what_is_hidden():
     assert operator.numba is None and loops.numba is None

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -13,6 +16,10 @@ import pytest
 pytest.importorskip("snakemake")
 ROOT = Path(__file__).resolve().parents[1]
 LEFT_BEHIND = (".git", ".venv", ".snakemake", "products", "__pycache__", "*.egg-info")
+ALL, SOME = list(range(1, 33)), [3, 11, 12, 16]
+STATES = ["1000Pa", "10000Pa", "100000Pa", "1e+06Pa", "1e+07Pa"]
+FRICTIONS = ["0.01", "0.05"]
+OF_CASE = ["highest.modes", "signals", "linear.signals", "modes", "response"]
 
 
 @pytest.fixture(scope="module")
@@ -25,66 +32,245 @@ def study(tmp_path_factory) -> Path:
 
 def snakemake(folder: Path, *arguments: str, **settings: object) -> subprocess.CompletedProcess:
     """Run Snakemake in a project; settings override study.yaml."""
-    command = [sys.executable, "-m", "snakemake", "-s", "workflow/Snakefile", "--cores", "1"]
+    command = [sys.executable, "-m", "snakemake", "-s", "workflow/Snakefile", "--cores", "2"]
     pairs = [f"{name}={value}".replace(" ", "") for name, value in settings.items()]
+    variables = os.environ | {"PYTHONPATH": f"{folder}/workflow"}
     return subprocess.run(
-        [*command, *arguments, "--config", *pairs], cwd=folder, capture_output=True, text=True
+        [*command, "--logger", "study", *arguments, "--config", *pairs],
+        cwd=folder,
+        env=variables,
+        capture_output=True,
+        text=True,
     )
+
+
+def plan(folder: Path, *arguments: str, **settings: object) -> list[tuple[str, str]]:
+    """Rule and product of each job of a dry run."""
+    done = snakemake(folder, "--dry-run", *arguments, **settings)
+    assert done.returncode == 0, done.stderr + done.stdout
+    return re.findall(r"^(\w+) +(\S+?)(?: \(.*\))?: ", done.stdout.replace("plan: ", "plan "), re.M)
 
 
 def planned(folder: Path, *arguments: str, **settings: object) -> dict[str, int]:
     """Number of jobs of each rule in a dry run."""
-    done = snakemake(folder, "--dry-run", "--quiet", "rules", *arguments, **settings)
-    assert done.returncode == 0, done.stderr + done.stdout
-    rows = re.findall(r"^(\w+) +(\d+)$", done.stdout + done.stderr, re.M)
-    return {rule: int(count) for rule, count in rows}
+    rules = [rule for rule, _ in plan(folder, *arguments, **settings)]
+    return {rule: rules.count(rule) for rule in rules}
 
 
 def test_a_crystal_needs_no_walk(study):
     jobs = planned(study, cases=[2])
-    assert jobs["crystal"] == jobs["wave"] == jobs["crystal_gain"] == 1 and jobs["modes"] == 3
-    assert not {"chain", "relax", "export"} & jobs.keys()
+    assert jobs == dict.fromkeys(jobs, 1)
+    assert {"crystal", "yade_wave", "response", "all_modes", "translations"} < jobs.keys()
+    assert not {"states", "sample", "network"} & jobs.keys()
+
+
+def test_moduli_and_shear_waves_are_made_on_request(study):
+    """No part of the study unless their files are asked for; then from the case's network."""
+    assert not {"moduli", "shear_wave"} & planned(study, cases=[30]).keys()
+    asked = ["products/case30.moduli.h5", "products/case30.shear.signals.h5"]
+    jobs = planned(study, *asked, cases=[30])
+    assert jobs["moduli"] == jobs["shear_wave"] == jobs["network"] == 1
+    assert "yade_wave" not in jobs
 
 
 def test_a_committed_sample_spares_the_walk_unless_told_otherwise(study):
-    assert not {"walk", "relax"} & planned(study, cases=[30]).keys()
+    assert not {"states", "sample"} & planned(study, cases=[30]).keys()
     jobs = planned(study, cases=[30], from_scratch=True)
-    assert jobs["walk"] == jobs["relax"] == jobs["export"] == 1 and "start" not in jobs
+    assert jobs["states"] == jobs["sample"] == jobs["network"] == 1
+    assert "committed_sample" not in jobs
+
+
+def test_a_committed_sample_with_another_friction_is_brought_to_rest_with_it(study):
+    table = study / "cases/random.table"
+    before = table.read_text()
+    table.write_text(before.replace("\n30 0.4 0.5 ", "\n30 0.4 0.6 "))
+    try:
+        jobs = planned(study, cases=[30])
+    finally:
+        table.write_text(before)
+    assert jobs["sample"] == 1 and not {"states", "committed_sample"} & jobs.keys()
 
 
 def test_the_whole_study_walks_once_for_each_friction(study):
-    """32 cases; of seven frictions two have their samples committed."""
-    jobs = planned(study, cases=list(range(1, 33)))
-    assert (jobs["crystal"], jobs["export"], jobs["wave"]) == (4, 28, 32)
-    assert (jobs["walk"], jobs["start"], jobs["relax"]) == (5, 8, 20)
-    assert planned(study, cases=list(range(1, 33)), from_scratch=True)["walk"] == 7
+    """32 cases; of seven frictions two have their samples committed; in seconds."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    jobs = planned(study, cases=ALL, stage="study")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    # 1.5 s on a free core; the study as a whole is to be planned in 10.
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 10
+    assert (jobs["crystal"], jobs["network"], jobs["yade_wave"]) == (4, 28, 32)
+    assert (jobs["states"], jobs["committed_sample"], jobs["sample"]) == (5, 8, 20)
+    jobs = planned(study, cases=ALL, stage="study", from_scratch=True)
+    assert jobs["states"] + jobs["frictionless_states"] == 7
+    assert jobs["sample"] == 28 and "committed_sample" not in jobs
 
 
-def products_of(folder: Path, case: str, kinds: list[str]) -> None:
-    """Files with the names of products, in the order of their making."""
-    (folder / "products").mkdir(exist_ok=True)
-    for kind in kinds:
-        (folder / f"products/{case}.{kind}.h5").touch()
+def test_the_compiled_twin_needs_yade_for_no_walk(study):
+    def command(**settings: object) -> str:
+        options = ("--dry-run", "--printshellcmds", "--logger")
+        arguments = [option for option in options if option != "--logger"]
+        done = subprocess.run(
+            [
+                *(sys.executable, "-m", "snakemake", "-s", "workflow/Snakefile", "--cores", "1"),
+                *(*arguments, "--config", "cases=[9]", "stage=state"),
+                *(f"{name}={value}" for name, value in settings.items()),
+            ],
+            cwd=study,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout + done.stderr
+
+    assert "yade_job.sh cases/compressions.table 0.01" in command()
+    # 14.45 diameters for 35,201 spheres; as long for its width with fewer.
+    twin = command(preparation="modal", spheres=1000)
+    assert "modal pack --friction 0.01 --spheres 1000 --width 4.4091 --seed 1" in twin
 
 
-def test_only_what_is_missing_is_planned(study):
-    products_of(study, "case03", ["network", "highest.modes", "modes"])
-    jobs = planned(study, cases=[3])
-    assert "crystal" not in jobs and jobs["modes"] == 1 and jobs["wave"] == 1
+@pytest.fixture
+def made(study) -> Path:
+    """Some cases with files of all products' names that Snakemake takes for its own."""
+    products = study / "products"
+    paths = [products / f"compression_mu{mu}/{s}.sample.h5" for mu in FRICTIONS for s in STATES]
+    for case in (f"case{number:02d}" for number in SOME):
+        random = int(case[4:]) > 4
+        own = ["sample", "density", "structure"] if random else ["translations.modes"]
+        paths += [products / f"{case}.{kind}.h5" for kind in ("network", *OF_CASE, *own)]
+    for path in [*paths, products / "study/study.html"]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    settings = {"cases": SOME, "stage": "study", "from_scratch": True}
+    done = snakemake(study, "--touch", "--forceall", **settings)
+    assert done.returncode == 0, done.stderr
+    yield study
+    shutil.rmtree(products)
+    shutil.rmtree(study / ".snakemake")
+
+
+def test_a_changed_friction_remakes_what_depends_on_it_and_nothing_else(made):
+    """Neither its neighbours, which share its compression, nor, for a line more, anything."""
+    settings = {"cases": SOME, "stage": "study", "from_scratch": True}
+    table = made / "cases/random.table"
+    before = table.read_text()
+    try:
+        table.write_text(f"# a line more\n{before}")
+        assert plan(made, **settings) == []
+        table.write_text(before.replace("\n12 0.01 0.11 ", "\n12 0.01 0.2 "))
+        jobs = plan(made, **settings)
+    finally:
+        table.write_text(before)
+    kinds = ["sample", "network", "density", "structure", *OF_CASE]
+    expected = {f"case12.{kind}.h5" for kind in kinds} | {"study.html"}
+    assert sorted(name for _, name in jobs) == sorted(expected)
+
+
+def test_only_what_is_missing_is_planned(made):
+    (made / "products/case03.signals.h5").unlink()
+    jobs = planned(made, cases=[3], stage="analysis")
+    assert jobs == {"yade_wave": 1, "comparison": 1}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("colour", "red"),
+        ("cases", []),
+        ("cases", [2, 33]),
+        ("cases", [2, 2]),
+        ("stage", "lunch"),
+        ("preparation", "lammps"),
+        ("spheres", "many"),
+        ("spheres", 500),
+        ("from_scratch", "perhaps"),
+        ("amplitude", 0),
+        ("products", "a b"),
+    ],
+)
+def test_schema_refuses(name, value):
+    """And takes the settings as they are committed."""
+    yaml, jsonschema = pytest.importorskip("yaml"), pytest.importorskip("jsonschema")
+    schema, settings = (
+        yaml.safe_load((ROOT / f"workflow/study{end}").read_text())
+        for end in (".schema.yaml", ".yaml")
+    )
+    jsonschema.validate(settings, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(settings | {name: value}, schema)
 
 
 @pytest.mark.parametrize(
     ("settings", "said"),
-    [
-        ({"colour": "red"}, "colour"),
-        ({"cases": "[33]"}, "33"),
-        ({"cases": "[]"}, "cases"),
-        ({"preparation": "lammps"}, "lammps"),
-        ({"spheres": "many"}, "many"),
-        ({"spheres": 1000}, "preparation: modal"),
-    ],
+    [({"colour": "red"}, "'colour' was unexpected"), ({"spheres": 1000}, "preparation: modal")],
 )
-def test_unknown_words_are_refused(study, settings, said):
+def test_unknown_words_are_refused_in_one_line(study, settings, said):
     done = snakemake(study, "--dry-run", **settings)
     assert done.returncode != 0
-    assert said in done.stdout + done.stderr
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("Using ")]
+    assert len(lines) == 1 and said in lines[0], lines
+
+
+def test_table_without_the_compression_says_so(study):
+    table = study / "cases/random.table"
+    before = table.read_text()
+    table.write_text(before.replace("\n12 0.01 ", "\n12 0.02 "))
+    try:
+        done = snakemake(study, "--dry-run", cases=[12])
+    finally:
+        table.write_text(before)
+    assert done.returncode != 0 and "add a line to cases/compressions.table" in done.stderr
+
+
+def front_door(*arguments: str) -> subprocess.CompletedProcess:
+    command = [str(ROOT / "run_cases.sh"), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--case", "33"], "there are cases 1 to 32"),
+        (["--case", "0"], "there are cases 1 to 32"),
+        (["--case"], "--case needs a number"),
+        (["--case", "two"], "--case needs a number"),
+        (["--stage", "lunch"], "--stage is one of"),
+        (["-j", "0"], "-j needs a number"),
+        (["--spheres", "few"], "--spheres needs a number"),
+        (["--colour"], "unknown option --colour"),
+    ],
+)
+def test_front_door_refuses_in_one_line(arguments, said):
+    done = front_door(*arguments)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.count("\n") == 1 and said in done.stderr
+
+
+def test_help_names_every_stage_of_the_rules():
+    """The words of --stage are those of the schema."""
+    schema = (ROOT / "workflow/study.schema.yaml").read_text()
+    words = re.search(r"stage: {enum: \[(.*)\]}", schema)[1].split(", ")
+    text = front_door("--help").stdout
+    listed = re.search(r"as far as one of: (.*)", text)[1].split()
+    assert words == [*listed, "report", "study"]
+
+
+def test_costs_of_a_rule_are_those_of_its_jobs(tmp_path):
+    """The benchmarks that Snakemake writes: core-hours are their sum."""
+    spec = importlib.util.spec_from_file_location("cost", ROOT / "workflow/cost.py")
+    cost = importlib.util.module_from_spec(spec)
+    sys.modules["cost"] = cost
+    spec.loader.exec_module(cost)
+    for name, seconds, memory in (("case01", "1800.0", "50.5"), ("case02", "5400.0", "NA")):
+        path = tmp_path / f"cost/yade_wave/{name}.tsv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"s\th:m:s\tmax_rss\n{seconds}\t0:30:00\t{memory}\n")
+    found = cost.measured(tmp_path)["yade_wave"]
+    assert (found.jobs, found.seconds, found.longest, found.memory) == (2, 3600, 5400, 50.5)
+    assert re.search(r"^all +2 +2\.0000$", cost.table(tmp_path), re.M)
+    assert cost.expected(tmp_path, 1.0)["yade_wave"] == found
+
+
+def test_every_rule_has_an_expected_cost(study):
+    listed = snakemake(study, "--list-rules").stdout.split()
+    table = (study / "workflow/cost.tsv").read_text().splitlines()
+    assert set(listed) - {"all"} == {line.split()[0] for line in table if line[0] != "#"}

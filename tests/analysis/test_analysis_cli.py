@@ -1,0 +1,134 @@
+"""The command line of analysis, in-process: products in, table and figures out, errors."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from analysis.__main__ import COMPARED, EXAMPLES, _parser, main
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from modal.modes.mode_set import ModeSet, write_modes
+from modal.packing.examples import fcc
+from modal.packing.network_file import write_network
+from modal.waves.signals import write_signals
+
+
+@pytest.fixture(scope="module")
+def products(tmp_path_factory):
+    """Cases 1 to 3: all products, no modes, only the network."""
+    folder = tmp_path_factory.mktemp("products")
+    for number, stress in ((1, 1e4), (2, 1e5), (3, 1e6)):
+        network = fcc(stress, (1, 1, 200))
+        write_network(folder / f"case{number:02d}.network.h5", network)
+        chain = LayerLattice.of_network(network)
+        if number < 3:
+            signals = lattice_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
+            write_signals(folder / f"case{number:02d}.signals.h5", signals)
+        if number == 1:
+            omega, shape = chain.eigenmodes()
+            f, one = omega / (2 * np.pi), np.ones(chain.layers)
+            modes = ModeSet(
+                frequency=f,
+                residual=0 * f,
+                chi_z=one,
+                chi_z_chain=one,
+                rotation_share=0 * f,
+                resonance_frequency=f,
+                resonance_shape=shape.T,
+                resonance_wavenumber=np.pi * np.arange(1, 201) / network.length,
+            )
+            write_modes(folder / "case01.modes.h5", modes)
+            write_modes(folder / "case01.translations.modes.h5", modes)
+    return folder
+
+
+def read_table(path):
+    with open(path) as file:
+        return {row["quantity"]: row for row in csv.DictReader(file)}
+
+
+def test_compare_prints_and_writes_everything(products, tmp_path, capsys):
+    assert main(["compare", "1", "2", "3", "--products", str(products), "-o", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "case03.signals.h5 is absent" in out
+    assert "theory: 0.166" in out
+    row = read_table(tmp_path / "case01.comparison.csv")["f_low-pass"]
+    assert float(row["modal"]) == pytest.approx(float(row["theory"]), rel=5e-4)
+    assert float(row["yade"]) == pytest.approx(float(row["theory"]), rel=2e-3)
+    assert read_table(tmp_path / "case02.comparison.csv")["f_low-pass"]["modal"] == ""
+    for line in out.splitlines():
+        if line.startswith(str(tmp_path)):
+            with open(line, "rb") as file:
+                assert len(file.read(200)) > 100
+    assert "no figure natural_frequencies" in out  # the file holds a sixth of the modes
+    assert len(list(tmp_path.glob("case01.*.png"))) == len(COMPARED) - 1
+    assert (tmp_path / "stress_dependence.png").is_file()
+
+
+def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products, tmp_path):
+    """Without pre-stress the linear wave's V_P is theory's; the pre-stress row may differ from it.
+
+    By the ratio of normal force to stiffness and distance, N / (kn D) = 2/3 overlap / D, at most.
+    """
+    assert (
+        main(["compare", "2", "--no-figures", "--products", str(products), "-o", str(tmp_path)])
+        == 0
+    )
+    rows = read_table(tmp_path / "case02.comparison.csv")
+    theory = float(rows["V_P, long waves"]["theory"])
+    full = rows["V_P, long waves, with pre-stress"]
+    overlap = fcc(cells=(1, 1, 200)).overlap.max() / (2 * fcc(cells=(1, 1, 200)).radius[0])
+    assert float(rows["V_P, long waves"]["linear"]) == pytest.approx(theory, rel=1e-6)
+    assert 0 < abs(float(full["linear"]) / theory - 1) < 2 / 3 * overlap
+    assert full["theory"] == full["yade"] == "" and "tangent" in full["note"]
+    void = rows["void ratio, wall to wall"]
+    assert void["yade"] == "" and void["modal"]  # a property of the packing, with or without a run
+
+
+def test_status_lists_what_is_there(products, capsys):
+    assert main(["status", "--products", str(products)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split() == ["case01", "yes", "yes", "yes", "yes"]
+    assert lines[3].split() == ["case03", "yes", "-", "-", "-"]
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["compare", "99"], "no such file"),
+        (["compare", "x"], "no such file"),
+        (["compare", "4"], "run the case first"),
+        (["compare"], "required"),
+        (["prepare", "9"], "run the case first"),
+        (["report", "9"], "run the case first"),
+        (["figure", "nothing", "1"], "choose one of"),
+        (["figure", "chi_z"], "no case given"),
+        (["figure", "absent.csv"], "cannot be read"),
+        (["figure", "chi_z", "2"], "make it before"),
+        ([], "required"),
+    ],
+)
+def test_bad_input_is_one_line(products, tmp_path, capsys, arguments, words):
+    if len(arguments) > 1:
+        arguments = [*arguments, "--products", str(products)]
+        arguments += [] if arguments[0] == "prepare" else ["-o", str(tmp_path)]
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert words in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_missing_folder_and_broken_file(tmp_path, capsys):
+    assert main(["status", "--products", str(tmp_path / "none")]) == 2
+    (tmp_path / "case02.network.h5").write_bytes(b"not HDF5")
+    assert main(["compare", "2", "--products", str(tmp_path), "-o", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 2
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_help_ends_in_an_example_that_parses(name, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    last = capsys.readouterr().out.rstrip().splitlines()[-1]
+    assert last == f"example: python -m analysis {EXAMPLES[name]}"
+    assert _parser().parse_args(EXAMPLES[name].split()).command == name

@@ -1,0 +1,213 @@
+"""Reports of packings that are no cases of the study: named by their files, joined by digest."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from analysis.__main__ import main
+from analysis.belonging import cases_of, cases_of_files, kind_of
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from analysis.figures.picture import Panel, Picture, write_picture
+from analysis.figures.render import save_png
+from analysis.measures import Measures
+from analysis.report import provenance_table
+from analysis.table import Table
+from modal.__main__ import main as modal_main
+from modal.formats.hdf5 import InputError, atomic_h5, sha256
+from modal.packing.examples import fcc
+from modal.packing.network_file import write_network
+from modal.packing.sample import sample_of_network, write_sample
+from modal.preparation.random_packing import random_network
+from modal.waves.leapfrog import leapfrog
+from modal.waves.signals import write_signals
+from modal.waves.source import Pulse
+
+STRESS = 2.5e5
+"""Of the crystal, Pa; the study has none like it."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A crystal of 120 layers and 150 random spheres, each with what belongs to it."""
+    folder = tmp_path_factory.mktemp("mine")
+    crystal = fcc(STRESS, (1, 1, 120))
+    chain = LayerLattice.of_network(crystal)
+    write_network(folder / "quartz.network.h5", crystal)
+    recorded = lattice_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
+    digest = sha256(folder / "quartz.network.h5")
+    write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
+    packing = replace(random_network(150, 1e5, seed=3), study={})
+    write_network(folder / "heap.h5", packing)
+    run = leapfrog(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
+    digest = sha256(folder / "heap.h5")
+    run = replace(run, producer="other DEM", network_sha256=digest)
+    write_signals(folder / "heap.signals.h5", run)
+    for name, options, target in (
+        ("quartz.network.h5", ["--all"], "quartz_all.h5"),
+        ("heap.h5", ["--lowest", "40"], "low.h5"),
+        ("heap.h5", ["--highest", "1"], "top.h5"),
+        ("heap.h5", ["--between", "40000", "50000"], "band.h5"),
+        ("heap.h5", ["--lowest", "5", "--translations-only"], "t.h5"),
+    ):
+        assert modal_main(["modes", str(folder / name), *options, "-o", str(folder / target)]) == 0
+    return folder
+
+
+def files(folder, *names):
+    return [str(folder / name) for name in names]
+
+
+def table_of(path):
+    with open(path) as file:
+        return {row[0]: row[1:] for row in csv.reader(file)}
+
+
+def test_kinds_are_found_from_the_schema(folder):
+    kinds = {name: kind_of(folder / name) for name in ("quartz.network.h5", "run7.h5", "heap.h5")}
+    assert list(kinds.values()) == ["network", "signals", "network"]
+    modes = [kind_of(folder / f"{name}.h5") for name in ("quartz_all", "low", "top", "band", "t")]
+    assert modes == ["modes", "modes", "highest.modes", "band.modes", "translations.modes"]
+
+
+def test_report_of_a_crystal_that_is_no_case(folder, tmp_path):
+    """Its theory is found from the packing; every value is that of its own stress."""
+    given = files(folder, "quartz.network.h5", "run7.h5", "quartz_all.h5")
+    assert main(["report", *given, "-o", str(tmp_path)]) == 0
+    rows = table_of(tmp_path / "table1.csv")
+    assert rows["quantity"] == ["FCC, 250 kPa (quartz)"]
+    chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
+    # The damped transform's bias is below 1e-5; the table has four digits. The modes' is 1e-6.
+    for name in ("V_P long waves, YADE, m/s", "V_P modes, fitted kappa, long waves, m/s"):
+        assert float(rows[name][0]) == pytest.approx(chain.velocity, rel=1e-3)
+    edge = float(rows["band edge, YADE, kHz"][0])
+    assert edge == pytest.approx(chain.low_pass_frequency / 1e3, rel=1e-3)
+    page = (tmp_path / "report.html").read_text()
+    assert "quartz" in page and "(case" not in page
+    assert str(folder) not in page
+    # The paper has no case of this stress: only what it says of all crystals may be compared.
+    assert not (tmp_path / "paper.csv").exists()
+
+
+def test_report_of_a_random_packing_that_is_no_case(folder, tmp_path):
+    """Without stress or friction in its study; the highest frequency is its file's."""
+    given = files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5")
+    assert main(["report", *given, "-o", str(tmp_path)]) == 0
+    rows = table_of(tmp_path / "table1.csv")
+    assert rows["quantity"] == ["random (heap)"]
+    top = cases_of_files(given)[0].highest.frequency[-1]
+    assert float(rows["f_max, kHz"][0]) == pytest.approx(top / 1e3, rel=1e-3)  # four digits
+    page = (tmp_path / "report.html").read_text()
+    assert "nan kPa" not in page and "mu_comp nan" not in page
+    assert "heap.signals.h5" in page
+
+
+def test_files_of_two_packings_go_to_their_own(folder):
+    names = "low.h5", "run7.h5", "heap.h5", "quartz_all.h5", "quartz.network.h5", "heap.signals.h5"
+    heap, quartz = cases_of_files(files(folder, *names))
+    assert (heap.name, quartz.name) == ("heap", "quartz")
+    assert {kind: path.name for kind, path in heap.files.items()} == {
+        "network": "heap.h5",
+        "modes": "low.h5",
+        "signals": "heap.signals.h5",
+    }
+    assert {kind: path.name for kind, path in quartz.files.items()} == {
+        "network": "quartz.network.h5",
+        "modes": "quartz_all.h5",
+        "signals": "run7.h5",
+    }
+
+
+def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
+    sample = tmp_path / "grains.sample.h5"
+    write_sample(sample, sample_of_network(random_network(150, 1e5, seed=3), 0.1))
+    (case,) = cases_of_files([sample])
+    assert case.name == "grains" and case.network.n_particles == 150 and not case.is_crystal
+    both = cases_of_files([sample, folder / "heap.h5"])  # not exported from it: two packings
+    assert [case.name for case in both] == ["heap", "grains"]
+
+
+def test_a_file_beside_the_given_ones_is_not_listed_as_read(folder):
+    """heap.signals.h5 has the name that a case of this name would look for."""
+    (case,) = cases_of_files(files(folder, "heap.h5", "low.h5"))
+    said = {row[0]: row[1] for row in provenance_table([Measures(case)]).rows}
+    assert said["heap.signals.h5"] == "absent" and said["low.h5"] != "absent"
+
+
+def test_a_name_in_a_folder_need_be_no_number(folder, tmp_path, capsys):
+    shutil.copy(folder / "quartz.network.h5", tmp_path / "quartz.network.h5")
+    assert [case.name for case in cases_of(["quartz", "7"], tmp_path)] == ["quartz", "case07"]
+    assert main(["status", "--products", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1].split() == ["quartz", "yes", "-", "-", "-"]
+
+
+def test_linear_waves_are_no_record(folder, tmp_path):
+    """`modal wave` of the same springs would stand in the columns of the DEM run."""
+    wave = tmp_path / "w.h5"
+    command = ["wave", str(folder / "heap.h5"), "--duration", "2e-5", "-o", str(wave)]
+    assert modal_main(command) == 0
+    (case,) = cases_of_files([folder / "heap.h5", wave])
+    assert case.signals is None and "linear wave" in case.notes[0]
+
+
+def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
+    with atomic_h5(tmp_path / "odd.h5") as file:
+        file.attrs["schema"] = "something-else"
+    chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
+    write_signals(tmp_path / "stray.h5", lattice_signals(chain, np.arange(0, 2e-5, 2e-7)))
+    odd, stray = str(tmp_path / "odd.h5"), str(tmp_path / "stray.h5")
+    for given, words in (
+        (files(folder, "heap.h5", "run7.h5"), "run7.h5: made from"),
+        (files(folder, "run7.h5"), "no packing"),
+        (files(folder, "heap.h5", "low.h5", "low.h5"), None),
+        ([*files(folder, "heap.h5"), odd], "something-else"),
+        ([*files(folder, "heap.h5", "quartz.network.h5"), stray], "does not say"),
+        (files(folder, "heap.h5", "absent.h5"), "no such file"),
+    ):
+        if words is None:  # the same file twice is one file
+            assert len(cases_of_files(given)) == 1
+            continue
+        assert main(["report", *given, "-o", str(tmp_path)]) == 2
+        captured = capsys.readouterr()
+        assert words in captured.err and captured.err.count("\n") == 1
+    shutil.copy(folder / "low.h5", tmp_path / "again.h5")
+    with pytest.raises(InputError, match="both modes"):
+        cases_of_files([*files(folder, "heap.h5", "low.h5"), tmp_path / "again.h5"])
+
+
+def test_files_of_before_say_in_words_which_modes_they_hold(folder, tmp_path):
+    """Their attributes end at `interval`; the kinds are found all the same."""
+    for name in ("quartz_all.h5", "low.h5", "top.h5", "band.h5"):
+        old = tmp_path / name
+        shutil.copy(folder / name, old)
+        with h5py.File(old, "r+") as file:
+            for attribute in ("choice", "count", "low", "high"):
+                file.attrs.pop(attribute, None)
+        assert kind_of(old) == kind_of(folder / name), name
+    assert kind_of(folder / "band.h5") == "band.modes"
+
+
+def test_tables_and_figures_are_whole_or_as_they_were(tmp_path, monkeypatch):
+    """Where the last step, the renaming, fails, what stood there still stands."""
+    picture = Picture([Panel("x", "y", "", series=[])])
+    writers = {
+        "a.csv": Table("", ["a"], [["1"]]).write_csv,
+        "b.csv": lambda path: write_picture(path, picture),
+        "c.png": lambda path: save_png(picture, path),
+    }
+
+    def fails(*paths):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("modal.formats.hdf5.os.replace", fails)
+    for name, write in writers.items():
+        (tmp_path / name).write_text("before")
+        with pytest.raises(InputError, match="no space left"):
+            write(tmp_path / name)
+        assert (tmp_path / name).read_text() == "before"
+    assert {path.name for path in tmp_path.iterdir()} == set(writers)

@@ -1,0 +1,227 @@
+"""Report, figures from their CSV, structure factor, effective medium, coherent wave, plateau."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from analysis.__main__ import main
+from analysis.estimators.coherent import coherent_wave, longest_waves
+from analysis.estimators.effective_medium import of_contacts, of_means
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from analysis.estimators.structure_factor import (
+    read_structure,
+    standing_waves,
+    structure_factor,
+    write_structure,
+)
+from analysis.figures import FIGURES
+from analysis.figures.picture import Panel, Picture, read_picture, write_picture
+from modal.formats.hdf5 import InputError
+from modal.packing.affine import affine_stiffness, affine_velocity
+from modal.packing.examples import fcc
+from modal.packing.network_file import write_network
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+from modal.theory.fcc import FccLattice
+from modal.waves.signals import write_signals
+
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
+LENGTH = 200 * CHAIN.distance
+
+
+@pytest.fixture(scope="module")
+def packing():
+    return random_network(150, 1e5, seed=3)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The report of one crystal without modes, by the command line."""
+    folder, output = tmp_path_factory.mktemp("products"), tmp_path_factory.mktemp("report")
+    network = fcc(cells=(1, 1, 200))
+    chain = LayerLattice.of_network(network)
+    signals = lattice_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
+    write_network(folder / "case02.network.h5", network)
+    write_signals(folder / "case02.signals.h5", signals)
+    assert main(["report", "2", "--products", str(folder), "-o", str(output)]) == 0
+    return output
+
+
+def test_page_is_self_contained(made):
+    page = (made / "report.html").read_text()
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert "SHA-256" in page and "python -m analysis report 2 --products" in page
+    drawn = {path.stem for path in made.glob("*.png")}
+    for name in FIGURES:  # drawn, or named with the reason
+        assert name in drawn or f"<li>{name}: " in page
+    assert page.count("<img") == len(drawn) >= 12
+
+
+def test_page_names_no_folder_of_this_machine(made):
+    """Nor the folder of the products, wherever a message or the command may hold it."""
+    text = re.sub(r'src="data:[^"]*"', "", (made / "report.html").read_text())
+    assert str(made) not in text and str(made.parent) not in text
+    assert not re.search(r"[\s(>=\"']/(?:tmp|home|root|work|Users)/", text)
+
+
+def test_captions_say_which_figure_of_the_paper_once(made):
+    captions = re.findall(r"<figcaption>(.*?)<code>", (made / "report.html").read_text())
+    assert captions and all(len(re.findall("Fig", text)) <= 1 for text in captions)
+    assert any(text.startswith("As Fig. 4: ") for text in captions)
+    signals = (made / "signals_stress.csv").read_text()
+    assert "pulse 100 kHz" in signals  # a panel says with which pulse
+
+
+def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
+    for png in sorted(made.glob("*.png")):
+        assert main(["figure", str(png.with_suffix(".csv")), "-o", str(tmp_path)]) == 0
+        assert (tmp_path / png.name).read_bytes() == png.read_bytes(), png.name
+
+
+def test_random_case_without_a_run(packing, tmp_path, capsys):
+    """`prepare` makes what is missing, once; the report says that there was no YADE run."""
+    write_network(tmp_path / "case06.network.h5", packing)
+    folder = ["--products", str(tmp_path)]
+    assert main(["prepare", "6", *folder]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 3
+    assert main(["prepare", "6", *folder]) == 0
+    assert capsys.readouterr().out == ""
+    assert main(["compare", "6", "--no-figures", *folder, "-o", str(tmp_path)]) == 0
+    assert "signals.h5 is absent" in capsys.readouterr().out
+    assert "V_P first peaks" in (tmp_path / "case06.table1.md").read_text()
+    assert main(["report", "6", *folder, "-o", str(tmp_path / "report")]) == 0
+    assert ", YADE, kHz" not in capsys.readouterr().out
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "no record of a YADE run; linear wave instead" in page
+    for name in ("natural_frequencies", "structure", "gain", "signals", "dispersion"):
+        assert (tmp_path / "report" / f"{name}.png").is_file()
+
+
+def test_picture_survives_its_file(tmp_path):
+    panel = Panel("x (m)", "y (s)", 'a, "b"', xlim=(0, 1), yscale="log")
+    panel.line([1 / 3, np.nan], [2, 3], "line", ls="--")
+    panel.map(np.linspace(0, 1, 4), np.array([1.0, 2.0]), np.arange(8.0), cmap="gray")
+    write_picture(tmp_path / "a.csv", Picture([panel], columns=2))
+    write_picture(tmp_path / "b.csv", read_picture(tmp_path / "a.csv"))
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+    (tmp_path / "c.csv").write_text("not,a,figure\n")
+    with pytest.raises(InputError, match="not the CSV of a figure"):
+        read_picture(tmp_path / "c.csv")
+
+
+def test_mean_strain_is_exact_for_the_crystal():
+    assert of_contacts(fcc(cells=(2, 2, 30))).velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
+
+
+def test_affine_stiffness_is_the_energy_of_a_stretch(packing):
+    """u_z = z on every sphere, none turned: u K u of the contacts between spheres, walls left out.
+
+    By the matrix, whose springs are not those of the formula; both are sums of the same terms.
+    """
+    inner = packing.with_contacts(np.flatnonzero(~packing.with_wall))
+    u = np.zeros((packing.n_particles, 6))
+    u[:, 2] = packing.position[:, 2]
+    energy = u.ravel() @ (stiffness_matrix(inner) @ u.ravel())
+    assert affine_stiffness(packing).sum() == pytest.approx(energy, rel=1e-9)
+
+
+def test_affine_velocity_of_a_crystal_counts_its_ends():
+    """n layers weigh as n and stretch as n - 1: sqrt(1 - 1/n) of the velocity in the bulk."""
+    for layers in (30, 60):
+        bulk = affine_velocity(fcc(cells=(2, 2, layers))) / np.sqrt(1 - 1 / layers)
+        assert bulk == pytest.approx(CHAIN.velocity, rel=1e-9)
+
+
+def test_mean_field_of_means_has_the_crystals_bulk_scaling():
+    """V_P grows as stress^(1/6) at fixed geometry: Hertz."""
+    low, high = (of_means(0.55, 6.0, p, 1.27e-3).velocity for p in (1e5, 6.4e6))
+    assert high / low == pytest.approx(64 ** (1 / 6), rel=1e-12)
+
+
+def test_structure_factor_against_the_modes(packing, tmp_path):
+    """Moments of the frequency over S_r are sums over the modes of a dense solution."""
+    orders = np.array([1, 2, 5])
+    found = structure_factor(packing, orders, resolution=2e3)
+    operator = ContactOperator(packing, mass_scaled=True)
+    square, vector = np.linalg.eigh(operator.apply(np.eye(operator.shape[0])))
+    weight = (vector.T @ standing_waves(packing, orders)) ** 2
+    frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
+    step = found.frequency[1] - found.frequency[0]
+    assert found.power.min() > -1e-9
+    for n in range(len(orders)):
+        # Share of the modes between two frequencies, which lie between points of the grid, blurred
+        # by the same near-Gaussian: the sum of its distribution functions. The kernel is not quite
+        # a Gaussian, hence 1.5 %.
+        sigma = found.resolution / 2.3548
+        for low, high in ((10200, 30200), (30200, 80200), (80200, 150200)):
+            inside = ndtr((high - frequency) / sigma) - ndtr((low - frequency) / sigma)
+            part = found.power[n, (found.frequency > low) & (found.frequency < high)].sum() * step
+            assert part == pytest.approx(weight[:, n] @ inside, abs=0.015)
+    write_structure(tmp_path / "a.structure.h5", found)
+    again = read_structure(tmp_path / "a.structure.h5")
+    assert np.array_equal(again.power, found.power) and again.resolution == found.resolution
+
+
+def test_structure_factor_ridge_is_the_crystals_dispersion():
+    network = fcc(cells=(1, 1, 60))
+    orders = np.array([5, 20, 40])
+    peak, width = structure_factor(network, orders, resolution=1e3).ridge()
+    chain = LayerLattice.of_network(network)
+    exact = chain.eigenmodes()[0][orders - 1] / (2 * np.pi)
+    assert peak == pytest.approx(exact, rel=3e-3)
+    assert np.nanmax(width) < 500  # half a resolution: a mode has no width
+
+
+def test_standing_waves_are_unit_vectors(packing):
+    waves = standing_waves(packing, np.array([1, 7]))
+    assert (waves**2).sum(axis=0) == pytest.approx(1)
+    along = (waves / np.sqrt(mass_diagonal(packing))[:, None]).reshape(-1, 6, 2)
+    assert not along[:, [0, 1, 3, 4, 5]].any()
+
+
+@pytest.mark.parametrize("passages", [0.8, 1.0, 1.3])
+def test_coherent_wave_of_the_exact_chain(passages):
+    """Phase velocity to 0.1 %, group velocity to 1 % up to 0.8 of the band edge."""
+    record = lattice_signals(CHAIN, np.arange(0, passages * LENGTH / CHAIN.velocity, 2e-7))
+    found = coherent_wave(record, LENGTH)
+    f = found.frequency[1:]
+    inside = f < 0.8 * CHAIN.low_pass_frequency
+    half = np.arcsin(f[inside] / CHAIN.low_pass_frequency)
+    phase, group = found.phase_velocity[1:][inside], found.group_velocity[1:][inside]
+    assert phase == pytest.approx(CHAIN.velocity * np.sin(half) / half, rel=1e-3)
+    assert group == pytest.approx(CHAIN.velocity * np.cos(half), rel=1e-2)
+
+
+@pytest.mark.parametrize("passages", [1.0, 1.3, 1.73, 1.95, 4.0])
+def test_coherent_wave_does_not_see_the_reflection(passages):
+    """The exact chain, however long the record: cut by its own speed, not by a given one.
+
+    A record of one passage is 0.016 % off, by its window; what the reflection adds must stay below
+    that, twice 0.016 % in all.
+    """
+    length = 2 * CHAIN.wall_gap + (CHAIN.layers - 1) * CHAIN.distance
+    time = np.arange(0, passages * length / CHAIN.velocity, 5e-7)
+    found, _ = longest_waves(coherent_wave(lattice_signals(CHAIN, time), length))
+    assert found == pytest.approx(CHAIN.velocity, rel=3.2e-4)
+    reversed_wall = lattice_signals(CHAIN, time, amplitude=-2.5e-9)
+    again, _ = longest_waves(coherent_wave(reversed_wall, length))
+    assert again == pytest.approx(found, rel=1e-9)
+
+
+def test_coherent_wave_with_five_percent_noise():
+    """At a quarter of the band edge mean and scatter of ten draws are within 1 %."""
+    record = lattice_signals(CHAIN, np.arange(0, LENGTH / CHAIN.velocity, 5e-7))
+    clean, top = record.chain_displacement, abs(record.chain_displacement).max()
+    rng, seen = np.random.default_rng(5), []
+    f = 0.25 * CHAIN.low_pass_frequency
+    for _ in range(10):
+        record.chain_displacement = clean + 0.05 * top * rng.normal(size=clean.shape)
+        found = coherent_wave(record, LENGTH)
+        seen.append(found.at(f, found.phase_velocity))
+    half = np.arcsin(0.25)
+    exact = CHAIN.velocity * np.sin(half) / half
+    assert np.mean(seen) == pytest.approx(exact, rel=1e-2)
+    assert np.std(seen) < 0.01 * exact

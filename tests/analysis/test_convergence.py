@@ -1,0 +1,95 @@
+"""What a setting of the compression changes is read from packings whose answer is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from analysis.__main__ import main
+from analysis.convergence import LADDERS, limit, limits_table, read_rows, rungs, twins_table
+from analysis.packing_state import QUANTITIES, measured
+from modal.packing.sample import write_sample
+from modal.preparation.random_packing import random_sample
+
+TABLE = """# a comment
+setting program mu_comp spheres width fraction seeds
+own modal 0.4 1000 8 0.7 40
+half_step - - - - 0.35 40
+quarter_step - - - - 0.175 40
+twin - - 500 6 - 40
+twin_yade yade - 500 6 - 40
+half_step modal 0.1 1000 8 0.35 40
+"""
+NOISE = 0.05
+STEP = LADDERS[0].title
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """e is 0.6 + 0.1 fraction with noise; the twins draw from one distribution."""
+    (tmp_path / "table").write_text(TABLE)
+    rng = np.random.default_rng(5)
+    fractions = {"own": 0.7, "half_step": 0.35, "quarter_step": 0.175, "twin": 0, "twin_yade": 0}
+    for name, fraction in fractions.items():
+        for seed in range(1, 42):
+            path = tmp_path / f"{name}_mu0.4" / str(seed) / "100000Pa.json"
+            path.parent.mkdir(parents=True)
+            state = dict.fromkeys(QUANTITIES, 1.0) | {"stress_error": 0.02 * (seed == 41)}
+            path.write_text(json.dumps(state | {"e": 0.6 + 0.1 * fraction + NOISE * rng.normal()}))
+    return tmp_path
+
+
+def test_mean_and_error_are_those_of_the_draw(folder):
+    own = read_rows(folder, folder / "table")[0]
+    value, error, count = own.mean("e")
+    assert (count, own.unsettled) == (40, 1)
+    # The scatter of 40 draws is known to 1 / sqrt(2 * 39) = 11 %; three times that.
+    assert error == pytest.approx(NOISE / np.sqrt(40), rel=0.34)
+    assert abs(value - 0.67) < 4 * error
+
+
+def test_ladder_holds_the_rows_that_differ_in_one_setting(folder):
+    rows = read_rows(folder, folder / "table")
+    found = rungs(LADDERS[0], rows, 0.4, 1e5)
+    assert [row.name for row in found] == ["quarter_step", "half_step", "own"]
+    assert rungs(LADDERS[0], rows, 0.1, 1e5) == []
+
+
+def test_limit_of_a_line_is_exact_and_its_error_that_of_least_squares():
+    size, value = np.array([1.0, 2.0, 4.0]), np.array([3.0, 5.0, 9.0])
+    there, error, chi = limit(size, value, np.full(3, 0.1))
+    assert (there, chi) == pytest.approx((1.0, 0.0), abs=1e-12)
+    # sigma^2 (1/n + mean^2 / sum (x - mean)^2), the textbook's error of an intercept.
+    spread = ((size - size.mean()) ** 2).sum()
+    assert error == pytest.approx(0.1 * np.sqrt(1 / 3 + size.mean() ** 2 / spread))
+    assert np.isnan(limit(size[:1], value[:1], np.full(1, 0.1))[0])
+
+
+def test_tables_tell_the_limit_and_the_twins(folder):
+    rows = read_rows(folder, folder / "table")
+    (line,) = (row for row in limits_table(rows).rows if row[0] == STEP and row[3] == "e")
+    there, error = map(float, line[5].split(" ± "))
+    assert abs(there - 0.6) < 4 * error
+    (line,) = (row for row in twins_table(rows).rows if row[3] == "e")
+    assert line[4] == "40, 40" and abs(float(line[-1])) < 4
+
+
+def test_command_writes_tables_and_figures(folder, capsys):
+    out = folder / "out"
+    assert main(["convergence", str(folder), "--table", str(folder / "table"), "-o", str(out)]) == 0
+    assert {p.name for p in out.glob("*.md")} == {"settings.md", "limits.md", "twins.md"}
+    assert (out / "own_fraction.png").stat().st_size > 5000
+    assert main(["convergence", str(out), "--table", str(folder / "table"), "-o", str(out)]) == 2
+    assert "run workflow/convergence.smk" in capsys.readouterr().err
+
+
+def test_numbers_of_a_packing_are_those_of_its_contacts(tmp_path):
+    sample = random_sample(150, 1e7, aspect=1.5, tolerance=1e-4)
+    write_sample(tmp_path / "a.sample.h5", sample)
+    found, contact = measured(tmp_path / "a.sample.h5"), sample.contacts()
+    pairs, walls = (contact.particle_j >= 0).sum(), (contact.particle_j < 0).sum()
+    assert found["Z"] == pytest.approx((2 * pairs + walls) / 150)
+    # Hertz: forces go with the overlap to 3/2; those of walls are left out.
+    force = contact.overlap[contact.particle_j >= 0] ** 1.5
+    expected = (force**2).mean() / force.mean() ** 2
+    assert found["force_squared"] == pytest.approx(expected, rel=1e-9)

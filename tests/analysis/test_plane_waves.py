@@ -1,0 +1,208 @@
+"""S_L and S_T of cells without walls: Bloch waves of the crystal, sum rules, long waves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import polydisperse
+from scipy.linalg import eigh
+
+import modal
+from analysis.estimators.plane_waves import (
+    ioffe_regel,
+    plane_lines,
+    plane_patterns,
+    plane_structure_factor,
+    wave_vectors,
+)
+from analysis.estimators.structure_factor import StructureFactor, read_structure, write_structure
+from modal.formats.hdf5 import InputError
+from modal.modes.problem import Eigenproblem
+from modal.theory.fcc import FccLattice
+
+CRYSTAL = FccLattice(1e5)
+
+
+@pytest.fixture(scope="module")
+def crystal():
+    return modal.fcc(cells=(4, 2, 6), periodic_z=True)
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return polydisperse(periodic_z=True)
+
+
+ORDERS = [(0, 0, 1), (0, 0, 3), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 0, 2), (3, 1, -2)]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_lines_of_the_crystal_are_its_bloch_waves(crystal, order):
+    """A plane wave of the crystal is a sum of its six Bloch waves: Lanczos ends, no kernel blurs.
+
+    1e-9: round-off of 12 products, over omega^2 that is some hundredth of the largest. The weights
+    are the parts that Bloch's vectors have of the pattern.
+    """
+    (vector,) = wave_vectors(crystal, np.array([order]))
+    frequency, waves = CRYSTAL.bloch(vector)
+    along = vector / np.linalg.norm(vector)
+    for polarisation in ("L", "T"):
+        lines = plane_lines(crystal, np.array(order), polarisation)
+        share = abs(along @ waves[:3]) ** 2
+        if polarisation == "T":
+            share = ((abs(waves[:3]) ** 2).sum(axis=0) - share) / 2
+        seen = lines.weight > 1e-12
+        for f in lines.frequency[seen]:
+            assert abs(f / frequency - 1).min() < 1e-9
+        for f in frequency:
+            same = abs(lines.frequency / f - 1) < 1e-6
+            assert lines.weight[same].sum() == pytest.approx(
+                share[abs(frequency / f - 1) < 1e-6].sum(), abs=1e-9
+            )
+
+
+def test_longitudinal_waves_along_z_are_eq_9(crystal):
+    (vector,) = wave_vectors(crystal, np.array([(0, 0, 2)]))
+    lines = plane_lines(crystal, np.array((0, 0, 2)))
+    omega = 2 * np.sqrt(CRYSTAL.C / CRYSTAL.mass) * np.sin(CRYSTAL.layer_distance * vector[2] / 2)
+    assert lines.frequency == pytest.approx(omega / (2 * np.pi), rel=1e-9)
+
+
+@pytest.mark.parametrize("polarisation", ["L", "T"])
+def test_sum_rules_of_a_random_cell(cell, polarisation):
+    """Weights add up to 1; mean omega^2 and omega^4 are the pattern's own, as of all modes."""
+    order = np.array([[1, 0, 2]])
+    A = Eigenproblem.of(cell).scaled.toarray()
+    pattern = plane_patterns(cell, wave_vectors(cell, order)[0], polarisation)
+    lines = plane_lines(cell, order[0], polarisation, steps=30)
+    wanted = [np.einsum("ip,ip", pattern, np.linalg.matrix_power(A, k) @ pattern) for k in range(4)]
+    square = (2 * np.pi * lines.frequency) ** 2
+    for k in range(4):
+        assert lines.weight @ square**k == pytest.approx(wanted[k], rel=1e-9)
+    resolution = 4e3
+    found = plane_structure_factor(cell, order, polarisation, resolution)
+    step = found.frequency[1] - found.frequency[0]
+    assert found.power[0].sum() * step == pytest.approx(1, abs=0.01)
+    # The kernel adds its own variance to omega^2: (resolution / 2.35)^2, at most some 1e-3 of it.
+    mean = found.power[0] @ (2 * np.pi * found.frequency) ** 2 * step
+    assert mean == pytest.approx(wanted[1], rel=0.01)
+    # Against the modes themselves, each a line: what lies below a frequency.
+    square, vectors = eigh(A)
+    weight = ((vectors.T @ pattern) ** 2).sum(axis=1)
+    for f in (4e4, 8e4, 1.6e5):
+        below = found.power[0][found.frequency < f].sum() * step
+        near = weight[abs(np.sqrt(abs(square)) / (2 * np.pi) - f) < 2 * resolution].sum()
+        exact = weight[square < (2 * np.pi * f) ** 2].sum()
+        assert abs(below - exact) < 0.02 + near
+
+
+def test_first_moment_of_long_longitudinal_waves_is_the_affine_stiffness():
+    """omega^2 = k^2 C_affine / rho for a wave that all spheres follow without turning.
+
+    Of cosine and sine in a cell that a wave just fits in: sin^2(k b / 2) is bent by (k b)^2 / 12,
+    b up to two radii of some 13 in the cell: 3 %; the density is that of all that carries force.
+    """
+    network = modal.fcc(cells=(10, 2, 2), periodic_z=True)
+    (vector,) = wave_vectors(network, np.array([(1, 0, 0)]))
+    moduli = modal.elastic_moduli(network)
+    lines = plane_lines(network, np.array((1, 0, 0)))
+    square = lines.weight @ (2 * np.pi * lines.frequency) ** 2
+    speed = np.sqrt(moduli.affine[0, 0] / moduli.density)
+    bent = (vector[0] * CRYSTAL.spacing) ** 2 / 12
+    assert np.sqrt(square) / vector[0] == pytest.approx(speed, rel=bent)
+
+
+def test_long_waves_of_a_disordered_cell_have_the_velocities_of_its_moduli():
+    """One wave in 60 layers of random springs, 0.5 to 1.5 of the crystal's.
+
+    The wave bends by (kappa l)^2 / 24, 5e-4; beyond that disorder alone, which scatters it by the
+    squared share of its springs' deviation, 1/12, in 60 layers: 2e-3.
+    """
+    network = modal.fcc(cells=(1, 1, 60), periodic_z=True)
+    random = np.random.default_rng(4).uniform(0.5, 1.5, (2, network.n_contacts))
+    network = replace(
+        network,
+        stiffness_normal=network.stiffness_normal * random[0],
+        stiffness_tangential=network.stiffness_tangential * random[1],
+    )
+    v = modal.elastic_moduli(network).velocities((0, 0, 1))
+    order = np.array([(0, 0, 1)])
+    for polarisation, wanted in (("L", v[0]), ("T", v[1:].mean())):
+        found = plane_structure_factor(network, order, polarisation, 500.0, 2e4)
+        speed = 2 * np.pi * found.ridge()[0][0] / found.wavenumber[0]
+        assert speed == pytest.approx(wanted, rel=5e-3)
+
+
+def test_ioffe_regel_on_lines_of_known_width():
+    """Gaussians of width f0 (f / f0)^2 / pi: pi G = f at f0 exactly, whatever the spacing."""
+    f = np.arange(100.0, 40e3, 20.0)
+    f0, peak = 12e3, np.arange(1, 10) * 3e3 - 1e3
+    width = peak**2 / f0 / np.pi
+    resolution = 200.0
+    sigma = np.hypot(width, resolution) / (2 * np.sqrt(2 * np.log(2)))
+    power = np.exp(-((f - peak[:, None]) ** 2) / (2 * sigma[:, None] ** 2)) / sigma[:, None]
+    found = StructureFactor(f, np.arange(9), peak / 500.0, power, resolution)
+    # Between two peaks 3 kHz apart log(f / f0) is nearly straight: 3 % of its square.
+    assert ioffe_regel(found) == pytest.approx(f0, rel=0.01)
+    narrow = StructureFactor(f, np.arange(3), peak[:3] / 500.0, power[:3], resolution)
+    assert np.isnan(ioffe_regel(narrow))
+
+
+def test_participation_ratio():
+    """Plane standing waves 2/3, a motion of all alike 1, one sphere 1/n; a rotation counts too."""
+    from modal.modes.observables import participation_ratio
+
+    n = 1000
+    z = (np.arange(n) + 0.5) / n
+    mass, inertia = np.full(n, 2.0), np.full(n, 0.5)
+    shape = np.zeros((4, n, 6))
+    shape[0, :, 2] = 1
+    shape[1, :, 0] = np.sin(3 * np.pi * z)
+    shape[2, 7, 1] = 5
+    shape[3, : n // 2, 0], shape[3, n // 2 :, 4] = 1, 2  # 2 of m v^2 against 2 of I w^2
+    assert participation_ratio(shape, mass, inertia) == pytest.approx([1, 2 / 3, 1 / n, 1])
+    # Walls give way: the waves end a little beyond them, by a layer or two of 200.
+    network = modal.fcc(cells=(1, 1, 200))
+    found = modal.eigenmodes(network, lowest=3)
+    assert found.participation(network) == pytest.approx([2 / 3] * 3, rel=0.03)
+
+
+def test_density_of_states_is_level_at_the_debye_level(crystal):
+    """Modes of an endless crystal in a small sphere of frequencies, from Bloch's slopes.
+
+    The level from moduli against a mean over random directions of 1 / V^3 of long Bloch waves.
+    """
+    moduli = modal.elastic_moduli(crystal)
+    random = np.random.default_rng(3).standard_normal((400, 3))
+    total = []
+    for n in random / np.linalg.norm(random, axis=1)[:, None]:
+        kappa = 1e-2 / CRYSTAL.spacing
+        slope = 2 * np.pi * CRYSTAL.bloch(kappa * n)[0][:3] / kappa
+        total.append((1 / slope**3).sum())
+    mean, error = np.mean(total), np.std(total) / np.sqrt(len(total))
+    assert moduli.debye_level == pytest.approx(4 * np.pi * mean, abs=4 * np.pi * 4 * error)
+    states = modal.density_of_states(crystal, resolution=1e4)
+    value, error = states.reduced(np.array([5e4, 1e5]))
+    full, _ = states.density(np.array([5e4, 1e5]))
+    assert value == pytest.approx(full[:, 6] / np.array([5e4, 1e5]) ** 2)
+
+
+def test_files_and_refusals(tmp_path, crystal, cell):
+    found = plane_structure_factor(crystal, np.array([(1, 0, 0), (0, 1, 1)]), "T", 2e4)
+    path = tmp_path / "plane.structure.h5"
+    write_structure(path, found)
+    again = read_structure(path)
+    assert (again.order == found.order).all() and (again.power == found.power).all()
+    slab = modal.fcc(cells=(2, 2, 6))
+    bare = replace(modal.eigenmodes(slab, lowest=1), mode_shape=None)
+    for wrong, words in (
+        (lambda: plane_lines(slab, np.array((0, 0, 1))), "no plane wave goes along z"),
+        (lambda: plane_lines(cell, np.array((0, 0, 0))), "no wave"),
+        (lambda: plane_lines(cell, np.array((0.5, 0, 0))), "three whole numbers"),
+        (lambda: plane_lines(cell, np.array((1, 0, 0)), "P"), "polarisation 'P'"),
+        (lambda: plane_structure_factor(cell, np.array([(1, 0, 0)]), "L", 0.0), "resolution"),
+        (lambda: bare.participation(slab), "no mode shapes"),
+        (lambda: bare.chi("x"), "no mode shapes"),
+    ):
+        with pytest.raises(InputError, match=words):
+            wrong()

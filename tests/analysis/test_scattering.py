@@ -1,0 +1,93 @@
+"""Scattering, fitted wave numbers and the gain's maxima against fields of known answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analysis.case import Case
+from analysis.estimators.resonances import fitted_wavenumbers, long_wave_velocity
+from analysis.estimators.scattering import Scattering
+from analysis.estimators.structure_factor import StructureFactor
+from analysis.estimators.transfer import Gain
+from analysis.measures import Measures
+from modal.packing.examples import fcc
+from modal.packing.network_file import write_network
+
+
+@pytest.mark.parametrize("power", [2.0, 4.0])
+def test_width_of_a_known_power(power):
+    """Width c f^p: the exponent, V / (2 pi width), and pi c f^p = f at the limit."""
+    f, c = np.geomspace(1e3, 4e4, 60), 1e3 / 2e4**power
+    found = Scattering(f, c * f**power, 500.0, 2.5e-3)
+    assert found.power(1e4).exponent == pytest.approx(power, rel=1e-9)
+    assert found.free_path(7.7e3) == pytest.approx(
+        500 / (2 * np.pi * c * 7.7e3**power) / 2.5e-3, rel=1e-6
+    )
+    exact = (1 / (np.pi * c)) ** (1 / (power - 1))
+    limit = found.limit
+    assert np.isnan(limit) if exact > f[-1] else limit == pytest.approx(exact, rel=1e-6)
+    assert np.isnan(found.free_path(5e4)) and np.isnan(found.free_path(np.nan))
+
+
+def test_lines_of_known_width_give_it_back():
+    """Rows that are Gaussian of width w (full at half height): the ridge takes the resolution off.
+
+    Two Gaussians folded have the sum of their squares; a grid of a tenth of the width finds it
+    to a per cent.
+    """
+    f, resolution = np.arange(100, 3e4, 50.0), 1e3
+    centre, width = np.array([5e3, 1e4, 1.5e4]), np.array([800.0, 2e3, 5e3])
+    sigma = np.hypot(width, resolution) / np.sqrt(8 * np.log(2))
+    power = np.exp(-0.5 * ((f - centre[:, None]) / sigma[:, None]) ** 2) / sigma[:, None]
+    order = np.array([7, 14, 21])
+    found = StructureFactor(f, order, order * 10.0, power, resolution)
+    seen = Scattering.of(found, 500.0, 2.5e-3)
+    assert seen.frequency == pytest.approx(centre, rel=1e-3)
+    assert seen.width == pytest.approx(width, rel=1e-2)
+    narrow = StructureFactor(f, order, order * 10.0, power, 1.2 * resolution)
+    assert np.isnan(Scattering.of(narrow, 500.0, 2.5e-3).width[0])
+
+
+def test_fitted_wave_numbers_of_walls_that_give_way():
+    """Sines of a column that is 1 % longer, at uneven places: kappa to 1e-4, not Eq. 4's."""
+    rng, length = np.random.default_rng(3), 0.36
+    depth = np.sort(rng.uniform(0, length, 800))
+    true = np.pi * np.arange(1, 11) / (1.01 * length)
+    shape = np.sin(true[:, None] * (depth + 0.005 * length))
+    found = fitted_wavenumbers(shape, depth, length)
+    assert found == pytest.approx(true, rel=1e-4)
+
+
+def test_long_wave_velocity_takes_the_bend_off():
+    """omega = 2 V / l sin(kappa l / 2): V up to the fourth order of kappa l, 0.16 at r = 10."""
+    length, spacing, speed = 0.36, 1.8e-3, 540.0
+    kappa = np.pi * np.arange(1, 21) / length
+    f = 2 * speed / spacing * np.sin(kappa * spacing / 2) / (2 * np.pi)
+    assert long_wave_velocity(f, kappa)[0] == pytest.approx(speed, rel=1e-5)
+    assert np.isnan(long_wave_velocity(f[:9], kappa[:9])[0])
+
+
+def test_maxima_of_a_rod_lie_half_way():
+    """Receiver over source stress of a rod between rigid walls: 1 / |cos q L|, complex q.
+
+    Its maxima are the modes of the column whose source end is free: (r - 1/2) f_1.
+    """
+    first = 750.0
+    f = np.arange(20, 1e4, 20.0)
+    q = np.pi * (f / first) + 0.3j
+    found = Gain(f, abs(1 / np.cos(q)), 100.0)
+    assert found.maxima()[:12] == pytest.approx(first * (np.arange(12) + 0.5), rel=1e-3)
+    assert found.first_maximum()[0] == found.maxima()[0]
+    assert len(Gain(f, np.ones(len(f)), 100.0).maxima()) == 0
+
+
+def test_maxima_of_the_crystals_gain_are_half_orders(tmp_path):
+    """The springs of the crystal itself; without modes f_1 is V / 2 L.
+
+    Walls that give way lengthen the column by a layer or so of a hundred: 1 to 2 % of an order.
+    """
+    write_network(tmp_path / "case02.network.h5", fcc(cells=(1, 1, 100)))
+    at, expected = Measures(Case("case02", tmp_path)).gain_orders
+    assert len(at) > 8
+    assert at[:8] == pytest.approx(expected[:8], rel=0.025)

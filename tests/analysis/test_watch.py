@@ -1,0 +1,143 @@
+"""The page to watch: its numbers are the files', and a browser plays it without an error."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import modal
+from analysis.__main__ import main
+from modal.modes.mode_set import write_modes
+from modal.packing.network_file import write_network
+from modal.waves.propagate import propagate
+from modal.waves.signals import write_signals
+
+DURATION = 4e-5
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A crystal with its wave and its modes, and the pages of both."""
+    path = tmp_path_factory.mktemp("watch")
+    network = modal.fcc(cells=(2, 2, 16))
+    write_network(path / "fcc.network.h5", network)
+    wave = propagate(network, DURATION, interval=5e-7, particles=True)
+    write_signals(path / "fcc.signals.h5", wave.signals)
+    modes = modal.eigenmodes(network, lowest=9, shapes=True)
+    write_modes(path / "fcc.modes.h5", modes)
+    for product in ("signals", "modes"):
+        files = [str(path / f"fcc.{kind}.h5") for kind in (product, "network")]
+        assert main(["watch", *files, "-o", str(path / f"{product}.html")]) == 0
+    return path, network, wave.signals, modes
+
+
+def data_of(page):
+    return json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL)[1])
+
+
+def decoded(text, kind):
+    return np.frombuffer(base64.b64decode(text), kind)
+
+
+def test_the_page_holds_the_packing_and_its_wave(folder):
+    path, network, signals, _ = folder
+    data = data_of((path / "signals.html").read_text())
+    place = decoded(data["position"], "<u2").reshape(-1, 3) * data["step"] + data["origin"]
+    # Half a step of 16 bits over the packing's extent.
+    assert abs(place - network.position).max() <= 0.501 * max(data["step"])
+    assert np.allclose(decoded(data["radius"], "<f4"), network.radius, rtol=1e-6)
+    moved = decoded(data["displacement"], "<i2").reshape(len(data["time"]), -1) / 32767
+    wanted = signals.particle_displacement
+    assert len(data["time"]) == len(signals.time)  # fewer than the page has room for
+    assert abs(moved * data["real"] - wanted).max() <= 0.501 * abs(wanted).max() / 32767
+    assert np.allclose(data["time"], 1e6 * signals.time, rtol=1e-4)
+    # Parseval: the spectrum's one-sided energy is that of the signal, where it is whole.
+    signal = data["signals"][len(data["signals"]) // 2]
+    energy = (np.array(signal["displacement"]) ** 2).sum() * 0.5  # nm^2 us
+    spectrum = np.array(signal["spectrum"])
+    step = data["spectrum_frequency"][1] * 1e-3  # 1/us
+    both_sides = 2 * (spectrum**2).sum() - spectrum[0] ** 2
+    # Up to 2.5 times the pulse's frequency, above which the pulse has little.
+    assert both_sides * step == pytest.approx(energy, rel=0.01)
+
+
+def test_the_page_holds_the_modes(folder):
+    path, network, _, modes = folder
+    data = data_of((path / "modes.html").read_text())
+    shape = decoded(data["displacement"], "<i2").reshape(9, network.n_particles, 3) / 32767
+    for found, true in zip(shape, modes.mode_shape[:, :, :3], strict=True):
+        true = true / np.linalg.norm(true, axis=1).max()
+        assert abs(found - true).max() <= 0.501 / 32767
+    assert [m["frequency"] for m in data["modes"]] == pytest.approx(modes.frequency / 1e3)
+    # The mean of a crystal's plane waves over layers has the shape's own largest value.
+    plane = [m for m in data["modes"] if m["chi_z"] > 0.999]
+    assert plane and all(m["along"] == "z" for m in plane)
+    assert all(max(map(abs, m["layers"])) > 0.9 for m in plane)
+
+
+def test_a_full_size_page_stays_below_15_megabytes(folder):
+    """Bytes: 2 a sphere and time, 14 a sphere; in base64 a third more; the libraries."""
+    from analysis.watch.page import FRAMES, MOTION
+
+    n, rest = 35_201, (folder[0] / "signals.html").stat().st_size
+    times = max(MOTION // (2 * n), FRAMES[0])
+    assert times >= 100
+    assert (2 * n * times + 14 * n) * 4 / 3 + rest < 15e6
+
+
+def test_nothing_comes_from_a_network(folder):
+    """No element of the page loads anything; addresses stand only in texts of the libraries."""
+    for name in ("signals", "modes"):
+        page = (folder[0] / f"{name}.html").read_text()
+        assert not re.search(r"<(script|link|img)[^>]*(src|href)=[\"'](?!data:)", page)
+        assert "{{" not in re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fcc.network.h5"], "neither signals nor modes"),
+        (["fcc.signals.h5", "fcc.network.h5", "--modes", "1"], "has a wave"),
+        (["fcc.modes.h5", "fcc.network.h5", "--modes", "10"], "modes 1 to 9"),
+        (["fcc.modes.h5", "fcc.network.h5", "--frames", "10"], "leave it out"),
+        (["fcc.signals.h5"], "is not beside it"),
+    ],
+)
+def test_mistakes_are_one_line(folder, arguments, words, capsys):
+    files = [str(folder[0] / a) if a.endswith(".h5") else a for a in arguments]
+    assert main(["watch", *files, "-o", str(folder[0] / "no.html")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and words in error
+    assert not (folder[0] / "no.html").exists()
+
+
+@pytest.mark.parametrize("name", ["signals", "modes"])
+def test_a_browser_plays_it(folder, name, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("Chromium is not installed")
+    picture = tmp_path / "page.png"
+    options = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--mute-audio"]
+    options += ["--enable-unsafe-swiftshader", "--window-size=900,700", "--disable-extensions"]
+    options += ["--virtual-time-budget=1500", "--enable-logging=stderr", "--dump-dom"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
+    page = (folder[0] / f"{name}.html").as_uri()
+    done = subprocess.run([browser, *options, page], capture_output=True, text=True, timeout=240)
+    # Every message of the page's console is a line with this word.
+    assert "CONSOLE" not in done.stderr, done.stderr
+    (state,) = re.findall(r"<body ([^>]*)>", done.stdout)
+    drawn, now = (re.search(rf'data-{key}="([\d.]+)"', state)[1] for key in ("drawn", "now"))
+    # Time has gone on from the first drawing; how many there are depends on the machine.
+    assert int(drawn) > 1 and 1 < float(now) < 60
+    pixels = np.asarray(Image.open(picture).convert("RGB"), float)
+    # The upper half, where the spheres are: their shadows on white ground; a pulse has colour too,
+    # which a mode lacks twice in its period.
+    view = pixels[90:380]
+    assert (view.max(axis=2) < 180).sum() > 1000
+    if name == "signals":
+        assert (np.ptp(view, axis=2) > 60).sum() > 200

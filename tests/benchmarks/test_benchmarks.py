@@ -1,0 +1,287 @@
+"""The benchmarks' harness, and what they measure, on tiny sizes; each whole job is slow."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+from analysis.estimators.layer_lattice import LayerLattice
+from benchmarks import density, modes, preparation, scaling, time_step, wave
+from benchmarks.__main__ import JOBS, main
+from benchmarks.harness import machine, yade
+from benchmarks.harness.diagram import work_precision
+from benchmarks.harness.measure import Measured, attempted, measured, median_of, run_command
+from benchmarks.harness.packing import by_energy, resized, spectrum
+from benchmarks.harness.report import Page, read_csv, write
+from modal.formats.hdf5 import InputError
+from modal.modes.density import density_of_states
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network_file import write_network
+from modal.packing.validation import validate
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import stiffness_matrix
+from modal.waves.leapfrog import leapfrog
+from modal.waves.source import Pulse
+
+COLUMNS = {
+    "wave": {"wave": ("method", "error", "apart_from_tangent", "seconds", "peak_mb")},
+    "modes": {
+        "eigensolvers": ("method", "elastic_modes", "zero_modes", "error", "seconds"),
+    },
+    "density": {"density": ("moments", "vectors", "error", "error_of_kernel", "error_of_vectors")},
+    "time_step": {
+        "fcc_time_step": ("error_f_low_pass", "error_velocity", "error_dispersion", "seconds"),
+        "random_time_step": ("time_step_over_limit", "error", "error_of_layers", "seconds"),
+    },
+    "preparation": {
+        "preparation": ("steps", "e", "Z", "stress_error", "unbalanced", "error_e", "residual"),
+    },
+    "scaling": {
+        "scaling": ("curve", "x", "seconds", "mb", "seconds_limit"),
+        "modes_scaling": ("curve", "x", "seconds", "mb", "result"),
+    },
+    "cores": {
+        "cores": ("spheres", "threads", "seconds", "mb", "seconds_limit"),
+        "cores_wave": ("spheres", "seconds", "mb"),
+    },
+}
+"""Table -> columns that must hold numbers, for each job."""
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    """A random packing of 60 spheres with floppy modes, its file and its whole spectrum."""
+    network = random_network(60, 1e5, seed=3, aspect=2.5)
+    path = tmp_path_factory.mktemp("packing") / "packing.network.h5"
+    write_network(path, network)
+    problem = Eigenproblem.of(network)
+    assert problem.floppy.total > 0
+    return network, path, spectrum(problem), problem.floppy
+
+
+def hundred_megabytes():
+    """Task for `measured`: memory that is written to, given back at the end."""
+    return lambda: int(np.ones(100_000_000 // 8).sum())
+
+
+def nothing_to_do():
+    """Task for `measured`."""
+    return lambda: None
+
+
+def test_a_task_is_measured_in_its_own_process():
+    small = measured("tests.benchmarks.test_benchmarks:nothing_to_do")
+    large = measured("tests.benchmarks.test_benchmarks:hundred_megabytes")
+    assert large.value == 12_500_000
+    assert large.peak_mb - small.peak_mb == pytest.approx(100, rel=0.2)
+
+
+def test_memory_of_a_command_is_its_own(tmp_path):
+    """Not that of the process that starts it, which holds 300 MB here."""
+    held = np.ones(300_000_000 // 8)
+    spent = run_command([sys.executable, "-S", "-c", "print(1)"], tmp_path, tmp_path / "log")
+    assert spent.peak_mb < 100 < held.nbytes / 1e6
+    assert (tmp_path / "log").read_text() == "1\n"
+
+
+def test_a_command_or_task_that_fails_says_why(tmp_path):
+    with pytest.raises(InputError, match="KeyError"):
+        run_command([sys.executable, "-c", "raise KeyError('lost')"], tmp_path, tmp_path / "log")
+    missing = str(tmp_path / "none.network.h5")
+    failed = attempted(
+        "benchmarks.density:states", times=3, path=missing, resolution=1e3, tolerance=0.1
+    )
+    assert failed.seconds is None
+    assert "none.network.h5" in failed.failure
+
+
+def test_short_runs_are_repeated_and_long_ones_not():
+    costs = iter([(1.0, 5.0), (3.0, 7.0), (2.0, 6.0), (60.0, 8.0)])
+    run = lambda: Measured(None, *next(costs))  # noqa: E731
+    assert median_of(3, run) == Measured(None, 2.0, 6.0)
+    assert median_of(3, run) == Measured(None, 60.0, 8.0)
+
+
+def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch, capsys):
+    def fails(quick, folder):
+        raise ZeroDivisionError("no spheres")
+
+    rows = [{"method": "a", "error": 1e-3, "seconds": 1.0}]
+    monkeypatch.setattr(wave, "run", fails)
+    monkeypatch.setattr(density, "run", lambda quick, folder: Page("Title", "Task.", {"t": rows}))
+    assert main(["wave", "density", "--quick", "-o", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "error: wave: ZeroDivisionError: no spheres\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"README.md", "density.md", "t.csv"}
+    assert "- [Title](density.md)" in (tmp_path / "README.md").read_text()
+
+
+def test_unknown_job_is_refused(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["nonsense"])
+    assert stop.value.code == 2
+    assert "nonsense" in capsys.readouterr().err
+
+
+def test_page_has_every_column_and_its_figure(tmp_path):
+    rows = [
+        {"method": "a", "error": 1e-3, "seconds": 1.0, "peak_mb": 10.0},
+        {"method": "b", "error": 0.0, "seconds": 2.0, "peak_mb": None, "failure": "none"},
+    ]
+    figure = work_precision(rows, {"error": "error (-)"})
+    page = Page("Title", "Task.", {"numbers": rows}, ["note"], {"shown": figure})
+    text = write(page, "job", tmp_path)
+    assert "| b | 0 | 2 |  | none |" in text
+    assert "![Title](shown.png)" in text and (tmp_path / "shown.png").stat().st_size > 0
+    assert read_csv(tmp_path / "numbers.csv") == [rows[0] | {"failure": None}, rows[1]]
+    # The line of b, whose only error is zero, is a level across its panel.
+    level = figure.axes[0].lines[1]
+    assert list(level.get_ydata()) == [2.0, 2.0]
+
+
+def test_machine_is_described_without_names():
+    text = machine.description()
+    assert "cores" in text
+    assert "/" not in text
+    assert all(rate > 0 for rate in machine.bandwidth(1.0, times=1).values())
+
+
+def test_energy_of_the_springs_gives_the_frequencies(packing):
+    """Against the matrix's own spectrum, to what round-off in K leaves of its lowest modes."""
+    network, _, exact, floppy = packing
+    found = by_energy(Eigenproblem.of(network), floppy.total, 10)
+    wanted = exact[floppy.total :][:10]
+    bound = np.finfo(float).eps * (exact[-1] / wanted[0]) ** 2
+    assert abs(found / wanted - 1).max() < 100 * bound
+
+
+def test_lower_part_keeps_its_stiffness():
+    """K of the part is the block of K of the whole without the contacts that were cut."""
+    whole = random_network(60, 1e5, seed=3, aspect=2.5)
+    part = resized(whole, 25)
+    validate(part)
+    kept = (whole.particle_i < 25) & (whole.particle_j < 25)
+    wanted = stiffness_matrix(whole.with_contacts(kept))[:150, :150]
+    assert abs(stiffness_matrix(part) - wanted).max() <= 1e-12 * abs(wanted).max()
+    assert resized(whole, 130).n_particles == 120
+
+
+def test_dispersion_error_of_the_time_step_has_order_two():
+    network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
+    chain = LayerLattice.of_network(network)
+    found = [
+        time_step.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
+        for step in (2e-7, 1e-7)
+    ]
+    # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
+    for name in ("error_dispersion", "error_f_low_pass", "error_signals"):
+        assert np.log2(found[0][name] / found[1][name]) == pytest.approx(2, abs=0.15), name
+
+
+def test_pre_stress_shifts_the_velocity_and_springs_do_not():
+    """C loses 2 N / l where the springs give 2 (kn + kt): V_P falls by half of that share."""
+    network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
+    chain = LayerLattice.of_network(network)
+    inner = network.particle_j >= 0
+    lateral = np.median(network.force_normal[inner]) / (2 * network.radius[0])
+    expected = lateral / chain.stiffness
+    run = leapfrog(network, 6e-5, 2e-8, every=20, motion=Pulse())
+    found = {}
+    for kind in ("none", "full"):
+        twin = wave.linear_twin(network, run, kind)
+        found[kind] = time_step.errors(twin, chain)["error_velocity"]
+    assert found["none"] < 0.1 * expected
+    assert found["full"] == pytest.approx(expected, rel=0.1)
+
+
+def test_program_lists_no_floppy_modes_and_scipy_as_typed_does(packing):
+    _, path, exact, floppy = packing
+    count, wanted = floppy.total + 10, 10
+    for found, zeros in (
+        (modes.program(str(path), "superlu", wanted)(), 0),
+        (modes.dense(str(path), count)(), floppy.total),
+    ):
+        elastic, zero, error = modes.compare(found, exact, floppy.total, wanted)
+        assert (elastic, zero) == (10, zeros)
+        # Round-off in a matrix whose largest frequency is f_max, times a modest factor.
+        assert error < 100 * np.finfo(float).eps * (exact[-1] / exact[floppy.total]) ** 2
+    found = modes.typed(str(path), wanted, modes.SHIFT, 0.0)()
+    elastic, zero, error = modes.compare(found, exact, floppy.total, wanted)
+    assert zero >= min(wanted, floppy.total) // 2
+    assert elastic + zero == wanted and error is None
+
+
+def test_density_errors_split_into_kernel_and_vectors(packing):
+    network, _, exact, floppy = packing
+    found = {}
+    for resolution, tolerance in ((4e4, 0.02), (1e4, 0.02), (1e4, 0.005)):
+        states = density_of_states(network, resolution=resolution, tolerance=tolerance)
+        found[resolution, tolerance] = density.errors(exact, floppy.total, states)
+    coarse, fine, many = found.values()
+    assert fine["error_of_kernel"] < 0.5 * coarse["error_of_kernel"]
+    assert many["error_of_kernel"] == pytest.approx(fine["error_of_kernel"])
+    # Sixteen times the vectors: a quarter of their error on average, half at worst.
+    assert many["error_of_vectors"] < 0.5 * fine["error_of_vectors"]
+    for errors in found.values():
+        assert errors["error"] <= errors["error_of_kernel"] + errors["error_of_vectors"]
+
+
+def test_stop_criteria_are_read_from_one_run():
+    """A state that settles like exp(-step): each criterion is met where it must be."""
+    step = 50.0 * np.arange(200)
+    settling = np.exp(-step / 500)
+    trace = {
+        "step": step,
+        "seconds": 1e-3 * step,
+        "e": 0.7 * (1 + settling),
+        "Z": 4 * (1 - settling),
+        "stress_error": settling,
+        "unbalanced": settling,
+    }
+    rows = preparation.stop_rows(trace, 10.0, {"method": "made up"})
+    assert [row["stop_unbalanced"] for row in rows[:-1]] == list(preparation.UNBALANCED)
+    for row in rows[:-1]:
+        assert row["unbalanced"] < row["stop_unbalanced"]
+        assert row["error_e"] == pytest.approx(row["unbalanced"], rel=1e-3)
+        # The state before did not meet it: its residual was exp(0.1) times larger.
+        assert row["unbalanced"] * np.exp(0.1) >= row["stop_unbalanced"] * (1 - 1e-9)
+    assert rows[-1]["error_e"] is None
+
+
+def test_loose_spheres_do_not_touch():
+    sample = preparation.loose_spheres(60, 0.3, seed=2)
+    assert len(sample.contacts().particle_i) == 0
+    assert sample.friction == 0.3
+
+
+def test_products_move_what_they_must(packing):
+    network, path, _, _ = packing
+    by_contacts = scaling.products(str(path), compiled=True)()
+    by_matrix = scaling.products(str(path), compiled=False)()
+    nonzeros, size = stiffness_matrix(network).nnz, 6 * network.n_particles
+    # CSR: a number and an index of 4 or 8 bytes for each nonzero, one pointer a row, two vectors.
+    low = 12 * nonzeros + 4 * (size + 1) + 16 * size
+    assert low <= by_matrix <= low + 4 * nonzeros + 4 * (size + 1)
+    assert by_contacts > 72 * network.n_contacts + 24 * size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", JOBS)
+def test_every_job_writes_its_tables_and_figures(name, tmp_path):
+    """Complete where YADE is; LAMMPS may be missing."""
+    if shutil.which("yade") is None:
+        pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
+    assert main(["--quick", name, "-o", str(tmp_path)]) == 0
+    page = (tmp_path / f"{name}.md").read_text()
+    shown = re.findall(r"\((\w+\.png)\)", page)
+    assert shown and all((tmp_path / figure).stat().st_size < 150_000 for figure in shown)
+    for table, columns in COLUMNS[name].items():
+        rows = read_csv(tmp_path / f"{table}.csv")
+        assert len(rows) > 1 and f"`{table}.csv`" in page
+        for column in columns:
+            assert any(row[column] is not None for row in rows), column
+    assert f"({name}.md)" in (tmp_path / "README.md").read_text()

@@ -1,0 +1,71 @@
+"""Progress on a terminal and in a log, by a clock that ticks as told; memory without Linux."""
+
+import doctest
+import io
+import re
+
+import pytest
+
+from modal import progress as module
+from modal import workload
+
+
+class Screen(io.StringIO):
+    def __init__(self, terminal):
+        super().__init__()
+        self.terminal = terminal
+
+    def isatty(self):
+        return self.terminal
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """What a loop of 40 steps says, each of so many seconds."""
+
+    def run(terminal, seconds, count=40):
+        screen, now = Screen(terminal), [0.0]
+        monkeypatch.setattr(module.sys, "stderr", screen)
+        monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+        for k in module.progress(count, "wave"):
+            assert k < count
+            now[0] += seconds
+        return screen.getvalue()
+
+    return run
+
+
+def test_a_log_has_a_line_a_minute_with_step_and_time_to_go(said):
+    """Steps of 25 s: a line after every third, more than a minute after the last one."""
+    lines = said(terminal=False, seconds=25.0).splitlines()
+    steps = [int(re.match(r"wave: step (\d+) of 40, ", line)[1]) for line in lines]
+    assert steps == list(range(3, 41, 3))
+    for step, line in zip(steps, lines, strict=True):
+        left = 25.0 * (40 - step)  # equal steps: the estimate is exact
+        assert line.endswith(f"{100 * step / 40:3.0f} %, {module.time_left(left)} left")
+
+
+def test_a_short_loop_leaves_nothing_in_a_log(said):
+    assert said(terminal=False, seconds=1.4) == ""
+
+
+def test_a_terminal_has_a_bar_that_is_wiped_away(said):
+    text = said(terminal=True, seconds=1.0)
+    bars = re.findall(r"\[(#*) *\]", text)
+    assert [len(bar) for bar in bars] == [int(module.WIDTH * k / 40) for k in range(1, 41)]
+    assert "\n" not in text and text.endswith("\r\033[K")
+
+
+def test_the_example_of_times_to_go():
+    assert doctest.testmod(module).failed == 0
+
+
+def test_memory_of_a_system_without_proc(monkeypatch):
+    """As on macOS, which tells its physical memory alone: at least what Linux says is free."""
+    free = workload.memory_at_hand()
+
+    def refuse(path, *_):
+        raise FileNotFoundError(path)
+
+    monkeypatch.setattr(workload, "open", refuse, raising=False)
+    assert free <= workload.memory_at_hand() < 1e15

@@ -1,0 +1,124 @@
+"""What people see on a terminal: units, columns, groups, examples of the help; pipes that close."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import modal
+from modal.cli.main import COMMANDS, main, parser
+from modal.cli.terminal import page
+from modal.display import PREFIXES, quantities
+from modal.packing.network_file import write_network
+
+POWER = {prefix: power for power, prefix in PREFIXES.items()}
+
+
+@given(
+    st.lists(st.floats(-1e11, 1e11).filter(lambda x: x == 0 or abs(x) > 1e-8), min_size=1),
+    st.integers(3, 8),
+)
+def test_quantities_say_the_numbers(values, digits):
+    """Read back, each differs by at most half of the last decimal, which the largest fixes."""
+    *numbers, last = quantities(values, "Pa", digits).split(", ")
+    last, unit = last.split(" ")
+    scale = 10.0 ** POWER[unit.removesuffix("Pa")]
+    largest = max(map(abs, values))
+    # Half a unit in the largest number's last digit; a carry, 9.9996 to 10.000, is one more digit.
+    tolerance = 0.5001 * 10.0 ** (math.floor(math.log10(largest)) + 2 - digits) if largest else 0
+    for text, value in zip([*numbers, last], values, strict=True):
+        assert abs(float(text) * scale - value) <= tolerance
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_ends_in_an_example_that_parses(name, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args([name, "--help"])
+    lines = capsys.readouterr().out.rstrip().splitlines()
+    example = re.fullmatch(r"example: python -m modal (.*)", lines[-1])
+    assert example, f"{name} --help ends in {lines[-1]!r}"
+    assert parser().parse_args(example[1].split()).command == name
+
+
+@pytest.fixture
+def crystal(tmp_path):
+    path = tmp_path / "fcc.network.h5"
+    write_network(path, modal.fcc(cells=(2, 2, 8)))
+    return str(path)
+
+
+def test_info_in_groups_has_what_json_has(crystal, capsys):
+    assert main(["info", crystal, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert main(["info", crystal]) == 0
+    whole = capsys.readouterr().out
+    titles = re.findall(r"^(\S.*)$", whole, re.MULTILINE)
+    out, notes = whole.split("notes of the file")
+    rows = dict(re.findall(r"^ +(\S+(?: \S+)*)  +(.*)$", out, re.MULTILINE))
+    assert titles[0] == "packing" and titles[-2] == "notes of the file"
+    assert rows["particles"] == str(told["particles"])
+    assert rows["length"] == f"{told['length_m'] * 1e3:.4g} mm"
+    assert rows["stress"].split(" ")[-1] == "kPa"
+    shown = [float(text) for text in rows["stress"].removesuffix(" kPa").split(", ")]
+    assert shown == pytest.approx([value / 1e3 for value in told["stress_pa"]], rel=1e-3)
+    # The stress that the crystal was made for is a note of the file, in its unit.
+    assert re.search("^ +stress +100 kPa$", notes, re.MULTILINE)
+    # Every name of the result is in the page, once.
+    for name in set(told) - {"study", "seconds", "peak_memory_bytes"}:
+        label = re.sub("_(pa|m|kg_per_m3)$", "", name).replace("_", " ")
+        assert len(re.findall(rf"^ +{label}(?:  |$)", out, re.MULTILINE)) == 1, name
+
+
+def test_lists_of_modes_stand_in_columns(crystal, capsys):
+    assert main(["modes", crystal, "--lowest", "30", "--json"]) == 0
+    frequency = json.loads(capsys.readouterr().out)["frequency_hz"]
+    assert main(["modes", crystal, "--lowest", "30"]) == 0
+    out = capsys.readouterr().out
+    assert "frequency, kHz" in out and "... 6 more" in out
+    rows = re.findall(r"^ *(\d+) +(\d+\.\d+) +\S+e-\d+$", out, re.MULTILINE)
+    assert [int(number) for number, _ in rows] == [*range(1, 13), *range(19, 31)]
+    for number, text in rows:
+        # Three digits before the point or fewer, six in the largest: 0.0005 kHz at most.
+        assert float(text) == pytest.approx(frequency[int(number) - 1] / 1e3, abs=5.1e-4)
+
+
+def test_named_values_texts_and_what_is_absent():
+    result = {
+        "count_below": {"1500": 12, "2e4": 40},
+        "absent": [],
+        "certified": False,
+        "stiffness_pa": [[2.5e8, -1e6], [0.0, 1.25e7]],
+        "remarks": ["a remark that is as long as a remark about a network tends to be, or longer"]
+        * 2,
+        "seconds": 0.25,
+        "peak_memory_bytes": 2_000_000_000,
+    }
+    assert page(result).splitlines() == [
+        "count below  1.5 kHz  12",
+        "             20 kHz   40",
+        "absent       none",
+        "certified    no",
+        "stiffness    in MPa",
+        "             250.0   -1.0",
+        "               0.0   12.5",
+        "remarks      a remark that is as long as a remark about a network tends to be, or longer",
+        "             a remark that is as long as a remark about a network tends to be, or longer",
+        "0.25 s, at most 2 GB of memory",
+    ]
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    """As with `python -m modal lattice | true`: what it read stays, nothing is said."""
+    run = subprocess.Popen(
+        [sys.executable, "-m", "modal", "lattice"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    run.stdout.close()
+    assert run.stderr.read() == b""
+    assert run.wait() == 0

@@ -1,0 +1,399 @@
+"""Elastic moduli: against the crystal in closed form, Bloch waves, least squares, chains."""
+
+import json
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from packings import polydisperse
+from scipy.linalg import eigh, lstsq
+
+from modal.__main__ import main
+from modal.elasticity.moduli import elastic_moduli
+from modal.elasticity.moduli_file import read_moduli, write_moduli
+from modal.elasticity.waves import anisotropy, christoffel, isotropic_mean, plane_waves
+from modal.formats.hdf5 import InputError
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
+from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.springs import contact_stiffness
+from modal.stiffness.static_load import static_velocity
+from modal.theory.fcc import FccLattice
+
+CUBE = {"<100>": (1, 1, 0), "<001>": (0, 0, 1), "<110>": (1, 0, 0), "<111>": (0, 1, np.sqrt(0.5))}
+"""Directions of the cube in the axes of the packing, which are turned by 45 degrees about z."""
+
+
+@pytest.fixture(scope="module")
+def cell():
+    """250 spheres of radii 1:3, periodic in all directions."""
+    return polydisperse(periodic_z=True, n=250)
+
+
+@pytest.mark.parametrize("solver", ["pardiso", "gradients"])
+@pytest.mark.parametrize("stress", [1e5, 1e7])
+def test_crystal_against_its_closed_form(stress, solver):
+    """Nothing but round-off of some 1e4 additions is in between."""
+    pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
+    crystal = FccLattice(stress)
+    network = gallery.fcc(stress, (2, 3, 4), periodic_z=True)
+    found = elastic_moduli(network, solver=solver)
+    assert found.stiffness == pytest.approx(crystal.stiffness, rel=1e-11, abs=1e-9 * crystal.C)
+    assert found.affine == pytest.approx(crystal.stiffness, rel=1e-11, abs=1e-9 * crystal.C)
+    assert found.region == "cell" and found.asymmetry < 1e-12
+    assert found.density == pytest.approx(crystal.mass * np.sqrt(2) / crystal.spacing**3, rel=1e-12)
+
+
+def test_moduli_of_the_cube():
+    """C11, C12 and C44 in the axes of the cube, from the sums over its twelve neighbours."""
+    crystal = FccLattice(1e5)
+    s = np.sqrt(0.5)
+    turned = np.array([[s, s, 0], [-s, s, 0], [0, 0, 1]])  # rows: axes of the cube
+    full = np.zeros((3, 3, 3, 3))
+    index = {(0, 0): 0, (1, 1): 1, (2, 2): 2, (1, 2): 3, (0, 2): 4, (0, 1): 5}
+    for a in np.ndindex(3, 3, 3, 3):
+        row, column = index[tuple(sorted(a[:2]))], index[tuple(sorted(a[2:]))]
+        full[a] = crystal.stiffness[row, column]
+    cube = np.einsum("ai,bj,ck,dl,ijkl->abcd", *[turned] * 4, full)
+    kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
+    c11, c12, c44 = np.sqrt(2) * (kn + kt) / d, s * (kn - kt) / d, s * (kn + kt) / d
+    for axis in range(3):
+        other = (axis + 1) % 3
+        assert cube[axis, axis, axis, axis] == pytest.approx(c11, rel=1e-12)
+        assert cube[axis, axis, other, other] == pytest.approx(c12, rel=1e-12)
+        assert cube[axis, other, axis, other] == pytest.approx(c44, rel=1e-12)
+        assert cube[axis, axis, axis, other] == pytest.approx(0, abs=1e-12 * c11)
+
+
+@pytest.mark.parametrize("direction", CUBE)
+def test_velocities_of_the_crystal_are_the_slopes_of_its_bloch_waves(direction):
+    """All three waves at kappa d = 1e-3: the branches bend by its square over 24, 4e-8."""
+    crystal = FccLattice(1e5)
+    found = elastic_moduli(gallery.fcc(cells=(1, 1, 2), periodic_z=True))
+    n = np.array(CUBE[direction]) / np.linalg.norm(CUBE[direction])
+    kappa = 1e-3 / crystal.spacing
+    slopes = 2 * np.pi * crystal.bloch(kappa * n)[0][:3] / kappa
+    assert found.velocities(n) == pytest.approx(slopes[::-1], rel=1e-6)
+
+
+def least_squares_moduli(network: Network) -> np.ndarray:
+    """(6, 6), Pa: the oracle. Springs as weighted equations, one contact after the other.
+
+    The least energy of strained springs is the least square of root(k) (stretch + B motion): no
+    stiffness matrix, no symmetric gradient with sliding planes, no iteration.
+    """
+    rows, size = 3 * network.n_contacts, 6 * network.n_particles
+    B, stretch = np.zeros((rows, size)), np.zeros((rows, 6))
+    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
+    for c in range(network.n_contacts):
+        i, j, n = network.particle_i[c], network.particle_j[c], network.normal[c]
+        frame = np.linalg.qr(np.column_stack([n, np.eye(3)[np.argmin(abs(n))]]), "complete")[0].T
+        root = np.sqrt([network.stiffness_normal[c]] + [network.stiffness_tangential[c]] * 2)
+        weighted = root[:, None] * frame
+        place = slice(3 * c, 3 * c + 3)
+        for axis in range(3):
+            e = np.eye(3)[axis]
+            B[place, 6 * i + axis] -= weighted @ e
+            B[place, 6 * j + axis] += weighted @ e
+            B[place, 6 * i + 3 + axis] -= weighted @ np.cross(e, network.lever_i[c])
+            B[place, 6 * j + 3 + axis] += weighted @ np.cross(e, network.lever_j[c])
+        branch = network.position[j] + network.cell_shift[c] * network.cell_size
+        branch = branch - network.position[i]
+        for strain, (a, b) in enumerate(pairs):
+            E = np.zeros((3, 3))
+            E[a, b] += 0.5
+            E[b, a] += 0.5
+            stretch[place, strain] = weighted @ (E @ branch)
+    # Rotations as arcs, so that one threshold tells motions without energy from the others.
+    B *= np.tile(np.repeat([1, 1 / network.radius.mean()], 3), network.n_particles)
+    motion = lstsq(B, -stretch, cond=1e-10)[0]
+    left = stretch + B @ motion
+    return left.T @ left / np.prod(network.cell_size)
+
+
+def test_random_cell_against_least_squares(cell):
+    """1e-8: what least squares of a condition number of some 1e3 leave is far below."""
+    wanted = least_squares_moduli(cell)
+    scale = abs(wanted).max()
+    for solver in ("pardiso", "gradients"):
+        if solver == "pardiso":
+            pytest.importorskip("pypardiso")
+        found = elastic_moduli(cell, tolerance=1e-9, solver=solver)
+        assert found.stiffness == pytest.approx(wanted, abs=1e-8 * scale)
+        assert found.error < 1e-9
+        # The affine energy is an upper bound of every strain's; the free spheres give back some.
+        assert np.linalg.eigvalsh(found.affine - found.stiffness).min() > 0.05 * scale
+
+
+def test_error_is_that_of_the_moduli(cell):
+    """From above, as the energy, and no less than what is said of it but for a factor."""
+    exact = elastic_moduli(cell, tolerance=1e-12, solver="gradients").stiffness
+    for tolerance in (1e-2, 1e-4, 1e-6):
+        found = elastic_moduli(cell, tolerance=tolerance, solver="gradients")
+        over = np.diag(found.stiffness - exact) / exact.max()
+        assert over.min() > -1e-11 and over.max() <= tolerance
+        assert found.products < 400
+
+
+def bloch_matrix(network: Network, wavevector: np.ndarray) -> np.ndarray:
+    """Hermitian (6n, 6n): the cell repeated for ever, contacts through a period with a phase."""
+    n = network.n_particles
+    K = np.zeros((n, 6, n, 6), complex)
+    phase = np.exp(1j * (network.cell_shift * network.cell_size) @ wavevector)
+    for local, i, j, turn in zip(
+        contact_stiffness(network), network.particle_i, network.particle_j, phase, strict=True
+    ):
+        K[i, :, i] += local[:6, :6]
+        K[j, :, j] += local[6:, 6:]
+        K[i, :, j] += local[:6, 6:] * turn
+        K[j, :, i] += local[6:, :6] * turn.conj()
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    return scale[:, None] * K.reshape(6 * n, 6 * n) * scale
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, -2, 3)])
+def test_velocities_of_a_random_cell_are_those_of_its_long_waves(direction):
+    """The cell repeated for ever, at kappa L = 1e-3 and thereabouts: bent by its square."""
+    network = without_loose_spheres(polydisperse(periodic_z=True, n=60))
+    moduli = elastic_moduli(network, tolerance=1e-9)
+    n = np.array(direction) / np.linalg.norm(direction)
+    kappa = 2e-3 / network.cell_size[0]
+    zero = Eigenproblem.of(network).floppy.total - 3
+    square = eigh(bloch_matrix(network, kappa * n), eigvals_only=True)[zero : zero + 3]
+    assert moduli.velocities(n) == pytest.approx(np.sqrt(square[::-1]) / kappa, rel=1e-5)
+
+
+def without_loose_spheres(network: Network) -> Network:
+    """Only spheres with three contacts or more: all that has mass then moves with a long wave."""
+    from modal.packing.rattlers import keeping_contacts
+
+    kept = keeping_contacts(network, 3)
+    place = np.cumsum(kept) - 1
+    network = network.with_contacts(kept[network.particle_i] & kept[network.particle_j])
+    columns = {name: getattr(network, name)[kept] for name in ("position", "radius", "mass")}
+    return replace(
+        network,
+        **columns,
+        inertia=network.inertia[kept],
+        particle_i=place[network.particle_i],
+        particle_j=place[network.particle_j],
+    )
+
+
+def test_a_quarter_turn_of_the_cell_turns_the_tensor(cell):
+    """x to y, y to -x: an invariance that no frame of the code may break."""
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
+    shift = cell.cell_shift @ turn.T.astype(int)
+    turned = replace(
+        cell, **{name: getattr(cell, name) @ turn.T for name in vectors}, cell_shift=shift
+    )
+    one, other = (elastic_moduli(network, tolerance=1e-9) for network in (cell, turned))
+    for n in np.eye(3):
+        assert other.velocities(turn @ n) == pytest.approx(one.velocities(n), rel=1e-7)
+    assert isotropic_mean(one.stiffness) == pytest.approx(isotropic_mean(other.stiffness), rel=1e-7)
+
+
+def test_crystal_between_walls_has_the_bulk_of_the_endless_one():
+    """Soft ends of the bulk: the sum over layers l against the integral over its length L.
+
+    The weight's slope kinks by pi^2 / (2 fade^2) at four places, each of which costs at most 0.048
+    l^3 / 6 of that (Euler and Maclaurin): together 8e-5 of L.
+    """
+    crystal = FccLattice(1e5)
+    found = elastic_moduli(gallery.fcc(cells=(2, 2, 80)))
+    scale = crystal.stiffness.max()
+    assert found.region == "bulk"
+    assert found.stiffness == pytest.approx(crystal.stiffness, abs=1e-4 * scale)
+    # What the slope along z is made of has no ends.
+    assert found.stiffness[2:5, 2:5] == pytest.approx(crystal.stiffness[2:5, 2:5], abs=1e-8 * scale)
+    assert found.density == pytest.approx(crystal.mass * np.sqrt(2) / crystal.spacing**3, rel=1e-4)
+    # Springs in a row: 79 between layers, and at each end a wall, over the distance of the walls.
+    network = gallery.fcc(cells=(2, 2, 80))
+    wall = network.stiffness_normal[network.with_wall][0]
+    give = 79 / crystal.C + 2 / wall
+    assert found.whole[2, 2] == pytest.approx(network.length / give / crystal.spacing**2, rel=1e-7)
+
+
+def disordered(network: Network, spheres: int) -> Network:
+    """A crystal whose contacts have any stiffness, the same again after so many `spheres`."""
+    random = np.random.default_rng(5)
+    key = np.column_stack([network.particle_i % spheres, np.round(4 * network.normal).astype(int)])
+    pair = ~network.with_wall
+    kinds, kind = np.unique(key[pair], axis=0, return_inverse=True)
+    factor = np.ones((2, network.n_contacts))
+    factor[:, pair] = random.uniform(0.1, 1.9, (2, len(kinds)))[:, kind.ravel()]
+    return replace(
+        network,
+        stiffness_normal=network.stiffness_normal * factor[0],
+        stiffness_tangential=network.stiffness_tangential * factor[1],
+    )
+
+
+def test_bulk_of_a_disordered_slab_is_that_of_the_endless_disorder():
+    """Four layers of random springs, again and again: between walls, and for ever.
+
+    The bulk holds 14 of them. What motion beyond the strain gives back is 0.09 of the moduli; ends
+    that do not fit would leave 1/14 of that, 6e-3, soft ends and weights leave far less.
+    """
+    slab = disordered(gallery.fcc(cells=(2, 2, 80)), 16)
+    endless = elastic_moduli(disordered(gallery.fcc(cells=(2, 2, 4), periodic_z=True), 16))
+    found = elastic_moduli(slab)
+    scale = endless.stiffness.max()
+    print(
+        abs(found.stiffness - endless.stiffness).max() / scale,
+        abs(endless.affine - endless.stiffness).max() / scale,
+        found.asymmetry,
+        found.stiffness[2, 2] / static_velocity(slab)[1],
+    )
+    assert abs(endless.affine - endless.stiffness).max() > 0.08 * scale
+    assert found.stiffness == pytest.approx(endless.stiffness, abs=1e-3 * scale)
+    assert found.asymmetry < 1e-3
+    # The same slope by another program: a wall pushes, one direction at a time.
+    velocity, modulus = static_velocity(slab)
+    assert found.stiffness[2, 2] == pytest.approx(modulus, rel=1e-3)
+    # Density between edges that cut the crystal anywhere: up to a layer of some 60.
+    assert found.velocities((0, 0, 1))[0] == pytest.approx(velocity, rel=0.01)
+
+
+def test_short_slabs_say_that_their_walls_count():
+    found = elastic_moduli(gallery.fcc(cells=(2, 2, 6)))
+    assert found.region == "slab with walls"
+    assert any("walls together" in remark for remark in found.remarks())
+
+
+def test_isotropic_solids_have_one_p_and_two_s_waves():
+    K, G, rho = 3e8, 1.2e8, 1500.0
+    C = np.diag([2 * G] * 3 + [G] * 3)
+    C[:3, :3] += K - 2 / 3 * G
+    velocity, motion = plane_waves(C, rho, (1, 2, -2))
+    assert velocity == pytest.approx(np.sqrt([(K + 4 / 3 * G) / rho, G / rho, G / rho]), rel=1e-12)
+    assert abs(motion[0] @ np.array([1, 2, -2]) / 3) == pytest.approx(1, abs=1e-12)
+    assert isotropic_mean(C) == pytest.approx((K, G), rel=1e-12)
+    assert anisotropy(C) == pytest.approx(0, abs=1e-12)
+    assert christoffel(C, (0, 0, 1))[2, 2] == pytest.approx(K + 4 / 3 * G, rel=1e-12)
+    # A cubic solid's distance from isotropy, by hand: C44 alone differs, from (C11 - C12) / 2.
+    C[3:, 3:] *= 1.5
+    beta = G / 2  # of 2 C44 - (C11 - C12) = 2 beta: three shears weigh 4/5 of 3 (2 beta)^2 ...
+    mean = 2 * G + 3 / 5 * 2 * beta
+    off = 3 * (3 * G - mean) ** 2 + 2 * (2 * G - mean) ** 2
+    assert anisotropy(C) == pytest.approx(np.sqrt(off / (off + 9 * K**2 + 5 * mean**2)), rel=1e-12)
+
+
+def test_spheres_that_nothing_holds_take_no_part(cell):
+    """Three more that touch nothing, anywhere: the same moduli, but for no mass either."""
+    names = ("position", "radius", "mass", "inertia")
+    more = {name: np.concatenate([getattr(cell, name), getattr(cell, name)[:3]]) for name in names}
+    one = elastic_moduli(cell, non_affine=True)
+    other = elastic_moduli(replace(cell, **more), non_affine=True)
+    assert other.stiffness == pytest.approx(one.stiffness, abs=2e-6 * one.stiffness.max())
+    assert other.density == one.density
+    assert abs(other.non_affine[:, -3:]).max() < 1e-9 * abs(one.non_affine).max()
+    # Rigid motions of the whole are motions without energy: none is left.
+    drift = np.einsum("sna,n->sa", one.non_affine[:, :, :3], cell.mass) / cell.mass.sum()
+    assert abs(drift).max() < 1e-9 * abs(one.non_affine).max()
+
+
+def test_non_affine_motion_balances_every_sphere(cell):
+    """Forces on spheres under strain plus motion vanish; checked with plain vectors."""
+    moduli = elastic_moduli(cell, tolerance=1e-12, non_affine=True)
+    motion = moduli.non_affine[5]
+    i, j = cell.particle_i, cell.particle_j
+    branch = cell.lever_i - cell.lever_j
+    slide = np.column_stack([branch[:, 1], 0 * branch[:, 1], 0 * branch[:, 1]])
+    spin = np.cross([0, 0, -0.5], branch)
+    parted = slide - spin + motion[j, :3] - motion[i, :3]
+    parted += np.cross(motion[j, 3:], cell.lever_j) - np.cross(motion[i, 3:], cell.lever_i)
+    along = np.einsum("ca,ca->c", parted, cell.normal)[:, None] * cell.normal
+    kn, kt = cell.stiffness_normal[:, None], cell.stiffness_tangential[:, None]
+    force = kn * along + kt * (parted - along)
+    total = np.zeros((cell.n_particles, 3))
+    np.add.at(total, i, force)
+    np.add.at(total, j, -force)
+    assert abs(total).max() < 1e-5 * abs(force).max()
+
+
+def without_tangential(network: Network) -> Network:
+    return replace(network, stiffness_tangential=0 * network.stiffness_tangential)
+
+
+def test_strains_that_nothing_resists_are_said():
+    """A simple cubic lattice without tangential springs: three shears cost nothing."""
+    column = gallery.column(1)
+    d = 2 * column.lever_i[0, 2] * -1
+    network = replace(
+        column,
+        particle_i=np.zeros(3, int),
+        particle_j=np.zeros(3, int),
+        normal=np.eye(3),
+        lever_i=d / 2 * np.eye(3),
+        lever_j=-d / 2 * np.eye(3),
+        stiffness_normal=np.full(3, 2e5),
+        stiffness_tangential=np.zeros(3),
+        force_normal=np.ones(3),
+        force_tangential=np.zeros((3, 3)),
+        overlap=None,
+        sliding=None,
+        cell_shift=np.eye(3, dtype=int),
+        cell_size=np.full(3, d),
+        cell_periodic=np.ones(3, bool),
+        wall_position=np.array([0.0, d]),
+    )
+    found = elastic_moduli(network)
+    assert found.stiffness == pytest.approx(np.diag([2e5 / d] * 3 + [0] * 3), rel=1e-12)
+    assert len(found.soft_strains()) == 3
+    assert all("costs no energy" in remark for remark in found.remarks())
+
+
+def test_what_cannot_be_strained_is_refused(tmp_path, capsys):
+    free = replace(gallery.fcc(cells=(2, 2, 6)), cell_periodic=np.array([False, True, False]))
+    crystal = gallery.fcc(cells=(2, 2, 6))
+    loose = crystal.with_contacts(crystal.particle_j != -2)
+    nothing = replace(
+        crystal,
+        stiffness_normal=0 * crystal.stiffness_normal,
+        stiffness_tangential=0 * crystal.stiffness_normal,
+    )
+    for network, words in (
+        (free, "no strain xx .*not periodic along x"),
+        (loose, "no strain zz .*two walls"),
+        (nothing, "no contact resists"),
+    ):
+        with pytest.raises(InputError, match=words) as raised:
+            elastic_moduli(network)
+        assert "\n" not in str(raised.value)
+    with pytest.raises(InputError, match="tolerance 0"):
+        elastic_moduli(crystal, tolerance=0.0)
+    with pytest.raises(InputError, match="not all zero"):
+        elastic_moduli(crystal).velocities((0, 0, 0))
+    path = tmp_path / "crystal.network.h5"
+    write_network(path, crystal)
+    assert main(["moduli", str(path), "--direction", "0", "0", "0"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_command_prints_what_the_function_finds(tmp_path, capsys, cell):
+    path, product = tmp_path / "cell.network.h5", tmp_path / "cell.moduli.h5"
+    write_network(path, cell)
+    command = ["moduli", str(path), "--direction", "1", "1", "0", "-o", str(product)]
+    assert main([*command, "--non-affine", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    found = elastic_moduli(cell, non_affine=True)
+    assert said["stiffness_pa"] == found.stiffness.tolist()
+    assert said["velocity_m_per_s"]["1 1 0"] == found.velocities((1, 1, 0)).tolist()
+    assert said["velocity_m_per_s"]["z"] == found.velocities((0, 0, 1)).tolist()
+    assert said["isotropic_velocity_m_per_s"] == [found.v_p, found.v_s]
+    assert (read_moduli(product).stiffness == found.stiffness).all()
+    with h5py.File(product) as file:
+        assert (file["non_affine/rotation"][:] == found.non_affine[:, :, 3:]).all()
+    assert main(["moduli", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "stiffness" in shown and f"{found.stiffness[0, 0] / 1e9:.3f}"[:4] in shown
+    write_moduli(product, found)
+    assert read_moduli(product).region == "cell"
+    text, drawn = str(found), found.plot()
+    assert "Poisson" in text and len(drawn.get_lines()) == 3
+    assert "cell" in repr(found) and np.asarray(found).shape == (6, 6)

@@ -1,0 +1,179 @@
+"""Pictures: VTK and extended XYZ, read back by other programs' own readers."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import packings
+import pytest
+
+import modal
+from modal.__main__ import main
+from modal.exchange.extended_xyz import read_frames
+from modal.exchange.picture import contact_lines, sphere_stress
+from modal.modes.mode_set import read_modes
+from modal.packing.consistency import branches
+from modal.packing.network_file import write_network
+from modal.packing.state import contacts_per_particle, stress_tensor
+from modal.waves.signals import read_signals
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    """A packing of radii 1:3 between walls, its modes, its wave, and where they lie."""
+    folder = tmp_path_factory.mktemp("pictures")
+    network = packings.polydisperse(False)
+    write_network(folder / "p.network.h5", network)
+    name = str(folder / "p.network.h5")
+    assert main(["modes", name, "--highest", "3", "-o", str(folder / "p.modes.h5")]) == 0
+    wave = ["wave", name, "--duration", "2e-5", "--particles", "-o", str(folder / "p.signals.h5")]
+    assert main(wave) == 0
+    return network, folder
+
+
+def exported(folder, *arguments) -> None:
+    assert main(["export", str(folder / "p.network.h5"), *map(str, arguments)]) == 0
+
+
+def points_and_fields(path) -> tuple[np.ndarray, dict, np.ndarray, dict]:
+    """Points, their fields, cells and theirs, as VTK's own reader gives them."""
+    vtk = pytest.importorskip("vtk")
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    grid = reader.GetOutput()
+    data = [grid.GetPointData(), grid.GetCellData()]
+    fields = [
+        {d.GetArrayName(k): vtk_to_numpy(d.GetArray(k)) for k in range(d.GetNumberOfArrays())}
+        for d in data
+    ]
+    cells = vtk_to_numpy(grid.GetCells().GetConnectivityArray())
+    return vtk_to_numpy(grid.GetPoints().GetData()), fields[0], cells, fields[1]
+
+
+def by_meshio(path) -> tuple[np.ndarray, dict, np.ndarray, dict]:
+    meshio = pytest.importorskip("meshio")
+    mesh = meshio.read(path)
+    cells = {name: data[0] for name, data in mesh.cell_data.items()}
+    return mesh.points, mesh.point_data, mesh.cells[0].data.ravel(), cells
+
+
+@pytest.mark.parametrize("reader", [by_meshio, points_and_fields])
+def test_packing_and_modes_in_vtk_read_back_equal(packing, reader):
+    """Every float64 to its last bit: VTK's files hold them in binary."""
+    pytest.importorskip("meshio")
+    network, folder = packing
+    exported(folder, folder / "p.modes.h5", "-o", folder / "m.vtu")
+    points, fields, _, _ = reader(folder / "m.vtu")
+    np.testing.assert_array_equal(points, network.position)
+    np.testing.assert_array_equal(fields["radius"], network.radius)
+    np.testing.assert_array_equal(fields["contacts"], contacts_per_particle(network))
+    np.testing.assert_array_equal(fields["stress"], sphere_stress(network))
+    modes = read_modes(folder / "p.modes.h5")
+    for k, frequency in enumerate(modes.frequency, 1):
+        shape = fields[f"mode_{k}_{frequency:.6g}_Hz"]
+        np.testing.assert_array_equal(shape, modes.mode_shape[k - 1, :, :3])
+    points, _, cells, fields = reader(folder / "m.contacts.vtu")
+    ends = points[cells].reshape(-1, 2, 3)
+    # Lines lead through the periods: they are as long as the branches, never as the cell.
+    np.testing.assert_array_equal(ends, contact_lines(network).ends)
+    np.testing.assert_allclose(ends[:, 1] - ends[:, 0], branches(network), atol=1e-17)
+    np.testing.assert_array_equal(fields["force_normal"], network.force_normal)
+    on_i = network.force_tangential - network.force_normal[:, None] * network.normal
+    np.testing.assert_array_equal(fields["force"], on_i)
+
+
+def test_packing_in_extended_xyz_reads_back_equal(packing):
+    """17 digits are a float64."""
+    network, folder = packing
+    exported(folder, "-o", folder / "p.xyz")
+    ((time, columns),) = read_frames(folder / "p.xyz")
+    assert time == 0
+    np.testing.assert_array_equal(columns["pos"], network.position)
+    np.testing.assert_array_equal(columns["radius"], network.radius)
+    np.testing.assert_array_equal(columns["stress"], sphere_stress(network))
+    head = (folder / "p.xyz").read_text().splitlines()[1]
+    assert 'pbc="T T F"' in head and repr(float(network.cell_size[0])) in head
+
+
+def test_ovito_reads_extended_xyz(packing):
+    ovito = pytest.importorskip("ovito.io")
+    network, folder = packing
+    exported(folder, "-o", folder / "p.xyz")
+    data = ovito.import_file(str(folder / "p.xyz")).compute()
+    np.testing.assert_allclose(data.particles.positions, network.position, rtol=1e-15)
+    np.testing.assert_allclose(data.particles["Radius"], network.radius, rtol=1e-6)
+
+
+def test_wave_becomes_frames_at_its_times(packing):
+    """Frames hold the displacements themselves; spheres are drawn displaced by --scale times."""
+    network, folder = packing
+    signals = read_signals(folder / "p.signals.h5")
+    arguments = (folder / "p.signals.h5", "--frames", 5, "--scale", 1e4)
+    exported(folder, *arguments, "-o", folder / "w.xyz")
+    frames = read_frames(folder / "w.xyz")
+    assert 4 <= len(frames) <= 5
+    for time, columns in frames:
+        (k,) = np.flatnonzero(signals.time == time)
+        moved = columns["displacement"]
+        np.testing.assert_array_equal(moved[:, 2], signals.particle_displacement[k])
+        np.testing.assert_allclose(columns["pos"] - network.position, 1e4 * moved, atol=1e-17)
+    pytest.importorskip("meshio")
+    exported(folder, *arguments, "-o", folder / "w.vtu")
+    listed = ElementTree.parse(folder / "w.pvd").iter("DataSet")
+    for (time, columns), entry in zip(frames, listed, strict=True):
+        assert float(entry.get("timestep")) == time
+        points, fields, _, _ = by_meshio(folder / entry.get("file"))
+        np.testing.assert_array_equal(points, columns["pos"])
+        np.testing.assert_array_equal(fields["displacement"], columns["displacement"])
+
+
+def test_frames_of_a_mode_are_one_period(packing):
+    """Half a period later every displacement is the opposite; the largest is half a radius."""
+    network, folder = packing
+    arguments = (folder / "p.modes.h5", "--modes", 2, "--frames", 4)
+    exported(folder, *arguments, "-o", folder / "a.xyz")
+    frames = read_frames(folder / "a.xyz")
+    frequency = read_modes(folder / "p.modes.h5").frequency[1]
+    np.testing.assert_allclose([time * frequency for time, _ in frames], [0, 0.25, 0.5, 0.75])
+    first, third = (columns["pos"] - network.position for _, columns in frames[::2])
+    np.testing.assert_allclose(first, -third, atol=1e-16)
+    largest = np.linalg.norm(first, axis=1).max()
+    np.testing.assert_allclose(largest, network.radius.mean() / 2, rtol=1e-9)
+
+
+def test_stresses_of_spheres_add_up_to_that_of_the_packing():
+    """Levers to one point split each branch between its two spheres."""
+    network = packings.polydisperse(True)
+    volume = 4 / 3 * np.pi * network.radius**3
+    whole = (volume[:, None] * sphere_stress(network)).sum(axis=0) / network.cell_size.prod()
+    mean = stress_tensor(network)
+    mean = (mean + mean.T) / 2
+    wanted = mean[(0, 1, 2, 1, 2, 0), (0, 1, 2, 2, 0, 1)]
+    np.testing.assert_allclose(whole, wanted, atol=1e-12 * np.trace(mean))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("-o", "p.png"), "give a name that ends in .vtu"),
+        (("p.modes.h5", "--modes", "9", "-o", "p.xyz"), "the file has modes 1 to 3"),
+        (("p.modes.h5", "--frames", "4", "-o", "p.xyz"), "choose one mode to animate"),
+        (("p.modes.h5", "--frames", "0", "-o", "p.xyz"), "give 1 to 10000"),
+        (("--frames", "4", "-o", "p.xyz"), "need a file of modes or signals"),
+        (("other.modes.h5", "-o", "p.xyz"), "made from .* not from"),
+    ],
+)
+def test_export_refuses_in_one_line(packing, capsys, monkeypatch, arguments, said):
+    _, folder = packing
+    monkeypatch.chdir(folder)
+    write_network("other.network.h5", modal.fcc(cells=(2, 2, 4)))
+    main(["modes", "other.network.h5", "--highest", "1", "-o", "other.modes.h5"])
+    capsys.readouterr()
+    assert main(["export", "p.network.h5", *arguments]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert re.search(said, lines[-1]), lines

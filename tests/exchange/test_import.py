@@ -1,0 +1,388 @@
+"""Packings of other programs, as networks: what they say, how exact it is, what is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import program_files
+import pytest
+from places import DATA
+from program_files import PAIR, respelt, sorted_ends
+
+import modal
+from modal.__main__ import main
+from modal.exchange.lammps import import_lammps
+from modal.exchange.tangent import law_tangent
+from modal.packing.network_file import read_network
+from modal.stiffness.pre_stress import contact_tangent
+from modal.stiffness.springs import contact_stiffness
+
+FILE = "out.network.h5"
+
+
+def imported(capsys, *arguments: object) -> dict:
+    """What `import` prints as JSON."""
+    status = main(["import", *map(str, arguments), "--json"])
+    out, err = capsys.readouterr()
+    assert status == 0, err
+    return json.loads(out)
+
+
+def refused(capsys, *arguments: object) -> str:
+    """The one line with which `import` refuses."""
+    assert main(["import", *map(str, arguments)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    return error
+
+
+@pytest.mark.parametrize("periodic_z", [True, False])
+def test_lammps_dump_gives_the_packing_back(tmp_path, capsys, periodic_z):
+    """Spheres of radii 1:3 and two densities, walls or none, ids in falling order.
+
+    17 digits keep a float64; overlaps, 1e-5 m and more of positions of 1e-2 m, keep 1e-12.
+    """
+    made = program_files.packing(periodic_z)
+    atoms, contacts, log = program_files.lammps(made, tmp_path)
+    out = tmp_path / FILE
+    told = imported(capsys, atoms, "--contacts", contacts, "--log", log, "-o", out)
+    assert told["contacts"] == made.n_contacts
+    assert told["wall_contacts"] == made.with_wall.sum()
+    assert told["assumed"] == []
+    found = read_network(out)
+    a, b = sorted_ends(made), sorted_ends(found)
+    for name in ("position", "radius", "mass", "inertia", "wall_position", "cell_size"):
+        np.testing.assert_allclose(getattr(found, name), getattr(made, name), rtol=1e-15)
+    for name in ("particle_i", "particle_j"):
+        np.testing.assert_array_equal(getattr(found, name)[b], getattr(made, name)[a])
+    for name in ("stiffness_normal", "stiffness_tangential", "overlap", "force_normal"):
+        np.testing.assert_allclose(getattr(found, name)[b], getattr(made, name)[a], rtol=1e-9)
+    # Angles are as exact as positions: 1e-18 of 1e-3 m.
+    np.testing.assert_allclose(found.normal[b], made.normal[a], atol=1e-12)
+    scale = made.force_normal.mean()
+    np.testing.assert_allclose(
+        found.force_tangential[b], made.force_tangential[a], atol=1e-12 * scale
+    )
+
+
+def test_tables_give_the_packing_back(tmp_path, capsys):
+    """Stiffnesses stand in the table, so that any law comes in."""
+    made = program_files.packing(False)
+    spheres, contacts = program_files.tables(made, tmp_path)
+    imported(capsys, spheres, "--contacts", contacts, "-o", tmp_path / FILE)
+    found = read_network(tmp_path / FILE)
+    a, b = sorted_ends(made), sorted_ends(found)
+    for name in ("stiffness_normal", "stiffness_tangential", "force_normal", "force_tangential"):
+        np.testing.assert_array_equal(getattr(found, name)[b], getattr(made, name)[a])
+    np.testing.assert_array_equal(found.particle_j[b], made.particle_j[a])
+
+
+def test_six_digits_without_forces_are_refused_with_them_hardly_missed(tmp_path, capsys):
+    """Frequencies within 1e-5 of those of the whole file where forces tell the overlaps.
+
+    A force of 6 digits gives an overlap to 2/3 of 5e-7, a stiffness to 2e-7, and its components the
+    normal to 5e-7; a position of 6 digits would turn it by 1e-7 m over a branch of 2e-3 m.
+    """
+    made = modal.random_packing(60, stress=1e5, seed=2)
+    frequencies = {}
+    for digits in (17, 6):
+        folder = tmp_path / str(digits)
+        folder.mkdir()
+        atoms, contacts, log = program_files.lammps(made, folder, digits)
+        told = imported(capsys, atoms, "--contacts", contacts, "--log", log, "-o", folder / FILE)
+        assert told["overlaps_from"] == ("positions" if digits == 17 else "forces")
+        found = read_network(folder / FILE)
+        frequencies[digits] = modal.eigenmodes(found, all=True).frequency
+    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
+    assert re.search(r"positions have 6 digits, .* write (9|10|11) digits or more", error)
+    firm = frequencies[17] > 1e3  # floppy modes are zero up to round-off
+    np.testing.assert_allclose(frequencies[6][firm], frequencies[17][firm], rtol=1e-5)
+
+
+def test_law_alone_makes_contacts_and_forces_from_full_digits(tmp_path, capsys):
+    """Without dump local: the same contacts, no shear forces, which are absent and not zero."""
+    made = program_files.packing(True)
+    atoms, _, _ = program_files.lammps(made, tmp_path)
+    told = imported(capsys, atoms, "--pair", PAIR, "-o", tmp_path / FILE)
+    found = read_network(tmp_path / FILE)
+    assert found.force_tangential is None and found.sliding is None
+    assert any("no shear forces" in remark for remark in told["remarks"])
+    total = made.stiffness_normal.sum()
+    assert found.n_contacts == made.n_contacts
+    np.testing.assert_allclose(found.stiffness_normal.sum(), total, rtol=1e-9)
+
+
+@pytest.mark.parametrize("periodic_z", [True, False])
+def test_liggghts_gives_the_packing_back(tmp_path, capsys, periodic_z):
+    """The 32 nameless columns of pair/gran/local; at primitive walls no forces are told."""
+    made = program_files.packing(periodic_z)
+    atoms, contacts = program_files.liggghts(made, tmp_path)
+    arguments = [atoms, "--contacts", contacts, "--pair", program_files.LIGGGHTS]
+    if not periodic_z:
+        low, high = made.wall_position.tolist()
+        arguments += ["--wall", f"zplane {low!r} {high!r}"]
+    told = imported(capsys, *arguments, "-o", tmp_path / FILE)
+    found = read_network(tmp_path / FILE)
+    a, b = sorted_ends(made), sorted_ends(found)
+    for name in ("stiffness_normal", "stiffness_tangential", "force_normal"):
+        np.testing.assert_allclose(getattr(found, name)[b], getattr(made, name)[a], rtol=1e-9)
+    assert "growing circle" in told["terms_of_the_law_over_springs"] or not periodic_z
+    if periodic_z:
+        scale = 1e-12 * made.force_normal.mean()
+        shear = found.force_tangential[b]
+        np.testing.assert_allclose(shear, made.force_tangential[a], atol=scale)
+    else:
+        assert found.force_tangential is None
+    for old, new, said in (
+        ("model hertz", "model hooke", "only model hertz"),
+        ("0.2 coeff", "0.2 cohesion sjkr coeff", "cohesion is resisted by no spring"),
+        ("youngsModulus 6e10 ", "", "no youngsModulus"),
+    ):
+        arguments[4] = program_files.LIGGGHTS.replace(old, new)
+        assert said in refused(capsys, *arguments, "-o", tmp_path / FILE)
+
+
+def test_cgs_is_the_same_packing(tmp_path, capsys):
+    """Lengths in cm, masses in g, forces in dyn and Young's modulus in dyn/cm^2."""
+    made = program_files.packing(True)
+    atoms, contacts, log = program_files.lammps(made, tmp_path)
+    imported(capsys, atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    want = read_network(tmp_path / FILE)
+    factors = {atoms: (1, 1, 1e2, 1e2, 1e2, 1e2, 1e3), contacts: (1, 1, 1, *[1e5] * 7)}
+    for path, factor in factors.items():
+        lines = path.read_text().splitlines()
+        for k, line in enumerate(lines):
+            words = line.split()
+            if 5 <= k < 8:
+                lines[k] = " ".join(repr(1e2 * float(word)) for word in words)
+            elif k > 8:
+                numbers = [float(w) * f for w, f in zip(words, factor, strict=True)]
+                lines[k] = " ".join(repr(x) if x != int(x) else str(int(x)) for x in numbers)
+        path.write_text("\n".join(lines) + "\n")
+    log.write_text(log.read_text().replace("units si", "units cgs").replace("6e10", "6e11"))
+    imported(capsys, atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    found = read_network(tmp_path / FILE)
+    for name in ("mass", "stiffness_normal", "stiffness_tangential", "force_normal"):
+        np.testing.assert_allclose(getattr(found, name), getattr(want, name), rtol=1e-9)
+
+
+def test_mercury_gives_the_frequencies_of_its_chains(tmp_path, capsys):
+    """CubicPackingSelfTest: 25 columns of five spheres on a floor, springs of one stiffness.
+
+    A chain of n masses, fixed at one end: 2 sqrt(k / m) sin((2 j - 1) pi / (4 n + 2)) / (2 pi).
+    """
+    file = DATA / "mercury_CubicPacking.restart"
+    told = imported(capsys, file, "-o", tmp_path / FILE)
+    assert (told["spheres"], told["contacts"], told["wall_contacts"]) == (125, 125, 25)
+    frequency = modal.eigenmodes(read_network(tmp_path / FILE), all=True).frequency
+    k, m, n = 75857.5125578386, 1 / 1.00000000895498, 5
+    exact = np.sqrt(k / m) / np.pi * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n + 2))
+    np.testing.assert_allclose(exact[[0, -1]], [12.4766965, 84.1184433], rtol=1e-8)
+    np.testing.assert_allclose(frequency[-125:], np.repeat(exact, 25), rtol=1e-8)
+
+
+def test_mercury_of_the_older_format(tmp_path, capsys):
+    """restart_version 2 lists numbers without names; two spheres on a floor, springs as above."""
+    file = tmp_path / "old.restart"
+    overlap = 1e-3
+    file.write_text(
+        "restart_version 2\nname two\nxmin 0 xmax 5 ymin 0 ymax 5 zmin 0 zmax 3\n"
+        "Species 1\nk 2000 disp 25 kt 500 dispt 25 mu 0.5 rho 1.9098593 dim_particle 3\n"
+        "Walls 1\nnumFiniteWalls 0 normal 0 0 -1 position 0\n"
+        "WallsPeriodic 2\nnormal 1 0 0 pos_left 0 pos_right 5 shift 5 0 0\n"
+        "normal 0 1 0 pos_left 0 pos_right 5 shift 0 5 0\nParticles 2\n"
+        f"1 1 {0.5 - overlap!r} 0 0 0 0.5 0 0 0 0 0 0 1 10 0\n"
+        f"1 1.000000000001 {1.5 - 2 * overlap!r} 0 0 0 0.5 0 0 0 0 0 0 1 10 1 1e-5 0 0 0 -1 25\n"
+    )
+    imported(capsys, file, "-o", tmp_path / FILE)
+    found = read_network(tmp_path / FILE)
+    assert found.particle_j.tolist() == [-1, 1]
+    np.testing.assert_allclose(found.force_normal, 2000 * overlap, rtol=1e-9)
+    assert found.cell_periodic.tolist() == [True, True, False]
+    frequency = modal.eigenmodes(found, all=True).frequency
+    longitudinal = np.sqrt(2000 * (3 + np.array([-1, 1]) * np.sqrt(5)) / 2) / (2 * np.pi)
+    for each in longitudinal:
+        assert abs(frequency / each - 1).min() < 1e-8
+    file.write_text(file.read_text().replace("shift 5 0 0", "shift 5 0 1"))
+    assert "line 9: the period is angled" in refused(capsys, file, "-o", tmp_path / FILE)
+
+
+def mercury(tmp_path: Path, old: str, new: str) -> Path:
+    path = tmp_path / "spoilt.restart"
+    text = (DATA / "mercury_CubicPacking.restart").read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("LinearViscoelasticSpecies", "LinearPlasticViscoelasticSpecies", "line 12: .*hysteretic"),
+        ("LinearViscoelasticSpecies", "LinearViscoelasticBondedSpecies", "line 12: .*bonded"),
+        ("stiffness 75857.5", "stiffness x75857.5", "line 12: stiffness x.* is no number"),
+        ("Boundaries 0", "Boundaries 1\nAngledPeriodicBoundary normal 1 0 0", "line 21: .*angled"),
+        ("particleWallIds 120 4", "particleWallIds 120 0", "line 173: a contact with wall 0"),
+        ("particleIds 115 116", "particleIds 120 121", "line 149: the contact of line 148 again"),
+        ("particleIds 120 121", "particleIds 120 900", "line 148: particle 900 is not"),
+        ("BaseParticle id 1 ", "MultiParticle id 1 ", "line 23: MultiParticle is no sphere"),
+        ("invMass 1.00000000895498", "invMass 0", "line 22: a fixed particle"),
+    ],
+)
+def test_mercury_is_refused_by_line(tmp_path, capsys, old, new, said):
+    error = refused(capsys, mercury(tmp_path, old, new), "-o", tmp_path / FILE)
+    assert re.search(said, error), error
+
+
+def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
+    """Do to the files of a packing what users do."""
+    text = log.read_text()
+    lines = contacts.read_text().splitlines()
+    match what:
+        case "no radius":
+            atoms.write_text(atoms.read_text().replace("radius", "vx"))
+        case "no number":
+            respelt(atoms, 14, 3, "1.2e")
+        case "not finite":
+            respelt(contacts, 12, 4, "nan")
+        case "short row":
+            atoms.write_text(atoms.read_text().rsplit(" ", 3)[0] + "\n")
+        case "cut off":
+            contacts.write_text("\n".join(lines[:-3]) + "\n")
+        case "twice":
+            words = lines[15].split()
+            words[1:3] = lines[10].split()[2:0:-1]
+            lines[15] = " ".join(words)
+            contacts.write_text("\n".join(lines) + "\n")
+        case "ghosts":
+            respelt(atoms, 20, 0, "60")
+        case "unknown sphere":
+            respelt(contacts, 13, 2, "777")
+        case "triclinic":
+            atoms.write_text(atoms.read_text().replace("BOUNDS", "BOUNDS xy xz yz"))
+        case "several times":
+            atoms.write_text(atoms.read_text() + atoms.read_text().replace("\n7\n", "\n8\n", 1))
+        case "cohesion":
+            log.write_text(text.replace("hertz/material 6e10 0 0.2", "jkr 6e10 0 0.2 1"))
+        case "rolling":
+            log.write_text(text.replace("0.3\n", "0.3 rolling sds 1 1 1\n"))
+        case "unknown law":
+            log.write_text(text.replace("pair_style granular", "pair_style gran/shm/history 1 2"))
+        case "clumps":
+            log.write_text(text + "fix r all rigid/small molecule\n")
+        case "GPa":
+            log.write_text(text.replace("6e10", "60"))
+        case "softer":
+            log.write_text(text.replace("6e10", "6e7"))
+        case "lj":
+            log.write_text(text.replace("units si", "units lj"))
+        case "wall":
+            log.write_text(text.replace("zplane", "xplane"))
+        case "outside":
+            respelt(atoms, 16, 4, "1.5")
+        case "wrong order":
+            kept = atoms.read_text()
+            atoms.write_text(contacts.read_text())
+            contacts.write_text(kept)
+        case "nameless":
+            text = re.sub(r"compute .*\n(radius\n)?", "", text)
+            log.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("no radius", r"x.atoms, line 9, column radius: no column radius.*; add radius"),
+        ("no number", r"x.atoms, line 14, column y: '1.2e' is no number"),
+        ("not finite", r"x.contacts, line 12, column c_f\[2\]: nan"),
+        ("short row", r"x.atoms, line 69, column f_w\[2\]: has 8 columns"),
+        ("cut off", r"x.contacts, line \d+: \d+ rows of \d+: the file ends in the middle"),
+        ("twice", r"x.contacts, line 16: the contact of line 11 again; list each contact once"),
+        ("ghosts", r"x.atoms, line 20: sphere 60 stands in line 10 already; .*ghosts"),
+        ("unknown sphere", r"x.contacts, line 13, column c_p\[2\]: sphere 777 is not among"),
+        ("triclinic", r"x.atoms, line 9: the cell is triclinic"),
+        ("several times", r"x.atoms: it has 2 times \(7, 8\); choose one with --step"),
+        ("cohesion", r"log.lammps: jkr is cohesive"),
+        ("rolling", r"log.lammps: rolling sds"),
+        ("unknown law", r"log.lammps: gran/shm/history is not known"),
+        ("clumps", r"log.lammps, line 10: fix rigid/small: clumps"),
+        ("GPa", r"log.lammps: Young's modulus 60 Pa is that of no material; write it in Pa"),
+        ("softer", r"x.atoms: the law makes overlaps of .*; give stiffnesses, forces and lengths"),
+        ("lj", r"log.lammps: units lj .*--scales"),
+        ("wall", r"fix w wall/gran: xplane is not known"),
+        ("outside", r"x.atoms: sphere 54 lies outside the cell along z"),
+        ("wrong order", r"x.atoms, line 9: ITEM: ENTRIES where spheres"),
+        ("nameless", r"x.contacts, line 9, column c_p\[1\]: what c_p\[1\] means stands"),
+    ],
+)
+def test_lammps_is_refused_by_file_line_and_column(tmp_path, capsys, what, said):
+    files = program_files.lammps(program_files.packing(False), tmp_path)
+    spoilt(what, *files)
+    atoms, contacts, log = files
+    arguments = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    error = refused(capsys, *arguments)
+    assert re.search(said, error), error
+    assert not (tmp_path / FILE).exists()
+
+
+def test_step_chooses_one_time_of_a_dump(tmp_path, capsys):
+    made = program_files.packing(True)
+    atoms, _, _ = program_files.lammps(made, tmp_path)
+    first = atoms.read_text()
+    atoms.write_text(first + first.replace("\n7\n", "\n8\n", 1).replace(" 1 0", " 1 0"))
+    told = imported(capsys, atoms, "--pair", PAIR, "--step", "8", "-o", tmp_path / FILE)
+    assert told["contacts"] == made.n_contacts
+    error = refused(capsys, atoms, "--pair", PAIR, "--step", "9", "-o", tmp_path / FILE)
+    assert "no step 9, but 7, 8" in error
+
+
+@pytest.mark.parametrize(
+    ("table", "line", "column", "text", "said"),
+    [
+        ("contacts", 5, 0, "9999", r"contacts.csv, line 5, column i: 9999 is no sphere"),
+        ("contacts", 1, 2, "stiff", r"contacts.csv, line 1, column kn: no column kn among"),
+        ("contacts", 1, 4, "rolling", r"contacts.csv, line 1, column rolling: rolling is more"),
+        ("spheres", 6, 0, "10", r"spheres.csv, line 6, column id: sphere 10 again \(line 5\)"),
+        ("spheres", 9, 4, "-1e-3", r"spheres.csv: sphere 14 has radius <= 0"),
+    ],
+)
+def test_tables_are_refused_by_line(tmp_path, capsys, table, line, column, text, said):
+    files = dict(
+        zip(
+            ("spheres", "contacts"),
+            program_files.tables(program_files.packing(False), tmp_path),
+            strict=True,
+        )
+    )
+    respelt(files[table], line, column, text, ",")
+    error = refused(
+        capsys, files["spheres"], "--contacts", files["contacts"], "-o", tmp_path / FILE
+    )
+    assert re.search(said, error), error
+
+
+def test_narrow_period_is_refused(tmp_path, capsys):
+    """Within two diameters a sphere may touch another one and its image."""
+    atoms, _, _ = program_files.lammps(modal.fcc(cells=(2, 4, 6)), tmp_path)
+    error = refused(capsys, atoms, "--pair", PAIR, "-o", tmp_path / FILE)
+    assert "period along x" in error and "take a wider cell" in error
+
+
+def test_law_tangent_without_its_own_terms_is_the_springs_matrix(tmp_path):
+    """And with the terms that YADE's law shares, all but the twist, its full tangent."""
+    made = program_files.packing(False)
+    atoms, contacts, log = program_files.lammps(made, tmp_path)
+    found = import_lammps(atoms, contacts, log, *[None] * 4)
+    network = found.network
+    scale = abs(contact_stiffness(network)).max()
+    springs = law_tangent(found, ())
+    np.testing.assert_allclose(springs, contact_stiffness(network), atol=1e-12 * scale)
+    shared = law_tangent(found, ("normal force", "shear force"))
+    full = contact_tangent(network, "full")
+    # The twist acts in the columns of rotations alone: those of displacements are equal.
+    for columns in (slice(0, 3), slice(6, 9)):
+        np.testing.assert_allclose(shared[:, :, columns], full[:, :, columns], atol=1e-12 * scale)
+    assert abs(shared - full).max() > 1e-9 * scale

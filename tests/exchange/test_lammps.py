@@ -1,0 +1,252 @@
+"""Imported packings against LAMMPS itself: its stresses, and finite differences of its forces.
+
+The stiffness matrix with the terms of each law, against LAMMPS' forces after one sphere has moved
+or turned by 1e-10 m (an arc of 1e-10 m), to both sides. A step of 1e-10 m against overlaps of 1e-5
+m and more leaves an error of some 1e-10 of its square, and round-off 1e-16 of forces of some 10 N
+against changes of 1e-3 N: 1e-12.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import packings
+import pytest
+from places import ROOT
+
+from modal.exchange.lammps import import_lammps
+from modal.exchange.report import summary_of
+from modal.exchange.tangent import TERMS, law_matrix
+from modal.packing.layers import Layers
+from modal.packing.network import Network
+from modal.preparation.random_packing import random_sample
+from modal.waves.leapfrog import leapfrog
+from modal.waves.source import read_motion
+
+LAMMPS = shutil.which("lmp")
+pytestmark = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
+
+INCLUDE = ROOT / "examples" / "lammps" / "write_contacts.lmp"
+STEP, MOVED = 2e-8, 1e-10
+"""Time step, s, and how far a sphere is moved, m."""
+GLASS = "hertz/material 6e10 0 0.2 tangential"
+LAWS = {
+    "mindlin/force": ("granular", f"{GLASS} mindlin/force NULL 0 3"),
+    "mindlin": ("granular", f"{GLASS} mindlin NULL 0 3"),
+    "hooke": ("granular", "hooke 4e6 0 tangential linear_history 3e6 0 3"),
+    "gran/hertz/history": ("gran/hertz/history 4.2e10 3.6e10 0 0 3 0", ""),
+}
+"""Name: pair_style with its arguments, and coefficients."""
+SAME = f"granular hertz {4 / 3 * 6e10 / (2 * (1 - 0.2**2))!r} 0"
+"""4/3 E* of the same glass, so that a packing at rest is at rest there, too."""
+WALLS = {
+    "mindlin/force": f"{SAME} tangential mindlin/force 5e10 0 3",
+    "mindlin": f"{SAME} tangential mindlin 5e10 0 3",
+    "hooke": "granular hooke 4e6 0 tangential linear_history 3e6 0 3",
+    "gran/hertz/history": "hertz/history 4.2e10 3.6e10 0 0 3 0",
+}
+"""Laws of the walls. Not hertz/material: LAMMPS of 2021 makes it 1 + nu stiffer at walls."""
+
+
+def data_file(network: Network, path: Path) -> None:
+    """Spheres at random velocities, so that contacts shear while they are followed."""
+    random = np.random.default_rng(5)
+    low = np.array([0, 0, network.wall_position[0]])
+    n = network.n_particles
+    text = f"packing\n\n{n} atoms\n1 atom types\n"
+    for axis, name in enumerate("xyz"):
+        high = low[axis] + network.cell_size[axis]
+        text += f"{float(low[axis])!r} {float(high)!r} {name}lo {name}hi\n"
+    density = network.mass / (4 / 3 * np.pi * network.radius**3)
+    rows = np.column_stack([2 * network.radius, density, network.position]).tolist()
+    text += "\nAtoms # sphere\n\n"
+    text += "".join(f"{k + 1} 1 {' '.join(map(repr, row))}\n" for k, row in enumerate(rows))
+    text += "\nVelocities\n\n"
+    velocity = (random.standard_normal((n, 6)) * ([0.5] * 3 + [300.0] * 3)).tolist()
+    text += "".join(f"{k + 1} {' '.join(map(repr, row))}\n" for k, row in enumerate(velocity))
+    path.write_text(text)
+
+
+def run(folder: Path, script: str) -> None:
+    """Run LAMMPS on a script in a folder."""
+    (folder / "in.lmp").write_text(script)
+    command = [LAMMPS, "-in", "in.lmp", "-log", "log.lammps", "-screen", "none"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    log = (folder / "log.lammps").read_text()
+    assert done.returncode == 0, log[-500:] + done.stderr
+
+
+def script_of(network: Network, law: str) -> str:
+    """Read a packing, follow it for 200 steps so that contacts shear, stop, and write it."""
+    style, coefficients = LAWS[law]
+    periodic = bool(network.cell_periodic[2])
+    walls = ""
+    if not periodic:
+        low, high = network.wall_position.tolist()
+        walls = f"fix wall all wall/gran {WALLS[law]} zplane {low!r} {high!r} contacts"
+    return f"""units si
+atom_style sphere
+boundary p p {"p" if periodic else "f"}
+newton off
+comm_modify vel yes
+read_data start.data
+pair_style {style}
+pair_coeff * * {coefficients}
+neighbor 3e-4 bin
+neigh_modify delay 0 every 1 check yes
+timestep {STEP!r}
+fix nve all nve/sphere
+{walls}
+run 200
+unfix nve
+velocity all set 0 0 0
+set group all omega 0 0 0
+compute_modify thermo_temp extra/dof 0
+thermo_style custom step pxx pyy pzz
+thermo_modify format float %.17g
+variable name string mine
+include {INCLUDE}
+"""
+
+
+def moved(spheres: np.ndarray) -> str:
+    """Move and turn each sphere along each axis, there, back beyond, and home again."""
+    text = "thermo_style custom step\nfix move all nve/noforce\n"
+    text += "dump f all custom 1 forces id fx fy fz tqx tqy tqz\n"
+    text += "dump_modify f sort id format float %.17g\nrun 0\n"
+    for k in spheres:
+        for axis in range(6):
+            for way in (1, -2, 1):
+                vector = [0.0] * 3
+                vector[axis % 3] = way * MOVED / STEP * (1 if axis < 3 else 1e3)
+                if axis < 3:
+                    x, y, z = vector
+                    text += f"set atom {k + 1} vx {x!r} vy {y!r} vz {z!r}\n"
+                else:
+                    text += f"set atom {k + 1} omega {' '.join(map(repr, vector))}\n"
+                text += "run 1 post no\n"
+            text += f"set atom {k + 1} vx 0 vy 0 vz 0\nset atom {k + 1} omega 0 0 0\n"
+    return text
+
+
+def differences(path: Path, spheres: np.ndarray) -> np.ndarray:
+    """Shape (6n, 6 k): minus the change of forces and torques per motion of each sphere."""
+    text = path.read_text()
+    steps = [int(step) for step in re.findall(r"TIMESTEP\n(\d+)", text)]
+    frames = re.split(r"tqz ?\n", text)[1:]
+    forces = {
+        step: np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1:].ravel()
+        for step, frame in zip(steps, frames, strict=True)
+    }
+    columns, step = [], steps[0]
+    for _ in spheres:
+        for axis in range(6):
+            there, beyond = forces[step + 1], forces[step + 2]
+            columns.append((beyond - there) / (2 * MOVED * (1 if axis < 3 else 1e3)))
+            step += 3
+    return np.column_stack(columns)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("periodic_z", [True, False])
+def test_stress_and_stiffness_are_those_of_lammps(tmp_path, law, periodic_z):
+    """Spheres of radii 1:3, glass and steel, in 3 periods or between walls."""
+    made = packings.polydisperse(periodic_z, n=60)
+    data_file(made, tmp_path / "start.data")
+    spheres = np.arange(0, 60, 6)
+    if not periodic_z:
+        spheres[:4] = made.particle_i[made.with_wall][[0, 1, -2, -1]]
+    run(tmp_path, script_of(made, law) + moved(spheres))
+    found = import_lammps(
+        *(tmp_path / name for name in ("mine.atoms", "mine.contacts", "log.lammps")),
+        *[None] * 4,
+    )
+    network, told = found.network, summary_of(found)
+    assert told["assumed"] == []
+    # LAMMPS leaves the walls out of its stress, writes 17 digits and sums some hundred contacts.
+    alone = told["stress_pa" if periodic_z else "stress_of_spheres_alone_pa"]
+    np.testing.assert_allclose(alone, told["printed_stress_pa"], rtol=1e-12)
+
+    limit = np.array([each.friction for each in found.laws])[found.law] * network.force_normal
+    near = np.linalg.norm(network.force_tangential, axis=1) > 0.9 * limit
+    ends = np.concatenate([network.particle_i[near], network.partner[near]])
+    kept = [k for k, sphere in enumerate(spheres) if sphere not in ends]
+    assert len(kept) >= 3
+    columns = np.concatenate([6 * k + np.arange(6) for k in kept])
+    wanted = differences(tmp_path / "forces", spheres)[:, columns]
+    own = np.concatenate([6 * spheres[k] + np.arange(6) for k in kept])
+    # Rotations as arcs of 1 mm.
+    arc = np.tile([1.0] * 3 + [1e3] * 3, 60)
+
+    def error(terms: tuple[str, ...]) -> float:
+        have = law_matrix(found, terms)[:, own].toarray()
+        off, size = ((arc[:, None] * a * arc[own]) for a in (have - wanted, wanted))
+        return float(np.linalg.norm(off) / np.linalg.norm(size))
+
+    assert error(TERMS) < 1e-4
+    # Each term of this law counts: without it the error is larger.
+    for term in told["terms_of_the_law_over_springs"]:
+        assert error(tuple(other for other in TERMS if other != term)) > 2 * error(TERMS), term
+
+
+def test_small_wave_is_that_of_the_imported_packing(tmp_path):
+    """Spheres of log-normal sizes at rest; the lower wall sways by 0.025 nm.
+
+    A hundredth of the usual amplitude; what a run without the wave does is taken off. LAMMPS'
+    velocity Verlet and our leapfrog with its step make the same error in time. What is left is
+    what springs lack: lever arms (1e-3 of K where spheres turn) and the wave's own size, 0.025 nm
+    on overlaps of a micrometre.
+    """
+    amplitude, period, step, every, steps = 2.5e-11, 1e-5, 1e-7, 5, 400
+    # Net forces of 1e-4 of the others would move loose spheres by more than the wave does.
+    made = random_sample(120, 1e6, 4, 2.0, 1e-9, ("lognormal", 0.2)).network()
+    data_file(made, tmp_path / "start.data")
+    text = (tmp_path / "start.data").read_text().split("\nVelocities")[0]
+    (tmp_path / "start.data").write_text(text)
+    low, high = made.wall_position.tolist()
+    wall = f"fix wall all wall/gran {WALLS['mindlin/force']} zplane"
+    heights = {}
+    for moved in (True, False):
+        swaying = f"wiggle z {amplitude!r} {period!r}" if moved else ""
+        script = script_of(made, "mindlin/force").replace("run 200", "run 0")
+        script += f"""unfix wall
+{wall.replace("fix wall", "fix low")} {low!r} NULL {swaying}
+{wall.replace("fix wall", "fix high")} NULL {high!r}
+fix nve all nve/sphere
+reset_timestep 0
+dump w all custom {every} heights id z
+dump_modify w sort id format float %.17g
+timestep {step!r}
+run {steps}
+"""
+        run(tmp_path, script)
+        frames = (tmp_path / "heights").read_text().split("id z")[1:]
+        heights[moved] = np.array(
+            [np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1] for frame in frames]
+        )
+    files = (tmp_path / name for name in ("mine.atoms", "mine.contacts", "log.lammps"))
+    network = import_lammps(*files, *[None] * 4).network
+    time = step * np.arange(-1, steps + 2)
+    sway = amplitude * (1 - np.cos(2 * np.pi * np.maximum(time, 0) / period))
+    np.savetxt(tmp_path / "motion.txt", np.column_stack([time, sway])[1:], fmt="%.17g")
+    wave = leapfrog(
+        network,
+        steps * step,
+        step,
+        motion=read_motion(tmp_path / "motion.txt"),
+        every=every,
+        pre_stress="full",
+        particles=True,
+    )
+    layers = Layers(network)
+    found, wanted = (
+        np.array([layers.means(row) for row in rows])
+        for rows in (heights[True] - heights[False], wave.particle_displacement)
+    )
+    # The wave has reached the upper wall.
+    assert abs(wanted[:, -1]).max() > 0.01 * abs(wanted).max()
+    assert np.linalg.norm(found - wanted) < 1e-3 * np.linalg.norm(wanted)

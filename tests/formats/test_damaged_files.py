@@ -1,0 +1,331 @@
+"""Damaged files: never a traceback, a crash, a hang, or an answer that differs without a word.
+
+Bytes are damaged as storage and transfer do it; contents as a faulty exporter does it. What is
+checked is the reader and a command: status 2 with one line, or the very answer of the sound file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import damage
+import h5py
+import numpy as np
+import pytest
+from places import SHEARED
+
+from analysis.__main__ import main as analysis_main
+from modal.__main__ import main as modal_main
+from modal.formats.hdf5 import InputError, sha256
+from modal.modes.dense import all_modes
+from modal.modes.mode_set import read_modes, write_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network_file import read_network, write_network
+from modal.packing.sample import read_sample, write_sample
+from modal.waves.propagate import propagate
+from modal.waves.signals import read_signals, write_signals
+
+READERS = {
+    "network": read_network,
+    "sample": read_sample,
+    "signals": read_signals,
+    "modes": read_modes,
+}
+FILES = {kind: f"case02.{kind}.h5" for kind in READERS}
+COSMETIC = {"case", "producer", "study", "provenance", "creator", "run_time"}
+"""What no number depends on: texts, which HDF5 stores without a checksum, and notes."""
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory) -> Path:
+    """Folder with one sound file of each format; the network's crystal is 12 layers long."""
+    folder = tmp_path_factory.mktemp("sound")
+    network, sample = (
+        gallery.fcc(cells=(2, 2, 12)),
+        SHEARED,
+    )
+    write_network(folder / FILES["network"], network)
+    write_sample(folder / FILES["sample"], read_sample(sample))
+    wave = propagate(network, 6e-5, network_sha256=sha256(folder / FILES["network"]))
+    write_signals(folder / FILES["signals"], wave.signals)
+    write_modes(folder / FILES["modes"], all_modes(Eigenproblem.of(network)))
+    return folder
+
+
+def commands(kind: str, folder: Path) -> list[tuple]:
+    """The commands that read a file of this kind: entry point and arguments."""
+    path = {name: str(folder / file) for name, file in FILES.items()}
+    case = ["2", "--products", str(folder), "-o", str(folder / "out")]
+    return {
+        "network": [
+            (modal_main, ["info", path["network"], "--json"]),
+            (modal_main, ["modes", path["network"], "--lowest", "3", "--json"]),
+            (modal_main, ["count", path["network"], "--at", "3e4", "--json"]),
+            (modal_main, ["wave", path["network"], "--duration", "2e-5", "--json"]),
+            (analysis_main, ["compare", *case, "--no-figures"]),
+        ],
+        "sample": [
+            (modal_main, ["info", path["sample"], "--json"]),
+            (modal_main, ["count", path["sample"], "--at", "3e4", "--json"]),
+            (analysis_main, ["samples", path["sample"]]),
+        ],
+        "signals": [
+            (analysis_main, ["agreement", path["network"], path["signals"]]),
+            (analysis_main, ["compare", *case, "--no-figures"]),
+        ],
+        "modes": [(analysis_main, ["compare", *case, "--no-figures"])],
+    }[kind]
+
+
+def answer(main, arguments: list[str]) -> tuple[int, str, str]:
+    """Status, what was printed without times and memory, and the error line."""
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        status = main(arguments)
+    text = out.getvalue()
+    if "--json" in arguments and status == 0:
+        found = json.loads(text)
+        for name in ("seconds", "peak_memory_bytes", "study"):
+            found.pop(name, None)
+        text = json.dumps(found)
+    return status, text, error.getvalue()
+
+
+def same(first, second) -> bool:
+    """Whether two readings agree in everything that a number depends on."""
+    for name, value in vars(first).items():
+        other = getattr(second, name)
+        if name in COSMETIC or name == "attributes":
+            continue
+        if isinstance(value, np.ndarray):
+            if value.dtype != other.dtype or not np.array_equal(value, other, equal_nan=True):
+                return False
+        elif value != other:
+            return False
+    return True
+
+
+def verdict(kind: str, folder: Path, reading, answers: list[tuple], number: int) -> str:
+    """What the programs make of the damaged file in `folder`."""
+    path = folder / FILES[kind]
+    main, arguments = commands(kind, folder)[number % len(answers)]
+    try:
+        read = "same" if same(READERS[kind](path), reading) else "different"
+    except InputError as error:
+        read = "refused" if "\n" not in str(error) else "more than one line"
+    status, text, error = answer(main, arguments)
+    if status == 2:
+        good = error.startswith("error: ") and error.count("\n") == 1
+        return "refused" if good else f"more than one line: {error!r}"
+    if status != 0:
+        return f"status {status}"
+    if read == "refused":
+        return "answered although the reader refuses"
+    right = text == answers[number % len(answers)][1]
+    return "same" if right and read == "same" else f"SILENT: reader {read}, answer {right}"
+
+
+def wrong_contents(kind: str, path: Path) -> list[tuple[str, object]]:
+    """What a faulty exporter writes, format and checksums being right: name, change."""
+    changes: list[tuple[str, object]] = []
+    optional = {f"contacts/{name}" for name in OPTIONAL_CONTACTS}
+    optional |= {"contacts/shear", "layers/position", "layers/displacement", "mode_shape"}
+    optional |= {"resonance_frequency", "resonance_wavenumber", "resonance_shape"}
+    for name in damage.datasets(path):
+        with h5py.File(path) as file:
+            data = file[name][()]
+        spoiled = {
+            "text": "heavy",
+            "complex": data * 1j,
+            "flat": np.ravel(data)[:0],
+            "one more axis": data[..., None],
+            "a row less": data[:-1],
+            "a row more": np.concatenate([data, data[-1:]]),
+        }
+        # An optional dataset that nothing else fixes the length of may be empty or absent.
+        if name not in optional:
+            changes.append((f"{name} absent", lambda f, n=name: f.__delitem__(n)))
+            changes.append((f"{name} renamed", lambda f, n=name: f.move(n, n + "_")))
+        if name in ("time", "frequency"):
+            spoiled["backwards"] = data[::-1]
+        if name == "chain/particle":
+            spoiled["negative"] = -1 - data
+        if data.dtype.kind == "f":
+            spoiled["nan"] = _with_first(data, np.nan)
+            spoiled["infinite"] = _with_first(data, np.inf)
+        if data.dtype.kind == "i":
+            spoiled["out of range"] = _with_first(data, 2**30)
+            spoiled["fraction"] = data + 0.5
+        if name.rsplit("/")[-1] in POSITIVE:
+            spoiled["negative"] = _with_first(data, -abs(np.ravel(data)[0]) - 1e-30)
+        changes += [
+            (f"{name} {how}", lambda f, n=name, d=data: damage.replaced(f, n, d))
+            for how, data in spoiled.items()
+        ]
+    changes += [("schema_version 2", lambda f: f.attrs.__setitem__("schema_version", 2))]
+    changes += [("schema of another", lambda f: f.attrs.__setitem__("schema", "other"))]
+    return changes + [(name, change) for name, change in SPECIFIC[kind].items()]
+
+
+POSITIVE = {"radius", "mass", "inertia", "stiffness_normal", "stiffness_tangential", "side"}
+OPTIONAL_CONTACTS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+
+
+def _with_first(data: np.ndarray, value: float) -> np.ndarray:
+    changed = data.copy()
+    changed.flat[0] = value
+    return changed
+
+
+def _set(name: str, row: int, value: object):
+    return lambda f: f[name].__setitem__(row, value)
+
+
+def _attribute(name: str, value: object):
+    return lambda f: f.attrs.__setitem__(name, value)
+
+
+SPECIFIC = {
+    "network": {
+        "radius zero": _set("particles/radius", 2, 0.0),
+        "a pair is one particle": lambda f: (
+            f["contacts/particle_j"].__setitem__(0, f["contacts/particle_i"][0]),
+            f["contacts/cell_shift"].__setitem__(0, 0),
+        ),
+        "another particle": _set("contacts/particle_j", 3, 40),
+        "normal too long": _set("contacts/normal", 0, [0.0, 0.0, 1.01]),
+        "normal zero": _set("contacts/normal", 0, [0.0, 0.0, 0.0]),
+        "lever in mm": lambda f: f["contacts/lever_i"].__setitem__(
+            5, 1e3 * f["contacts/lever_i"][5]
+        ),
+        "position in mm": lambda f: f["particles/position"].__setitem__(
+            ..., 1e3 * f["particles/position"][()]
+        ),
+        "no period": _set("cell/size", 0, 0.0),
+        "a period along z": _set("contacts/cell_shift", 0, [0, 0, 1]),
+        "wall -3": _set("contacts/particle_j", 0, -3),
+        "walls changed places": lambda f: f["walls/position"].__setitem__(
+            ..., f["walls/position"][()][::-1]
+        ),
+    },
+    "sample": {
+        **{
+            f"{name} {value}": _attribute(name, value)
+            for name in ("radius", "young", "density", "poisson", "friction")
+            for value in (-1.0, np.nan, np.inf, "much", [1.0, 2.0])
+        },
+        "no radius": lambda f: f.attrs.__delitem__("radius"),
+        "radius in mm": _attribute("radius", 1.27),
+        "no study": lambda f: f.__delitem__("study"),
+        "narrow": _set("cell/side", 0, 1e-300),
+        "wide": _set("cell/side", 0, 1.0),
+        "all in one place": lambda f: f["particles/position"].__setitem__(..., [1e-3, 1e-3, 5e-3]),
+        "outside the cell": _set("particles/position", 7, [1.0, 1e-3, 1e-3]),
+        "behind the wall": _set("particles/position", 7, [1e-3, 1e-3, -1.0]),
+        "walls changed places": lambda f: f["walls/position"].__setitem__(
+            ..., f["walls/position"][()][::-1]
+        ),
+    },
+    "signals": {
+        **{
+            f"{name} {value}": _attribute(name, value)
+            for name in ("amplitude", "input_frequency", "time_step")
+            for value in (np.nan, np.inf, "much", [1.0, 2.0])
+        },
+        "no producer": lambda f: f.attrs.__delitem__("producer"),
+        "uneven": lambda f: f["time"].__setitem__(3, f["time"][3] * 1.3),
+        "of another network": _attribute("network_sha256", "0" * 64),
+        "one particle twice": lambda f: f["chain/particle"].__setitem__(0, f["chain/particle"][1]),
+    },
+    "modes": {
+        "another frequency": lambda f: f["frequency"].__setitem__(0, 1e9),
+    },
+}
+
+
+def spoiled(kind: str, sound: Path, folder: Path, seed: int, count: int, contents: bool = False):
+    """Verdicts over `count` damages of one file, and which of them went wrong.
+
+    Of the bytes; or of the `contents`, all those of `wrong_contents` or a choice of them.
+    """
+    for file in sound.glob("*.h5"):
+        shutil.copy(file, folder)
+    path, whole = folder / FILES[kind], (sound / FILES[kind]).read_bytes()
+    reading = READERS[kind](path)
+    answers = [answer(*command) for command in commands(kind, folder)]
+    assert all(status == 0 for status, _, _ in answers), answers
+    names = []
+    if contents:
+        changes = wrong_contents(kind, path)
+        chosen = np.random.default_rng(seed).permutation(len(changes))[:count]
+        names = [changes[k][0] for k in chosen]
+        count = len(chosen)
+
+    def work(number: int) -> str:
+        if contents:
+            path.write_bytes(whole)
+            with h5py.File(path, "r+") as file:
+                changes[chosen[number]][1](file)
+        else:
+            data = damage.mangled(whole, np.random.default_rng([seed, number]))[1]
+            path.write_bytes(data)
+        return verdict(kind, folder, reading, answers, number)
+
+    right = {"refused"} if contents else {"refused", "same"}
+    found: Counter = Counter()
+    faults = []
+    for number, result in damage.in_child(work, list(range(count)), folder / "log"):
+        found[result if result in right else "wrong"] += 1
+        if result not in right:
+            faults.append((number, names[number] if contents else "bytes", result))
+    return found, faults
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_damaged_bytes_are_refused_or_change_nothing(kind, sound, tmp_path):
+    found, faults = spoiled(kind, sound, tmp_path, 1, 30)
+    assert not faults and found["refused"] > 10
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_wrong_contents_are_refused_in_one_line(kind, sound, tmp_path):
+    _, faults = spoiled(kind, sound, tmp_path, 2, 20, contents=True)
+    assert not faults
+
+
+@pytest.mark.parametrize("kind", ["signals", "modes"])
+def test_zeros_that_became_ones_are_noticed(kind, sound, tmp_path):
+    """A sum of 16-bit words modulo 65535, as HDF5's own checksum, takes 0xFFFF for zero."""
+    path, whole = tmp_path / FILES[kind], (sound / FILES[kind]).read_bytes()
+    reading = READERS[kind](sound / FILES[kind])
+    zeros = [at for at in range(0, len(whole) - 4, 2) if whole[at : at + 4] == bytes(4)]
+    chosen = np.random.default_rng(5).permutation(zeros)[:100]
+
+    def work(number: int) -> str:
+        at = chosen[number]
+        path.write_bytes(whole[:at] + b"\xff" * 4 + whole[at + 4 :])
+        try:
+            return "same" if same(READERS[kind](path), reading) else f"SILENT at {at}"
+        except InputError:
+            return "refused"
+
+    results = damage.in_child(work, list(range(len(chosen))), tmp_path / "log")
+    found = Counter(result for _, result in results)
+    assert set(found) <= {"refused", "same"}, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", READERS)
+def test_two_thousand_damaged_files(kind, sound, tmp_path):
+    """The same, 2,000 times the bytes and every wrong content there is."""
+    found, faults = spoiled(kind, sound, tmp_path, 3, 500)
+    print(kind, dict(found))
+    contents, more = spoiled(kind, sound, tmp_path, 4, 10_000, contents=True)
+    print(kind, dict(contents))
+    assert not faults + more

@@ -1,0 +1,359 @@
+"""What products say of their making: recorded, compared, refused where two do not belong."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+from math import isnan, nan
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from places import ROOT
+
+from analysis.__main__ import main as analysis_main
+from analysis.case import find
+from analysis.measures import Measures
+from analysis.report import provenance_table
+from analysis.samples import table
+from analysis.study import table_1
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import (
+    Provenance,
+    changes,
+    packing_of,
+    read_provenance,
+    require_same_packing,
+)
+from modal.packing import examples as gallery
+from modal.packing.network_file import write_network
+from modal.packing.reading import read_packing
+from modal.packing.sample import Sample, sample_of_network, write_sample
+from modal.waves.energy_balance import EnergyBalance
+from modal.waves.signals import read_signals, write_signals
+
+COMMANDS = {
+    "modes": ["--lowest", "4"],
+    "density": ["--resolution", "2e4"],
+    "wave": ["--duration", "2e-5"],
+    "response": ["--highest", "3e4", "--resolution", "1e4"],
+}
+"""Commands that make a product of a packing, with options that make it small."""
+OTHER = {"modes": "5", "density": "1.5e4", "wave": "2.5e-5", "response": "2.5e4"}
+"""Other values of the first of those options."""
+
+
+@pytest.fixture
+def network(tmp_path) -> Path:
+    """A column of 12 spheres."""
+    path = tmp_path / "case02.network.h5"
+    write_network(path, gallery.fcc(1e5, (1, 1, 12)))
+    return path
+
+
+def made(command: str, network: Path, *options: str) -> Path:
+    """The product of a command beside the network; later options replace earlier ones."""
+    output = network.with_name(f"case02.{command}.h5")
+    assert main([command, str(network), *COMMANDS[command], *options, "-o", str(output)]) == 0
+    return output
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_product_says_what_it_was_made_from(command, network):
+    """The digest is that of the bytes on the disk; the text of the settings is canonical."""
+    path = made(command, network)
+    with h5py.File(path) as file:
+        said = dict(file["provenance"].attrs)
+    assert json.loads(said["sources"]) == [
+        {
+            "role": "packing",
+            "name": "case02.network.h5",
+            "sha256": hashlib.sha256(network.read_bytes()).hexdigest(),
+        }
+    ]
+    settings = json.loads(said["settings"])
+    assert said["settings"] == json.dumps(settings, sort_keys=True, separators=(",", ":"))
+    option, value = COMMANDS[command][:2]
+    assert settings[option.removeprefix("--")] == float(value)
+    assert said["command"].startswith(f"python -m modal {command} case02.network.h5 --")
+    assert str(network.parent) not in "".join(said.values())
+    assert f"numpy {np.__version__}" in said["versions"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_current_product_is_kept_and_a_stale_one_made_again(command, network, capsys):
+    path = made(command, network)
+    before = path.stat().st_mtime_ns
+    made(command, network, "--if-stale")
+    assert path.stat().st_mtime_ns == before
+    capsys.readouterr()
+    option, value = COMMANDS[command][0], OTHER[command]
+    made(command, network, "--if-stale", option, value)
+    told = capsys.readouterr().err
+    old = json.loads(COMMANDS[command][1])
+    assert f"stale, {option[2:]} was {old}, is {json.loads(value)}; making it again" in told
+    assert path.stat().st_mtime_ns != before
+    assert read_provenance(path).settings[option[2:]] == json.loads(value)
+
+
+def test_changed_source_makes_a_product_stale(network, capsys):
+    path = made("wave", network)
+    old = hashlib.sha256(network.read_bytes()).hexdigest()
+    write_network(network, gallery.fcc(2e5, (1, 1, 12)))
+    new = hashlib.sha256(network.read_bytes()).hexdigest()
+    made("wave", network, "--if-stale")
+    told = capsys.readouterr().err
+    assert f"was case02.network.h5 ({old[:8]}), is case02.network.h5 ({new[:8]})" in told
+    assert read_provenance(path).packing[0].sha256 == new
+
+
+def test_a_kept_product_that_fell_short_keeps_its_status(network, tmp_path):
+    """Modes with some missing, a sample not at rest: status 3 the first time and every time."""
+    modes = made("modes", network)
+    with h5py.File(modes, "r+") as file:
+        file.attrs["missing"] = 2
+    arguments = ["modes", str(network), *COMMANDS["modes"], "--if-stale", "-o", str(modes)]
+    assert main(arguments) == 3
+    rested = tmp_path / "case30.sample.h5"
+    relax = ["relax", str(ROOT / "tests/data/friction150.sample.h5"), "-o", str(rested)]
+    assert main([*relax, "--tolerance", "1e-6"]) == 0
+    with h5py.File(rested, "r+") as file:
+        file["study"].attrs["at_rest"] = False
+    assert main([*relax, "--tolerance", "1e-6", "--if-stale"]) == 3
+
+
+def test_if_stale_needs_a_file(network, capsys):
+    assert main(["modes", str(network), "--if-stale"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_file_of_an_earlier_version_is_read_and_counts_as_of_unknown_origin(network):
+    path = made("modes", network)
+    with h5py.File(path, "r+") as file:
+        del file["provenance"]
+    packing = packing_of(network)
+    assert "of unknown origin" in require_same_packing(path, packing)
+    assert changes(path, Provenance(settings={"lowest": 4}, sources=packing)) != []
+
+
+def test_digest_of_an_earlier_version_is_compared(network):
+    """Signals and responses have always named their network at the root."""
+    path = made("wave", network)
+    with h5py.File(path, "r+") as file:
+        del file["provenance"]
+    assert require_same_packing(path, packing_of(network)) == ""
+    write_network(network, gallery.fcc(2e5, (1, 1, 12)))
+    with pytest.raises(InputError, match=r"wave\.h5: made from .* not from case02"):
+        require_same_packing(path, packing_of(network))
+
+
+def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
+    """Both ways round; not to another export, nor to the network of another sample."""
+    sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
+    packing = gallery.fcc(1e5, (3, 3, 4))
+    column = sample_of_network(
+        Sample(packing.position, packing.cell_size[:2], packing.wall_position, 0.1).network(), 0.1
+    )
+    write_sample(sample, column)
+    made = Provenance("export", {}, packing_of(sample)).attributes()
+    exported = replace(column.network(), provenance=made)
+    write_network(network, exported)
+    of_sample, of_network = tmp_path / "s.modes.h5", tmp_path / "n.modes.h5"
+    for source, product in ((sample, of_sample), (network, of_network)):
+        assert main(["modes", str(source), "--highest", "1", "-o", str(product)]) == 0
+        for packing_file in (sample, network):
+            assert require_same_packing(product, packing_of(packing_file)) == ""
+    exported = replace(exported, stiffness_normal=2 * exported.stiffness_normal)
+    other = tmp_path / "b.network.h5"
+    write_network(other, exported)
+    with pytest.raises(InputError, match=r"made from a\.network\.h5 .* not from b\.network\.h5"):
+        require_same_packing(of_network, packing_of(other))
+
+
+def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
+    state, rested = ROOT / "tests/data/friction150.sample.h5", tmp_path / "case30.sample.h5"
+    relax = ["relax", str(state), "--tolerance", "1e-6", "-o", str(rested)]
+    assert main([*relax, "--network", str(tmp_path / "case30.network.h5")]) == 0
+    said = read_provenance(rested)
+    assert [(s.role, s.sha256) for s in said.sources] == [("state", sha256(state))]
+    assert [s.sha256 for s in packing_of(rested)] == [sha256(rested)]
+    network = packing_of(tmp_path / "case30.network.h5")
+    assert [s.name for s in network] == ["case30.network.h5", "case30.sample.h5"]
+    before = rested.stat().st_mtime_ns
+    assert main([*relax, "--if-stale"]) == 0
+    assert rested.stat().st_mtime_ns == before
+    assert main([*relax, "--if-stale", "--friction", "0.7"]) == 0
+    assert "friction was absent, is 0.7" in capsys.readouterr().err
+
+
+@given(
+    st.dictionaries(
+        st.text(min_size=1),
+        st.one_of(
+            st.booleans(),
+            st.integers(-(2**53), 2**53),
+            st.floats(allow_nan=False, allow_infinity=False),
+            st.text(),
+            st.lists(st.floats(allow_nan=False, allow_infinity=False)),
+        ),
+    )
+)
+def test_settings_survive_the_file_exactly(settings):
+    """A number that came back changed would make every product stale."""
+    said = Provenance("", settings).attributes()
+    assert json.loads(said["settings"]) == settings
+
+
+@pytest.fixture(scope="module")
+def made_once(tmp_path_factory) -> Path:
+    """A folder with case 2 at 100 kPa and case 3 at 1 MPa: networks, modes and linear waves."""
+    folder = tmp_path_factory.mktemp("study")
+    for case, stress in (("case02", 1e5), ("case03", 1e6)):
+        network = folder / f"{case}.network.h5"
+        write_network(network, gallery.fcc(stress, (1, 1, 60)))
+        assert main(["modes", str(network), "--all", "-o", str(folder / f"{case}.modes.h5")]) == 0
+        signals = str(folder / f"{case}.signals.h5")
+        assert main(["wave", str(network), "--duration", "2e-4", "-o", signals]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(made_once, tmp_path) -> Path:
+    """A copy of it to spoil."""
+    return Path(shutil.copytree(made_once, tmp_path / "products"))
+
+
+@pytest.mark.parametrize("command", ["compare", "report", "figure"])
+@pytest.mark.parametrize("kind", ["modes", "signals"])
+def test_product_of_another_stress_is_refused_with_both_names(kind, command, folder, capsys):
+    shutil.copy(folder / f"case02.{kind}.h5", folder / f"case03.{kind}.h5")
+    name = "natural_frequencies" if kind == "modes" else "signals"
+    arguments = [command, *([name] if command == "figure" else []), "3"]
+    capsys.readouterr()
+    assert analysis_main([*arguments, "--products", str(folder), "-o", str(folder / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"case03.{kind}.h5: made from case02.network.h5" in line
+    assert "not from case03.network.h5" in line
+
+
+def test_other_runs_of_an_agreement_belong_to_its_network(folder, capsys):
+    arguments = [str(folder / "case03.network.h5"), str(folder / "case03.signals.h5")]
+    other = ["--reverse", str(folder / "case02.signals.h5")]
+    capsys.readouterr()
+    assert analysis_main(["agreement", *arguments, *other]) == 2
+    assert "made from case02.network.h5" in capsys.readouterr().err
+
+
+def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
+    with h5py.File(folder / "case02.modes.h5", "r+") as file:
+        del file["provenance"]
+    arguments = ["compare", "2", "--no-figures", "--products", str(folder), "-o", str(folder)]
+    assert analysis_main(arguments) == 0
+    assert capsys.readouterr().out.count("case02.modes.h5: of unknown origin") == 1
+
+
+def test_status_says_which_product_is_stale_and_why(folder, capsys):
+    """A network made again, and a table of cases that has changed since the wave ran."""
+    cases = folder / "cases"
+    cases.mkdir()
+    table = "# comment\ncase input_frequency stress\n2 1e5 1e5\n3 {} 1e6\n"
+    command = ["status", "--products", str(folder), "--cases", str(cases)]
+    (cases / "fcc.table").write_text(table.format("1e5"))
+    capsys.readouterr()
+    assert analysis_main(command) == 0
+    assert "stale" not in capsys.readouterr().out
+    (cases / "fcc.table").write_text(table.format("2e5"))
+    write_network(folder / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
+    assert analysis_main(command) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[1].split() == ["case02", "yes", "stale", "-", "stale"]
+    assert out[2].split() == ["case03", "yes", "yes", "-", "stale"]
+    assert any("case02.modes.h5: stale, packing was case02.network.h5 (" in line for line in out)
+    why = "case03.signals.h5: stale, input_frequency was 100000.0, is 200000.0"
+    assert why in [line.strip() for line in out]
+
+
+def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
+    tmp_path, capsys, monkeypatch
+):
+    write_network(tmp_path / "case02.network.h5", gallery.fcc(1e5, (1, 1, 60)))
+    command = ["prepare", "2", "--products", str(tmp_path)]
+    assert analysis_main(command) == 0
+    monkeypatch.setattr("analysis.prepare.GAIN_RESOLUTION", 0.5)
+    capsys.readouterr()
+    assert analysis_main(command) == 0
+    assert "case02.response.h5: stale, resolution was " in capsys.readouterr().out
+    assert analysis_main(command) == 0
+    assert capsys.readouterr().out == ""
+    write_network(tmp_path / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
+    assert analysis_main(command) == 0
+    assert "stale, highest was " in capsys.readouterr().out
+
+
+def test_report_names_command_and_sources_of_every_file(folder):
+    rows = {row[0]: row[2:] for row in provenance_table([Measures(find("2", folder))]).rows}
+    command, sources = rows["case02.modes.h5"]
+    assert command.startswith("python -m modal modes case02.network.h5 --all")
+    assert sources == f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})"
+
+
+def test_table_of_samples_takes_the_noise_from_the_network_exported_from_it(tmp_path):
+    """The sample itself stays as it was; a network of another sample says nothing about it."""
+    sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
+    shutil.copy(ROOT / "tests/data/friction150.sample.h5", sample)
+    exported = read_packing(sample)
+    exported.study.update(noise_layer=1.25e-13, noise_sphere=2.5e-13)
+    made = Provenance("export", {}, packing_of(sample)).attributes()
+    exported = replace(exported, provenance=made)
+    assert "1.2e-13" not in table([str(sample)])
+    write_network(network, exported)
+    assert "1.2e-13, 2.5e-13" in table([str(sample)])
+    write_network(network, replace(exported, provenance={}))
+    assert "1.2e-13" not in table([str(sample)])
+
+
+def books(**changed: float) -> EnergyBalance:
+    """A run whose energy drifts by 1e-3 within a limit of 1e-2, and whose books close to 2e-4."""
+    sound = {"energy": 2e-10, "drift": 1e-3, "friction": 0.0, "limit": 1e-2}
+    sound |= {"work": 2.1e-10, "gap": 2e-4}
+    return EnergyBalance(**{**sound, "contacts": 1200, "opened": 17, "slid": 0} | changed)
+
+
+def test_energy_balance_survives_the_file_and_is_shown(folder):
+    path = folder / "case02.signals.h5"
+    made, signals = read_provenance(path), read_signals(path)
+    assert signals.balance is None
+    for balance, note in (
+        (books(), 0),
+        (books(drift=-0.5), 1),
+        (books(drift=-0.5, limit=nan), 0),
+        (books(drift=-0.5, limit=nan, gap=2e-3), 1),
+        (books(drift=-0.5, limit=nan, gap=nan, work=nan), 0),
+    ):
+        write_signals(path, replace(signals, balance=balance), made)
+        again = read_signals(path).balance
+        assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
+        case = find("2", folder)
+        rows = dict(table_1([Measures(case)]).rows)
+        assert rows["YADE, contacts opened"] == "17"
+        assert float(rows["YADE, energy drift after the pulse"]) == balance.drift
+        gap = "YADE, energy and friction less the wall's work, over it"
+        assert float(rows.get(gap, "nan")) == pytest.approx(balance.gap, nan_ok=True)
+        assert sum("do not trust this run" in text for text in case.notes) == note
+
+
+def test_books_of_an_earlier_version_are_read(folder):
+    """Files of before the wall's work: what they do not say is unknown, what they say is kept."""
+    path = folder / "case02.signals.h5"
+    write_signals(path, replace(read_signals(path), balance=books()), read_provenance(path))
+    with h5py.File(path, "a") as file:
+        for name in ("work", "gap"):
+            del file["balance"].attrs[name]
+    again = read_signals(path).balance
+    assert isnan(again.work) and isnan(again.gap) and again.drift == 1e-3 and again.kept

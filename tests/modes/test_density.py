@@ -1,0 +1,290 @@
+"""Density of states against dense spectra, component by component, and against its own claims."""
+
+import json
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from packings import scaled
+from scipy.linalg import eigh
+from scipy.special import ndtr
+
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError, sha256
+from modal.modes.density import DensityOfStates, density_of_states, read_density
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network_file import write_network
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+
+
+@pytest.fixture(scope="module")
+def packing():
+    """Random packing, its exact frequencies (Hz) and its modes as unit vectors."""
+    network = random_network(100, 1e5, seed=3)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    K = stiffness_matrix(network).toarray()
+    square, vector = eigh(scale[:, None] * K * scale)
+    return network, np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vector
+
+
+def smooth_counts(states, exact, share, frequency):
+    """Exact count below each frequency, every mode a Gaussian of the local kernel's width.
+
+    share (modes, c); returns (nf, c). By symmetry each mode counts half at +f and half at -f.
+    """
+    width = states.resolution / np.sqrt(8 * np.log(2))
+    width = width * np.sqrt(1 - (exact / states.highest) ** 2)
+    up = ndtr((frequency[:, None] - exact) / width) - ndtr((-frequency[:, None] - exact) / width)
+    return up @ share
+
+
+def test_counts_of_every_component_against_the_dense_spectrum(packing):
+    network, exact, vector = packing
+    states = density_of_states(network, resolution=4e3, tolerance=2e-3)
+    frequency = np.linspace(1e4, 2.1e5, 12)
+    by_component = (vector.reshape(-1, 6, len(exact)) ** 2).sum(axis=0).T
+    share = np.column_stack([by_component, np.ones(len(exact))])
+    wanted = smooth_counts(states, exact, share, frequency)
+    value, error = states.count_below(frequency)
+    # Five standard errors over 84 numbers; and the Jackson kernel is a Gaussian only to a few
+    # per cent of the modes within a resolution of the cut, here at most 20 of 600.
+    assert (abs(value - wanted) <= 5 * error + 1.0).all()
+    assert value[:, :6].sum(axis=1) == pytest.approx(value[:, 6], rel=1e-12)
+
+
+def test_standard_errors_are_those_seen(packing):
+    """Deviations from the exact counts, in standard errors, have a mean square near one."""
+    network, exact, _ = packing
+    frequency = np.linspace(2e4, 1.9e5, 9)
+    deviations = []
+    for seed in range(12):
+        states = density_of_states(network, resolution=6e3, tolerance=2e-2, seed=seed)
+        value, error = states.count_below(frequency)
+        wanted = smooth_counts(states, exact, np.ones((len(exact), 1)), frequency)[:, 0]
+        deviations.append((value[:, 6] - wanted) / error[:, 6])
+        assert error[:, 6].max() < 2e-2 * len(exact) * 2  # its own estimate may be twice off
+    # 12 seeds, neighbouring frequencies correlated: about 50 independent numbers, with 6 vectors
+    # each the square of Student's t has mean 5/3.
+    assert 0.8 < np.mean(np.square(deviations)) < 3.5
+
+
+def without_scatter(network, states):
+    """What the same kernel makes of the dense spectrum without its zero modes, in one row."""
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    square, vector = eigh(scale[:, None] * stiffness_matrix(network).toarray() * scale)
+    x = np.sqrt(np.clip(square, 0, None)) / (2 * np.pi * states.highest)
+    even = np.cos(2 * np.arccos(x)[:, None] * np.arange(states.moments.shape[2]))
+    by_component = (vector.reshape(-1, 6, len(x)) ** 2).sum(axis=0)
+    zero = square < 1e-10 * square[-1]
+    moments = (by_component[:, ~zero] @ even[~zero])[None]
+    return DensityOfStates(moments, states.highest, by_component[:, zero].sum(axis=1), 0.0, 0)
+
+
+@pytest.mark.parametrize("seeds", [1, 30])
+@pytest.mark.parametrize("spheres", [5, 50, 100])
+def test_tolerance_bounds_the_standard_error_for_every_size(spheres, seeds):
+    """Root mean square over seeds of the errors of counts, with as few random vectors as may be.
+
+    A single seed at the usual tolerance of 1e-3, where no random vector is needed.
+    """
+    network = gallery.column(5) if spheres == 5 else random_network(spheres, 1e6, aspect=1.0)
+    size, vectors = 6 * spheres, 0 if seeds == 1 else max(6, spheres // 5)
+    tolerance = 1 / np.sqrt(2 * size * vectors) if vectors else 1e-3
+    frequency = np.linspace(1e4, 2e5, 8)
+    found = [
+        density_of_states(network, resolution=2e4, tolerance=tolerance, seed=seed)
+        for seed in range(seeds)
+    ]
+    wanted = without_scatter(network, found[0]).count_below(frequency)[0][:, 6]
+    count = np.array([states.count_below(frequency)[0][:, 6] for states in found])
+    error = np.sqrt(((count - wanted) ** 2).mean(axis=0)) / size
+    # Of 30 seeds the root mean square is itself uncertain by 1 / sqrt(60); thrice that is allowed.
+    assert error.max() <= tolerance * (1.4 if vectors else 1)
+    assert found[0].random_vectors == vectors
+
+
+def test_exact_traces_split_zero_modes_off(packing):
+    network, exact, _ = packing
+    states = density_of_states(network, resolution=1e3)
+    assert states.random_vectors == 0
+    frequency = np.linspace(5e3, 2.3e5, 12)
+    value, error = states.count_below(frequency)
+    wanted = without_scatter(network, states).count_below(frequency)[0]
+    # Zero modes of the structure and of the dense spectrum: the same, to the round-off of moments.
+    assert value == pytest.approx(wanted, abs=1e-9 * len(exact))
+    assert not error.any()
+
+
+def test_density_is_the_derivative_of_the_count_and_positive(packing):
+    states = density_of_states(packing[0], resolution=4e3, tolerance=1e-2)
+    frequency = states.grid()[1:-8]
+    step = 1e-3 * states.resolution
+    slope = states.count_below(frequency + step)[0] - states.count_below(frequency - step)[0]
+    density = states.density(frequency)[0]
+    # Central difference: the relative error is (step / width)^2, some 1e-5 of the largest value.
+    assert density == pytest.approx(slope / (2 * step), rel=1e-3, abs=1e-4 * density.max())
+    assert (density[:, 6] >= -1e-9 * density[:, 6].max()).all()
+    total, error = (column[0, 6] for column in states.count_below([states.highest]))
+    # What is left of random signs beside the zero modes varies in length; five standard errors.
+    assert 0 < error < 6 and abs(total - 600) < 5 * error
+
+
+def test_zero_modes_split_off_are_counted_exactly(packing):
+    network, exact, vector = packing
+    zero = exact < 1e-6 * exact[-1]
+    assert zero.any()
+    states = density_of_states(network, resolution=1e3, tolerance=5e-3)
+    assert states.zero_modes.sum() == pytest.approx(zero.sum(), rel=1e-12)
+    # Nothing but zero modes below half of the lowest elastic frequency, a few resolutions away.
+    gap = exact[~zero][0] / 2
+    value, _ = states.count_below([gap])
+    assert value[0, 6] == pytest.approx(zero.sum(), abs=0.2)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.8])
+def test_width_of_a_single_mode(place):
+    """Half height is reached half a resolution away, less by sqrt(1 - x^2) towards the top."""
+    highest, resolution = 2e5, 4e3
+    count = int(np.ceil(np.pi * np.sqrt(8 * np.log(2)) * highest / resolution / 2))
+    moments = np.cos(2 * np.arange(count) * np.arccos(place)) * np.ones((2, 6, 1)) / 6
+    states = DensityOfStates(moments, highest, np.zeros(6), resolution, 0)
+    half = resolution / 2 * np.sqrt(1 - place**2)
+    centre, side = place * highest, place * highest + half
+    peak, at_half = states.density([centre, side])[0][:, 6]
+    # The Jackson kernel is a Gaussian up to a few per cent.
+    assert at_half == pytest.approx(peak / 2, rel=0.05)
+
+
+def test_crystal_is_isotropic_across_its_square_cell():
+    """A square cell: x and y cannot differ, but for the scatter of the random vectors."""
+    states = density_of_states(gallery.fcc(cells=(2, 2, 12)), resolution=1e4, tolerance=2e-3)
+    frequency = np.linspace(2e4, 2e5, 10)
+    value, error = states.count_below(frequency)
+    for a, b in ((0, 1), (3, 4)):
+        spread = np.hypot(error[:, a], error[:, b])
+        assert (abs(value[:, a] - value[:, b]) < 5 * spread + 1e-6).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 40])
+def test_damping_is_jacksons(count):
+    """His kernel is the square of a polynomial: g_k is the autocorrelation of sin(pi v / (N + 1)),
+    v = 1 ... N. N orders, even ones of which belong to a density that is even."""
+    N = 2 * count
+    states = DensityOfStates(np.ones((1, 6, count)), 1.0, np.zeros(6), 0.0, 0)
+    wave = np.sin(np.pi * np.arange(1, N + 1) / (N + 1))
+    expected = [wave[: N - k] @ wave[k:] / (wave @ wave) for k in range(0, N, 2)]
+    assert states._jackson() == pytest.approx(expected, abs=1e-13)
+
+
+def test_command_and_file(tmp_path, capsys):
+    network = gallery.fcc(cells=(2, 2, 6))
+    path, output = tmp_path / "a.network.h5", tmp_path / "a.density.h5"
+    write_network(path, network)
+    options = ["--resolution", "5e3", "--at", "1e5", "3e5", "--json", "-o", str(output)]
+    assert main(["density", str(path), *options]) == 0
+    result = json.loads(capsys.readouterr().out)
+    # Above the top of the spectrum all modes are counted, without scatter.
+    size = 6 * network.n_particles
+    assert result["estimated_count_below"]["3e5"] == pytest.approx(size, rel=1e-9)
+    assert main(["count", str(path), "--at", "1e5", "--json"]) == 0
+    exact = json.loads(capsys.readouterr().out)["count_below"]["1e5"]
+    # Modes of the crystal come in groups of equal frequency; one group may lie within a width.
+    assert result["estimated_count_below"]["1e5"] == pytest.approx(exact, abs=0.1 * size)
+    with h5py.File(output) as file:
+        parts = file["translation/count_below"][:].sum(axis=1)
+        parts += file["rotation/count_below"][:].sum(axis=1)
+        assert file["all/count_below"][:] == pytest.approx(parts, rel=1e-12)
+        for found, name in zip(
+            read_density(output), ("frequency", "all/density", "all/count_below"), strict=True
+        ):
+            assert np.array_equal(found, file[name])
+        assert file["frequency"].attrs["units"] == "Hz"
+        assert file.attrs["schema"] == "granular-density-of-states"
+        assert file.attrs["schema_version"] == 1
+        assert file.attrs["network_sha256"] == sha256(path)
+        assert file.attrs["resolution"] == 5e3
+
+
+@pytest.mark.parametrize("resolution", [1e3, 3.3e3, 7e3, 2e4, 9e4])
+def test_orders_are_as_few_as_the_resolution_takes(resolution):
+    """The kernel's standard deviation in x = f / f_max is pi over the orders, odd ones too."""
+    states = density_of_states(gallery.fcc(cells=(2, 2, 6)), resolution=resolution)
+    orders = 2 * states.moments.shape[2]
+
+    def width(orders: int) -> float:
+        return np.sqrt(8 * np.log(2)) * np.pi / orders * states.highest
+
+    assert width(orders) <= resolution < width(orders - 2)
+
+
+def test_without_stiffness_there_is_no_density():
+    network = gallery.column(3)
+    nothing = np.zeros(network.n_contacts)
+    network = replace(network, stiffness_normal=nothing, stiffness_tangential=nothing)
+    with pytest.raises(InputError, match="no stiffness"):
+        density_of_states(network)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_coarsest_resolution_knows_the_mean_of_omega_squared(tolerance):
+    """A width beyond the whole spectrum leaves two moments: all modes, and the trace of A."""
+    network = gallery.fcc(cells=(3, 3, 8))
+    states = density_of_states(network, resolution=1e9, tolerance=tolerance)
+    moments, size = states.moments.sum(axis=1), 6 * network.n_particles
+    assert moments.shape[1] == 2
+    assert moments[:, 0] == pytest.approx(size, rel=1e-12)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    A = scale[:, None] * stiffness_matrix(network).toarray() * scale
+    A /= (2 * np.pi * states.highest) ** 2
+    wanted = 2 * A.trace() - size
+    np.fill_diagonal(A, 0)
+    # The standard deviation of r^T 2 A r for a vector r of signs; the mean of six has less.
+    error = 2 * np.sqrt(2) * np.linalg.norm(A) if states.random_vectors else 1e-12 * size
+    assert moments[:, 1].mean() == pytest.approx(wanted, abs=2 * error)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_products_are_those_made(tolerance, monkeypatch):
+    """By random vectors, and for the whole spectrum; one more is timed beforehand."""
+    made = []
+
+    class Counting(ContactOperator):
+        def combine(self, u, out, *factors, **more):
+            made.append(u.size // self.shape[0])
+            return super().combine(u, out, *factors, **more)
+
+    network = gallery.fcc(cells=(3, 3, 8))
+    assert Eigenproblem.of(network).floppy.total == 0  # looked for once for a network
+    monkeypatch.setattr("modal.modes.problem.ContactOperator", Counting)
+    states = density_of_states(network, resolution=5e3, tolerance=tolerance)
+    assert states.products + 1 == sum(made)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_a_single_negative_direction_is_refused(tolerance):
+    """One normal spring that pushes away: exactly one eigenvalue is below zero."""
+    network = gallery.fcc(cells=(3, 3, 8))
+    network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 100, -20))
+    square = np.linalg.eigvalsh(stiffness_matrix(network).toarray())
+    assert square[0] < -1e-2 * square[-1] and square[1] > 0
+    with pytest.raises(InputError, match="negative direction"):
+        density_of_states(network, resolution=5e3, tolerance=tolerance)
+
+
+def test_bad_input():
+    network = gallery.column(3)
+    for wrong in (
+        {"resolution": 0},
+        {"resolution": np.nan},
+        {"resolution": np.inf},
+        {"tolerance": 2},
+        {"tolerance": 1.0},
+        {"tolerance": 0.0},
+        {"resolution": 1e-9},
+    ):
+        with pytest.raises(InputError):
+            density_of_states(network, **wrong)

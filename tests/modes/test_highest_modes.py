@@ -1,0 +1,201 @@
+"""The highest modes: complete where they are degenerate or nearly so, and counted exactly."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.modes import counts as inertia
+from modal.modes import search
+from modal.modes.dense import all_modes
+from modal.modes.highest import highest_modes
+from modal.modes.mode_set import read_modes
+from modal.modes.problem import SMALL, Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
+from modal.solvers.factor import SingularError, available, factorise
+
+
+def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
+    """Uncoupled columns of two spheres, and all their frequencies, ascending.
+
+    Each is stiffer than the one before by the relative `step`: all its omega^2 are so too.
+    """
+    single = gallery.column(2)
+    network = single.with_contacts(np.tile(np.arange(single.n_contacts), copies))
+    first = np.repeat(2 * np.arange(copies), single.n_contacts)
+    factor = np.repeat(1 + step * np.arange(copies), single.n_contacts)
+    network = replace(
+        network,
+        **{
+            name: np.concatenate([getattr(single, name)] * copies)
+            for name in ("position", "radius", "mass", "inertia")
+        },
+        particle_i=network.particle_i + first,
+        particle_j=np.where(network.particle_j < 0, network.particle_j, network.particle_j + first),
+        stiffness_normal=network.stiffness_normal * factor,
+        stiffness_tangential=network.stiffness_tangential * factor,
+    )
+    square = np.linalg.eigvalsh(Eigenproblem.of(single).scaled.toarray())
+    every = np.outer(square, 1 + step * np.arange(copies)).ravel()
+    return network, frequency_of(np.sort(every))
+
+
+@pytest.mark.parametrize(
+    ("copies", "step", "count"),
+    [(100, 0.0, 30), (1000, 0.0, 30), (100, 1e-6, 30), (1000, 1e-6, 20), (100, 1e-8, 30)],
+)
+def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
+    """Against the spectrum of one column, scaled. Frequencies are half as wrong as omega^2, which
+    is known to round-off of the matrix and to the square of a residual of 1e-10 over the gap."""
+    if copies == 1000 and not available("pardiso"):
+        pytest.skip("pypardiso is not installed")  # the count by layers takes minutes for them
+    network, exact = columns(copies, step)
+    problem = Eigenproblem.of(network)
+    assert problem.size > SMALL and count <= problem.size // 4
+    found = highest_modes(problem, count)
+    assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
+    assert found.attributes["certified"] and found.attributes["missing"] == 0
+
+
+def test_a_crystal_and_a_disordered_one_against_dense_spectra():
+    crystal = gallery.fcc(cells=(3, 3, 14))
+    factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
+    disordered = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
+    for network in (crystal, disordered):
+        problem = Eigenproblem.of(network)
+        exact = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
+        for count in (1, 7, problem.size // 4):
+            found = highest_modes(problem, count)
+            assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
+            assert found.attributes["certified"]
+            assert found.residual.max() < 1e-9
+
+
+def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
+    """The first round is blind to the highest mode of all; the count sends a second one."""
+    network, exact = columns(300, 1e-3)
+    problem = Eigenproblem.of(network)
+    seen, plain = [], search.modes_from_top
+
+    def blind(apply, size, count, held, most):
+        seen.append(count)
+        first = len(seen) == 1
+        found = plain(apply, size, count + first, held, 50 * most)
+        if first:
+            for name in ("square", "vector", "converged"):
+                setattr(found, name, getattr(found, name)[..., :-1])
+        return found
+
+    monkeypatch.setattr(search, "modes_from_top", blind)
+    counted = []
+
+    def noted(problem, frequency):
+        counted.append(frequency)
+        return inertia.count_below(problem, frequency)
+
+    monkeypatch.setattr("modal.modes.highest.count_below", noted)
+    found = highest_modes(problem, 5)
+    assert found.frequency == pytest.approx(exact[-5:], rel=1e-9)
+    assert found.attributes["certified"]
+    assert seen == [5, 1] and len(counted) == 1
+
+
+def test_what_cannot_be_counted_is_listed_without_certificate(monkeypatch):
+    network, exact = columns(100)
+
+    def no_memory(problem, frequency):
+        raise InputError("the factor needs 9 TB")
+
+    monkeypatch.setattr("modal.modes.highest.count_below", no_memory)
+    found = highest_modes(Eigenproblem.of(network), 12)
+    assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
+    assert not found.attributes["certified"] and found.attributes["missing"] == 0
+    assert "9 TB" in found.attributes["uncertified_because"]
+
+
+def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
+    """No factorisation at all, for one mode of a random chain of stiffnesses."""
+    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    network, exact = columns(100, 1e-2)
+    write_network(source, network)
+    monkeypatch.delattr("modal.modes.search.factorise")
+    monkeypatch.delattr("modal.modes.highest.count_below")
+    command = ["modes", str(source), "--highest", "1", "--uncertified", "--json", "-o", str(out)]
+    assert main(command) == 0
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    assert found["frequency_hz"] == pytest.approx(exact[-1:], rel=1e-9)
+    assert found["certified"] is False and found["missing"] == 0
+    assert "as was asked for" in read_modes(out).attributes["uncertified_because"]
+    assert printed.err.count("not certified") == 1
+    assert main(["modes", str(source), "--lowest", "1", "--uncertified"]) == 2
+    assert "--highest" in capsys.readouterr().err
+
+
+def test_a_long_column_goes_on_about_a_shift():
+    """300 layers: the top modes are 1e-5 apart in omega^2, which products alone hardly resolve."""
+    if not available("pardiso"):
+        pytest.skip("pypardiso is not installed")
+    problem = Eigenproblem.of(gallery.fcc(cells=(1, 1, 300)))
+    exact = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
+    found = highest_modes(problem, 12)
+    assert "pardiso" in found.attributes["solver"]
+    assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
+    assert found.attributes["certified"]
+
+
+def test_the_highest_short_of_their_count_are_said(tmp_path, capsys, monkeypatch):
+    """Neither products nor solves converge for the last two of six; pairs are equal."""
+    from modal.solvers.lanczos import modes_from_top, modes_nearest
+
+    network, exact = columns(300, 1e-3)
+    square = (2 * np.pi * exact) ** 2
+    floor = (square[-5] + square[-4]) / 2
+
+    def only_above(search_for):
+        def search_and_forget(*arguments, **options):
+            found = search_for(*arguments, **options)
+            found.converged &= found.square > floor
+            return found
+
+        return search_and_forget
+
+    monkeypatch.setattr(search, "modes_from_top", only_above(modes_from_top))
+    monkeypatch.setattr(search, "modes_nearest", only_above(modes_nearest))
+    source = tmp_path / "x.network.h5"
+    write_network(source, network)
+    assert main(["modes", str(source), "--highest", "6", "--json"]) == 3
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    assert found["frequency_hz"] == pytest.approx(exact[-4:], rel=1e-9)
+    assert found["missing"] == 2 and not found["certified"]
+    assert "2 modes are missing" in printed.err
+
+
+def test_one_highest_mode_where_products_stop_below_the_top():
+    """A column of FCC has a dense bunch at the top: a shift taken below it is noticed and raised.
+
+    Its matrix sigma - A is not definite, which a Cholesky factorisation may only say by NaN.
+    """
+    network = gallery.fcc(cells=(1, 1, 200))
+    found = highest_modes(Eigenproblem.of(network), 1, certify=False)
+    exact = all_modes(Eigenproblem.of(network)).frequency[-1]
+    # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
+    assert found.frequency == pytest.approx([exact], rel=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["banded", "pardiso"])
+def test_a_matrix_that_is_not_definite_is_noticed(solver):
+    """sigma - A with sigma between the two highest modes: one negative pivot, by little."""
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    problem = Eigenproblem.of(gallery.fcc(cells=(1, 1, 200)))
+    square = (2 * np.pi * all_modes(problem).frequency) ** 2
+    sigma = 0.5 * (square[-1] + square[-2])
+    with pytest.raises(SingularError):
+        factorise(-problem.shifted(sigma), definite=True, solver=solver)

@@ -1,0 +1,180 @@
+"""Modes against theory: Bloch waves, the layer chain, the symmetry blocks, exact counts.
+
+Degenerate eigenvectors are never compared one by one (any rotation of them is as good);
+frequencies, counts and symmetric observables are.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import scaled
+from scipy.linalg import eigh_tridiagonal
+
+from modal.formats.hdf5 import InputError
+from modal.modes import dense, measured
+from modal.modes import highest as modes
+from modal.modes.counts import count_below
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.contact_law import stiffness_normal
+from modal.solvers.lanczos import TOLERANCE
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.springs import contact_kinematics, contact_springs
+from modal.theory.fcc import FccLattice, dispersion
+
+
+def slab_frequencies(crystal: FccLattice, layers: int) -> np.ndarray:
+    """Planar P modes of the slab from the chain of layers with its wall springs, Hz."""
+    wall = float(stiffness_normal(crystal.wall_overlap, crystal.radius, crystal.material))
+    diagonal = np.full(layers, 2 * crystal.C)
+    diagonal[[0, -1]] = crystal.C + wall
+    square = eigh_tridiagonal(diagonal, np.full(layers - 1, -crystal.C), eigvals_only=True)
+    return np.sqrt(square / crystal.mass) / (2 * np.pi)
+
+
+def test_bloch_long_wave_along_z_is_eq_9():
+    crystal = FccLattice(1e5)
+    for fraction in (0.01, 0.3, 0.7, 1.0):
+        kappa = fraction * np.pi / crystal.layer_distance
+        frequency, _ = crystal.bloch([0, 0, kappa])
+        theory = dispersion(kappa, crystal.C, crystal.mass, crystal.layer_distance) / (2 * np.pi)
+        assert abs(frequency / theory - 1).min() < 1e-9
+    assert crystal.low_pass_frequency == pytest.approx(theory, rel=1e-12)
+
+
+def test_bloch_equals_periodic_supercell():
+    """Every mode of a supercell, periodic on all sides, is a Bloch wave of an allowed k."""
+    width, layers = 2, 4
+    network = gallery.fcc(cells=(width, width, layers))
+    crystal = FccLattice(1e5)
+    # Close the slab: the wall contacts become contacts between last and first layer.
+    inside = ~network.with_wall
+    first = network.particle_i < width * width
+    lower = inside & first & (network.normal[:, 2] > 0.1)
+    B, k = contact_kinematics(network), contact_springs(network)
+    K = stiffness_matrix(network.with_contacts(inside)).toarray()
+    # Layer 3 is shifted like layer 1, so the contacts from layer 1 up to layer 2 are the ones
+    # that layer 3 has with the image of layer 0.
+    second = inside & (network.particle_i // 4 == 1) & (network.normal[:, 2] > 0.1)
+    assert second.sum() == lower.sum() == 16
+    for c in np.flatnonzero(second):
+        i, j = network.particle_i[c] + 8, network.particle_j[c] - 8
+        dofs = np.concatenate([6 * i + np.arange(6), 6 * j + np.arange(6)])
+        K[np.ix_(dofs, dofs)] += B[c].T @ k[c] @ B[c]
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    supercell = np.sort(np.linalg.eigvalsh(K * scale[:, None] * scale))
+    d, length = crystal.spacing, layers * crystal.layer_distance
+    squares = []
+    for a in range(width):
+        for b in range(width):
+            for c in range(layers):
+                # The unit cell holds one sphere, the supercell 16: 16 wavevectors.
+                q = 2 * np.pi * np.array([a / (width * d), b / (width * d), c / length])
+                squares.extend(np.linalg.eigvalsh(crystal.bloch_matrix(q)))
+    assert np.sort(squares) == pytest.approx(supercell, abs=1e-12 * supercell.max())
+
+
+def test_group_velocity_is_the_slope_of_the_branches():
+    crystal = FccLattice(1e5)
+    q = np.array([150.0, 70.0, 600.0])
+    exact = crystal.group_velocity(q)
+    errors = []
+    for step in (2.0, 1.0):
+        slope = np.empty((6, 3))
+        for axis in range(3):
+            shift = step * np.eye(3)[axis]
+            difference = crystal.bloch(q + shift)[0] - crystal.bloch(q - shift)[0]
+            slope[:, axis] = 2 * np.pi * difference / (2 * step)
+        errors.append(abs(slope - exact).max())
+    assert errors[1] < 1e-4 * abs(exact).max()
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("layers", "stress", "radius"), [(6, 1e5, 1.27e-3), (11, 1e4, 1e-3), (16, 1e7, 5e-3)]
+)
+def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
+    network = gallery.fcc(stress, (3, 3, layers), radius=radius)
+    found = dense.all_modes(Eigenproblem.of(network))
+    theory = slab_frequencies(FccLattice(stress, radius), layers)
+    assert len(found.resonance_frequency) == layers
+    assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
+    assert np.allclose(
+        found.resonance_wavenumber, np.pi * np.arange(1, layers + 1) / network.length
+    )
+
+
+def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch):
+    """144 modes at once or in parts of 7: the same, and residuals of dense modes are round-off."""
+    network = gallery.fcc(cells=(2, 2, 6))
+    # No symmetry: dense, all modes in one call.
+    network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 3, 1.5))
+    problem = Eigenproblem.of(network)
+    whole = dense.all_modes(problem)
+    monkeypatch.setattr(measured, "TOGETHER", 7)
+    parts = dense.all_modes(problem)
+    for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
+        assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name
+    own = (2 * np.pi * whole.frequency) ** 2
+    floor = np.finfo(float).eps * problem.size * problem.bound / own  # LAPACK's p(n) eps |A|
+    assert (np.maximum(whole.residual, parts.residual) < floor).all()
+
+
+def test_symmetry_blocks_equal_the_dense_spectrum():
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 5)))
+    by_symmetry = dense.all_modes(problem)
+    assert by_symmetry.attributes["solver"] == "symmetry 4x4"
+    exact = np.linalg.eigvalsh(problem.scaled.toarray())
+    assert (2 * np.pi * by_symmetry.frequency) ** 2 == pytest.approx(
+        exact, abs=1e-13 * problem.size * exact.max()
+    )
+
+
+def test_broken_symmetry_is_noticed():
+    network = gallery.fcc(cells=(3, 3, 5))
+    network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 7, 1.001))
+    problem = Eigenproblem.of(network)
+    assert dense.all_modes(problem).attributes["solver"] == "dense"
+
+
+def test_sparse_solver_and_counts_equal_the_dense_spectrum():
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 10)))
+    dense = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
+    lowest = lowest_modes(problem, 20)
+    assert lowest.attributes["certified"]
+    assert lowest.frequency == pytest.approx(dense[:20], rel=1e-8)
+    # r of (A - sigma)^-1 below TOLERANCE theta leaves |A v - v / theta| <= |A - sigma| TOLERANCE.
+    own = (2 * np.pi * lowest.frequency) ** 2
+    assert (lowest.residual < TOLERANCE * problem.bound / own).all()
+    highest = modes.highest_modes(problem, 5)
+    assert highest.frequency == pytest.approx(dense[-5:], rel=1e-10)
+    for frequency in (5e4, 1.2e5, 2.0e5):
+        assert count_below(problem, frequency) == (dense < frequency).sum()
+    inside = modes_between(problem, 2e4, 4e4)
+    expected = dense[(dense >= 2e4) & (dense < 4e4)]
+    assert inside.frequency == pytest.approx(expected, rel=1e-8)
+
+
+def test_without_rotations_the_top_is_the_low_pass_frequency():
+    """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
+    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
+    top = modes.highest_modes(problem, 1).frequency[0]
+    assert top == pytest.approx(FccLattice(1e5).low_pass_frequency, rel=5e-3)
+
+
+def test_velocity_and_low_pass_grow_with_stress_to_the_power_one_sixth():
+    stress = np.array([1e4, 1e5, 1e6, 1e7])
+    velocity = [FccLattice(s).velocity for s in stress]
+    slope = np.polyfit(np.log(stress), np.log(velocity), 1)[0]
+    # The layer distance shrinks by the overlap (0.6 % of R at 10 MPa): a little below 1/6.
+    assert slope == pytest.approx(1 / 6, abs=0.002)
+
+
+def test_interval_and_number_are_checked():
+    problem = Eigenproblem.of(gallery.column(3))
+    with pytest.raises(InputError, match="empty"):
+        modes_between(problem, 5.0, 1.0)
+    with pytest.raises(InputError, match="degrees of freedom"):
+        lowest_modes(problem, 19)

@@ -1,0 +1,153 @@
+"""Lowest modes and intervals: complete, certified, by every factorisation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import (
+    columns_side_by_side,
+    dense_squares,
+    diluted,
+    scaled,
+    with_contacts,
+)
+
+from modal.__main__ import main
+from modal.modes.counts import count_below
+from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.mode_set import ModeSet
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network_file import write_network
+from modal.solvers.factor import SOLVERS, available, factorise
+from modal.solvers.lanczos import TOLERANCE, modes_nearest
+
+
+def residual_promised(problem: Eigenproblem, found: ModeSet) -> np.ndarray:
+    """Bound of the residuals of a search: a residual r of (A - sigma)^-1 below TOLERANCE theta
+    leaves |A v - omega^2 v| = |(A - sigma) r / theta| <= |A| TOLERANCE, in units of omega^2."""
+    return TOLERANCE * problem.bound / (2 * np.pi * found.frequency) ** 2
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_lowest_modes_by_every_factorisation(solver):
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    problem = Eigenproblem.of(diluted(0.35, 4, layers=8), solver=solver)
+    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    lowest = lowest_modes(problem, 40)
+    assert lowest.attributes["certified"]
+    # omega^2 is known to eps times the largest one; f to that over 2 (f / f_max)^2.
+    tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
+    assert lowest.frequency == pytest.approx(elastic[:40], rel=tolerance)
+    assert (lowest.residual < residual_promised(problem, lowest)).all()
+
+
+@pytest.mark.parametrize("solver", [None, "superlu"])
+def test_intervals_are_cut_and_complete(monkeypatch, solver):
+    """Slices of at most 40 modes give the same list as the dense solver, each one once.
+
+    The lowest slice has its shift in its middle with PARDISO, just below zero with scipy alone.
+    """
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
+    problem = Eigenproblem.of(diluted(0.35, 5, layers=7), solver=solver)
+    frequency = frequency_of(dense_squares(problem))
+    elastic = frequency[problem.floppy.total :]
+    # Ends in the middle of gaps, away from the round-off of any frequency.
+    middle = (elastic[1:] + elastic[:-1]) / 2
+    for low, high in ((0.0, middle[130]), (middle[100], middle[190])):
+        found = modes_between(problem, low, high)
+        expected = elastic[(elastic >= low) & (elastic < high)]
+        assert found.attributes["certified"]
+        assert found.frequency == pytest.approx(expected, rel=1e-8)
+
+
+def test_degenerate_spectrum_is_complete():
+    problem = Eigenproblem.of(columns_side_by_side(100))
+    expected = frequency_of(dense_squares(problem))
+    assert problem.floppy.total == int((expected < 1.0).sum())
+    elastic = expected[problem.floppy.total :]
+    lowest = lowest_modes(problem, 120)
+    assert lowest.frequency == pytest.approx(elastic[:120], rel=1e-7)
+    assert lowest.attributes["certified"]
+
+
+def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypatch):
+    """Where a round of the search finds some only, the next goes on with the same factor."""
+    made, asked = [], []
+
+    def noted(*arguments, **options):
+        made.append(factorise(*arguments, **options))
+        return made[-1]
+
+    def some_of(solve, size, count, sigma, held):
+        asked.append(count)
+        return modes_nearest(solve, size, min(count, 30), sigma, held)
+
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.modes.search.factorise", noted)
+    monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
+    problem = Eigenproblem.of(columns_side_by_side(100))
+    expected = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    low, high = 0.999 * expected[0], 1.001 * expected[0]
+    wanted = int(((expected >= low) & (expected < high)).sum())
+    assert wanted >= 100
+    found = modes_between(problem, low, high)
+    assert found.attributes["certified"]
+    assert len(found.frequency) == wanted
+    assert len(asked) > 3
+    assert len(made) == 1
+
+
+def test_stiffness_contrast_of_a_million():
+    """Contacts a million times softer among stiff ones: counts exact, residuals reached."""
+    network = gallery.fcc(cells=(4, 4, 8))
+    soft = np.random.default_rng(3).random(network.n_contacts) < 0.3
+    names = "stiffness_normal", "stiffness_tangential"
+    softer = {name: scaled(getattr(network, name), soft, 1e-6) for name in names}
+    network = replace(network, **softer)
+    problem = Eigenproblem.of(network)
+    frequency = frequency_of(dense_squares(problem))
+    for hz in (10.0, 100.0, 1e4, 1e5):
+        assert count_below(problem, hz) == int((frequency < hz).sum())
+    lowest = lowest_modes(problem, 30)
+    assert lowest.attributes["certified"]
+    assert (lowest.residual < residual_promised(problem, lowest)).all()
+
+
+def test_order_of_particles_and_contacts_does_not_matter():
+    network = diluted(0.4, 6, layers=8)
+    random = np.random.default_rng(8)
+    rank = random.permutation(network.n_particles)
+    order = np.argsort(rank)
+    mixed = with_contacts(network, random.permutation(network.n_contacts))
+    names = ("position", "radius", "mass", "inertia")
+    mixed = replace(
+        mixed,
+        **{name: getattr(network, name)[order] for name in names},
+        particle_i=rank[mixed.particle_i],
+        particle_j=np.where(mixed.particle_j >= 0, rank[mixed.particle_j], mixed.particle_j),
+    )
+    problem, other = Eigenproblem.of(network), Eigenproblem.of(mixed)
+    assert problem.floppy.by_kind() == other.floppy.by_kind()
+    found, again = lowest_modes(problem, 40), lowest_modes(other, 40)
+    assert again.frequency == pytest.approx(found.frequency, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--lowest", "9999"], "modes asked"),
+        (["--between", "200", "100"], "is empty"),
+        (["--solver", "magic"], "invalid choice"),
+        (["--below", "nan"], "is empty"),
+    ],
+)
+def test_bad_requests_get_one_line(tmp_path, capsys, arguments, message):
+    path = tmp_path / "x.network.h5"
+    write_network(path, gallery.fcc(cells=(3, 3, 6)))
+    assert main(["modes", str(path), *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]

@@ -1,0 +1,233 @@
+"""What a list of modes says of itself: empty, short of its count, with or without shapes."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.__main__ import main
+from modal.modes import dense, measured
+from modal.modes import highest as modes
+from modal.modes import lowest as intervals
+from modal.modes.mode_set import Choice, ModeSet, read_modes, subset, write_modes
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+
+EPS = np.finfo(float).eps
+
+
+def crystal_without_symmetry(layers: int) -> Network:
+    """A crystal of 4 spheres a layer whose contacts differ by a few per cent."""
+    network = gallery.fcc(cells=(2, 2, layers))
+    factor = 1 + 0.1 * np.random.default_rng(5).random(network.n_contacts)
+    return replace(
+        network,
+        stiffness_normal=network.stiffness_normal * factor,
+        stiffness_tangential=network.stiffness_tangential * factor,
+    )
+
+
+def asked(tmp_path, capsys, network: Network, *options: str) -> tuple[int, dict, ModeSet | None]:
+    """Exit status, JSON object and file of `python -m modal modes`."""
+    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    write_network(source, network)
+    status = main(["modes", str(source), "--json", *options, "-o", str(out)])
+    found = json.loads(capsys.readouterr().out)
+    return status, found, read_modes(out) if out.exists() else None
+
+
+@pytest.mark.parametrize("options", [("--below", "10"), ("--between", "1", "2")])
+@pytest.mark.parametrize("path", ["dense", "sparse"])
+def test_an_interval_without_modes_is_an_empty_certified_list(
+    tmp_path, capsys, monkeypatch, path, options
+):
+    """The lowest mode of 6 layers lies at kHz: below 10 Hz there is nothing, and that is known."""
+    if path == "sparse":
+        monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
+    status, found, written = asked(tmp_path, capsys, gallery.fcc(cells=(2, 2, 6)), *options)
+    assert status == 0
+    assert found["frequency_hz"] == [] and found["certified"] and found["missing"] == 0
+    assert len(written.frequency) == 0 and written.attributes["certified"]
+
+
+SHAPES = {
+    "symmetry": (gallery.fcc(cells=(4, 4, 4)), ["--all"]),
+    "dense": (crystal_without_symmetry(14), ["--all"]),
+    "small": (crystal_without_symmetry(5), ["--lowest", "4"]),
+    "lowest": (crystal_without_symmetry(27), ["--lowest", "7"]),
+    "many lowest": (crystal_without_symmetry(27), ["--lowest", "200"]),
+    "highest": (crystal_without_symmetry(27), ["--highest", "5"]),
+    "dense interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
+    "sparse interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
+    "slices": (crystal_without_symmetry(27), ["--below", "2e4"]),
+    "translations": (gallery.fcc(cells=(3, 3, 5)), ["--all", "--translations-only"]),
+}
+
+
+@pytest.mark.parametrize("path", SHAPES)
+def test_mode_shapes_are_in_the_file(tmp_path, capsys, monkeypatch, path):
+    """Every path writes shapes that are orthonormal with M and solve K phi = omega^2 M phi."""
+    if path in ("sparse interval", "slices"):
+        monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
+    if path == "slices":
+        monkeypatch.setattr(intervals, "SLICE", 10)
+    network, options = SHAPES[path]
+    status, found, written = asked(tmp_path, capsys, network, *options)
+    assert status == 0
+    count = len(found["frequency_hz"])
+    assert count > 3 and written.mode_shape.shape == (count, network.n_particles, 6)
+    dof = 3 if path == "translations" else 6
+    mass = mass_diagonal(network, translations_only=dof == 3)
+    K = stiffness_matrix(network, translations_only=dof == 3)
+    phi = written.mode_shape[:, :, :dof].reshape(count, -1).T
+    # Vectors of Lanczos are orthogonal as far as their clusters are resolved, 1e-10 over gaps.
+    assert phi.T @ (mass[:, None] * phi) == pytest.approx(np.eye(count), abs=1e-6)
+    square = (2 * np.pi * written.frequency) ** 2
+    scale = np.sqrt(mass)[:, None]
+    misfit = np.linalg.norm((K @ phi) / scale - square * (phi * scale), axis=0)
+    assert (misfit <= 1e-5 * square + 1e-12 * square.max() * len(mass)).all()
+
+
+def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monkeypatch):
+    """216 modes of 36 spheres take 373 kB: one byte less allowed, they stay out and it is said."""
+    network = gallery.fcc(cells=(3, 3, 4))
+    monkeypatch.setattr(measured, "LARGEST_SHAPES", 8 * 216**2 - 1)
+    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    write_network(source, network)
+    assert main(["modes", str(source), "--all", "-o", str(out)]) == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if "shapes" in line]
+    assert len(said) == 1 and "fewer" in said[0]
+    written = read_modes(out)
+    assert written.mode_shape is None and "fewer" in written.attributes["shapes_left_out"]
+    assert main(["modes", str(source), "--lowest", "5", "-o", str(out)]) == 0
+    assert read_modes(out).mode_shape.shape == (5, 36, 6)
+
+
+@pytest.mark.parametrize("network", [gallery.fcc(cells=(3, 3, 4)), crystal_without_symmetry(5)])
+def test_without_a_file_no_shapes_are_made(network):
+    problem = Eigenproblem.of(network, shapes=False)
+    for found in (
+        dense.all_modes(problem),
+        intervals.lowest_modes(problem, 3),
+        modes.highest_modes(problem, 3),
+        intervals.modes_between(problem, 1e3, 1e4),
+    ):
+        assert found.mode_shape is None
+
+
+def test_a_subset_leaves_the_whole_as_it_was():
+    whole = dense.all_modes(Eigenproblem.of(gallery.fcc(cells=(3, 3, 4))))
+    before = replace(whole, attributes=dict(whole.attributes))
+    part = subset(whole, slice(10, 20), Choice("lowest", 10))
+    assert np.array_equal(part.frequency, before.frequency[10:20])
+    assert part.attributes["interval"] == "lowest 10" and part.choice == Choice("lowest", 10)
+    for name in vars(whole):
+        assert getattr(whole, name) is getattr(before, name) or name == "attributes"
+    assert whole.attributes == before.attributes
+    assert len(subset(whole, slice(0, 0), Choice("lowest")).resonance_frequency) == 0
+
+
+def nothing_above(threshold: float):
+    """A search whose modes above `threshold` (omega^2) never converge."""
+    from modal.solvers.lanczos import modes_nearest
+
+    def search(*arguments, **options):
+        found = modes_nearest(*arguments, **options)
+        found.converged &= found.square < threshold
+        return found
+
+    return search
+
+
+@pytest.mark.parametrize("path", ["lowest", "interval"])
+def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
+    """12 modes asked of which the 8 lowest converge: 8 in the file, 4 missing, status 3."""
+    network = crystal_without_symmetry(27)
+    square = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())
+    frequency = frequency_of(square)
+    monkeypatch.setattr(
+        "modal.modes.search.modes_nearest", nothing_above((square[7] + square[8]) / 2)
+    )
+    monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
+    middle = (frequency[11] + frequency[12]) / 2
+    options = ["--lowest", "12"] if path == "lowest" else ["--below", repr(float(middle))]
+    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    write_network(source, network)
+    assert main(["modes", str(source), "--json", *options, "-o", str(out)]) == 3
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    assert found["missing"] == 4 and not found["certified"]
+    assert "4 modes are missing" in printed.err
+    written = read_modes(out)
+    assert written.frequency == pytest.approx(frequency[:8], rel=1e-8)
+    assert written.attributes["missing"] == 4 and not written.attributes["certified"]
+    assert "4" in written.attributes["uncertified_because"] == found["uncertified_because"]
+
+
+def test_residuals_are_relative_to_each_mode_s_own_omega_squared():
+    """A vector mixed with sin(a) of another mode has the residual sin(a) cos(a) |w_1^2/w^2 - 1|."""
+    problem = Eigenproblem.of(crystal_without_symmetry(5))
+    square, vector = np.linalg.eigh(problem.scaled.toarray())
+    angle = 1e-3
+    mixed = np.cos(angle) * vector[:, :1] + np.sin(angle) * vector[:, -1:]
+    rayleigh = np.cos(angle) ** 2 * square[0] + np.sin(angle) ** 2 * square[-1]
+    found = measured.measure(problem, np.array([rayleigh]), mixed, None)
+    expected = np.sin(angle) * np.cos(angle) * (square[-1] - square[0]) / rayleigh
+    assert found.residual[0] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("make", ["dense", "symmetry", "lowest", "highest", "interval"])
+def test_every_producer_gives_the_same_residual(monkeypatch, make):
+    """Recomputed from the shapes with the matrix, in units of the mode's own omega^2."""
+    network = gallery.fcc(cells=(3, 3, 14)) if make == "symmetry" else crystal_without_symmetry(27)
+    problem = Eigenproblem.of(network)
+    monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
+    found = {
+        "dense": lambda: dense.all_modes(problem),
+        "symmetry": lambda: dense.all_modes(problem),
+        "lowest": lambda: intervals.lowest_modes(problem, 9),
+        "highest": lambda: modes.highest_modes(problem, 9),
+        "interval": lambda: intervals.modes_between(problem, 5e3, 2e4),
+    }[make]()
+    vector = found.mode_shape.reshape(len(found.frequency), -1).T * np.sqrt(problem.mass)[:, None]
+    square = (2 * np.pi * found.frequency) ** 2
+    own = np.linalg.norm(problem.scaled @ vector - square * vector, axis=0) / square
+    # Round-off of the product and of the shapes: some eps |A| in each of the two.
+    floor = 20 * np.sqrt(problem.size) * EPS * problem.bound / square
+    assert (abs(found.residual - own) <= floor + 1e-6 * own).all()
+
+
+def test_an_empty_file_is_read_back(tmp_path):
+    none = np.empty(0)
+    path = tmp_path / "none.modes.h5"
+    shape = np.empty((0, 3, 6))
+    write_modes(path, ModeSet(none, none, none, none, none, shape, attributes={"certified": True}))
+    assert read_modes(path).mode_shape.shape == (0, 3, 6)
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        Choice("lowest", 12),
+        Choice("highest", 3),
+        Choice("all"),
+        Choice("between", low=1.25e4, high=2.5e4),
+    ],
+)
+def test_what_was_asked_for_is_read_back_from_old_files_too(choice):
+    """Files of before have the words alone, in which frequencies have six digits."""
+    written = choice.attributes
+    assert Choice.of_attributes(written) == choice
+    assert Choice.of_attributes({"interval": written["interval"]}) == choice
+
+
+def test_a_slice_of_an_interval_keeps_no_limits_of_the_whole():
+    network = crystal_without_symmetry(5)
+    between = intervals.modes_between(Eigenproblem.of(network), 1e3 / 3, 2e4)
+    assert between.choice == Choice("between", low=1e3 / 3, high=2e4)
+    few = subset(between, slice(0, 2), Choice("lowest", 2))
+    assert few.choice == Choice("lowest", 2) and not {"low", "high"} & set(few.attributes)

@@ -1,0 +1,199 @@
+"""Optional data that a file does not have: None, never zeros; named where they are needed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import packings
+import pytest
+
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
+from modal.packing.rattlers import firmly_held
+from modal.packing.sample import Sample, sample_of_network
+from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress
+from modal.packing.tiling import repeat
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.pre_stress import contact_tangent
+from modal.stiffness.static_load import static_velocity
+from modal.waves.propagate import propagate
+
+
+def refused_constant(text: str) -> float:
+    raise AssertionError(f"{text} is no JSON number")
+
+
+def printed(capsys, *arguments: str) -> dict:
+    """The JSON of a command that must succeed; NaN and Infinity are not JSON."""
+    assert main([*arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=refused_constant)
+    return {k: v for k, v in found.items() if k not in ("seconds", "peak_memory_bytes")}
+
+
+@pytest.mark.parametrize("kept", [(), ("force_normal",), ("overlap", "sliding"), packings.OPTIONAL])
+def test_round_trip_keeps_what_is_absent(kept, tmp_path):
+    network = packings.bare(gallery.fcc(cells=(2, 2, 6)), *kept)
+    path = tmp_path / "x.network.h5"
+    write_network(path, network)
+    again = read_network(path)
+    fewer = again.with_contacts(np.arange(5))
+    assert again.absent == [name for name in packings.OPTIONAL if name not in kept]
+    for name in packings.OPTIONAL:
+        before, after, few = (getattr(net, name) for net in (network, again, fewer))
+        if name in kept:
+            assert np.array_equal(before, after) and np.array_equal(few, after[:5])
+        else:
+            assert before is None and after is None and few is None
+
+
+def test_springs_alone_need_none_of_it(tmp_path, capsys):
+    """Modes, counts, density and wave are those of the whole network, to the bit."""
+    whole = gallery.fcc(cells=(2, 2, 8))
+    commands = (
+        ("modes", "--lowest", "5"),
+        ("modes", "--all", "--translations-only"),
+        ("count", "--at", "3e4"),
+        ("density", "--resolution", "2e4"),
+        ("wave", "--duration", "3e-5"),
+        ("response", "--highest", "3e4"),
+    )
+    paths = [tmp_path / f"{name}.network.h5" for name in ("whole", "bare")]
+    for path, network in zip(paths, (whole, packings.bare(whole)), strict=True):
+        write_network(path, network)
+    for command, *options in commands:
+        first, second = (printed(capsys, command, str(path), *options) for path in paths)
+        assert first == second
+
+
+def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, capsys):
+    whole = gallery.fcc(cells=(2, 2, 12))
+    path = tmp_path / "x.network.h5"
+    write_network(path, whole)
+    known = printed(capsys, "info", str(path))
+    needs_forces = {
+        "stress_pa",
+        "largest_off_diagonal_stress_pa",
+        "stress_deviation_along_z",
+        "net_force_over_contact_force",
+        "largest_net_force_over_contact_force",
+    } & known.keys()
+    needs_normal_force = {
+        "wall_stress_pa",
+        "pulling_contacts",
+        "law",
+        "force_over_stiffness_times_overlap",
+    }
+    for kept, lost in (
+        (("force_normal", "overlap"), needs_forces | {"sliding_contacts"}),
+        ((), needs_forces | needs_normal_force | {"sliding_contacts"}),
+    ):
+        write_network(path, packings.bare(whole, *kept))
+        found = printed(capsys, "info", str(path))
+        assert found["absent"] == [name for name in packings.OPTIONAL if name not in kept]
+        assert known.keys() - found.keys() == lost
+        assert all(found[name] == known[name] for name in found if name != "absent")
+        table = tmp_path / "layers.csv"
+        printed(capsys, "info", str(path), "--layers", str(table))
+        names = np.genfromtxt(table, delimiter=",", names=True).dtype.names
+        assert "void_ratio" in names and "stress_zz_Pa" not in names
+    assert main(["info", str(path)]) == 0
+    assert "force_normal, force_tangential" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("kept", "arguments", "missing"),
+    [
+        ((), ("wave", "--pre-stress", "normal"), "force_normal"),
+        (("force_tangential",), ("wave", "--pre-stress", "full"), "force_normal"),
+        (("force_normal",), ("wave", "--pre-stress", "full"), "force_tangential"),
+        (("force_normal",), ("response", "--pre-stress", "full"), "force_tangential"),
+        (("force_normal",), ("modes", "--sliding", "slip"), "sliding"),
+    ],
+)
+def test_what_is_needed_is_asked_for_by_name(kept, arguments, missing, tmp_path, capsys):
+    path = tmp_path / "x.network.h5"
+    write_network(path, packings.bare(gallery.fcc(cells=(2, 2, 6)), *kept))
+    assert main([arguments[0], str(path), *arguments[1:]]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"contacts/{missing}," in error
+
+
+def test_functions_ask_by_name():
+    network = packings.bare(gallery.fcc(cells=(2, 2, 6)))
+    for function, missing in (
+        (stress_tensor, "force_normal"),
+        (wall_stress, "force_normal"),
+        (net_forces, "force_normal"),
+        (lambda net: friction_used(net, 0.3), "force_normal"),
+        (lambda net: contact_tangent(net, "normal"), "force_normal"),
+        (lambda net: ContactOperator(net, pre_stress="full"), "force_normal"),
+        (lambda net: sample_of_network(net, 0.3), "force_tangential"),
+        (lambda net: repeat(net, 2, 1), "cell_shift"),
+    ):
+        with pytest.raises(InputError, match=f"contacts/{missing}"):
+            function(network)
+    assert firmly_held(network).all()
+    whole = gallery.fcc(cells=(2, 2, 60))
+    assert static_velocity(packings.bare(whole)) == static_velocity(whole)
+
+
+def test_networks_without_a_cross_section(tmp_path, capsys):
+    """Neither inf nor NaN: stresses and void ratio are left out, a wave with stresses refused."""
+    network = replace(gallery.column(4), cell_size=np.zeros(3))
+    path = tmp_path / "x.network.h5"
+    write_network(path, network)
+    found = printed(capsys, "info", str(path))
+    assert not {"stress_pa", "wall_stress_pa", "void_ratio"} & found.keys()
+    assert len(printed(capsys, "modes", str(path), "--lowest", "3")["frequency_hz"]) == 3
+    for command in ("wave", "response"):
+        assert main([command, str(path)]) == 2
+        assert "cross-section" in capsys.readouterr().err
+    with pytest.raises(InputError, match="cross-section"):
+        wall_stress(network)
+
+
+def coincident(network: Network) -> Network:
+    return replace(network, wall_position=np.zeros(2))
+
+
+def test_no_walls_are_no_division_by_zero(tmp_path, capsys):
+    """Two walls in one place stand for none, unless contacts touch them."""
+    path = tmp_path / "x.network.h5"
+    network = gallery.column(4)
+    write_network(path, coincident(network))
+    for command in ("info", "modes", "wave"):
+        assert main([command, str(path)]) == 2
+        assert "wall" in capsys.readouterr().err
+    write_network(path, coincident(network.with_contacts(~network.with_wall)))
+    assert "void_ratio" not in printed(capsys, "info", str(path))
+    assert main(["wave", str(path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    with pytest.raises(InputError):
+        propagate(coincident(network), 1e-5)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
+    """Without friction every contact is at its limit: nothing resists the smallest shear."""
+    made = gallery.fcc(cells=(3, 3, 6))
+    plain = Sample(made.position, made.cell_size[:2], made.wall_position, friction)
+    contacts = len(plain.contacts().overlap)
+    first, second = plain.network(), replace(plain, shear=np.zeros((contacts, 2))).network()
+    assert np.array_equal(first.sliding, second.sliding)
+    assert (first.sliding == (friction == 0)).all()
+
+
+@pytest.mark.parametrize("said", ["high", np.nan, [0.1, 0.2], -0.3, 0.0])
+def test_notes_that_are_no_friction_are_only_notes(said, tmp_path, capsys):
+    """Free attributes of another program: neither a traceback nor NaN in JSON."""
+    path = tmp_path / "x.network.h5"
+    network = gallery.fcc(cells=(2, 2, 6))
+    write_network(path, replace(network, study={"mu_wave": said, "density": said}))
+    assert "largest_share_of_friction" not in printed(capsys, "info", str(path))
+    write_network(path, replace(network, study={"mu_wave": 0.3, "density": "2230"}))
+    assert printed(capsys, "info", str(path))["largest_share_of_friction"] == 0

@@ -1,0 +1,233 @@
+"""Stresses, layers and coordination: against the crystal, energies, integrals and each other."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from places import SHEARED
+
+from modal.__main__ import main
+from modal.packing import examples as gallery
+from modal.packing.contact_law import RADIUS
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.packing.state import (
+    coordination_without_rattlers,
+    fabric_tensor,
+    friction_used,
+    profile,
+    stress_tensor,
+    summary,
+    wall_stress,
+)
+from modal.preparation.random_packing import random_network
+from modal.theory.fcc import FccLattice
+
+
+def overlapping(seed: int = 1, n: int = 120) -> Sample:
+    """Random points with overlaps, far from balance, in a cell of 4 x 5 x 6 diameters."""
+    lengths = 2 * RADIUS * np.array([4.0, 5.0, 6.0])
+    position = np.random.default_rng(seed).random((n, 3)) * lengths
+    return Sample(position, lengths[:2], np.array([0, lengths[2]]), friction=0.0)
+
+
+def sheared(network: Network, seed: int = 2) -> Network:
+    """The network with random shear forces, a tenth of the normal force."""
+    size = 0.1 * network.force_normal[:, None]
+    force = size * np.random.default_rng(seed).standard_normal(network.normal.shape)
+    along = (force * network.normal).sum(axis=1)[:, None] * network.normal
+    return replace(network, force_tangential=force - along)
+
+
+def elastic_energy(sample: Sample, stretch: np.ndarray) -> float:
+    """Hertz energy, 2/5 of force times overlap, with the sample stretched along its axes."""
+    network = replace(
+        sample,
+        position=sample.position * stretch,
+        side=sample.side * stretch[:2],
+        walls=sample.walls * stretch[2],
+    ).network()
+    return float(0.4 * network.force_normal @ network.overlap)
+
+
+def test_stress_is_the_derivative_of_the_energy():
+    """- dE / d(log L) / V for each axis, walls included, balance or not (virial theorem)."""
+    sample = overlapping()
+    network = sample.network()
+    stress = np.diag(stress_tensor(network))
+    volume = network.cell_size.prod()
+    errors = []
+    for step in (4e-4, 2e-4):
+        found = [
+            (elastic_energy(sample, 1 - step * axis) - elastic_energy(sample, 1 + step * axis))
+            / (2 * step * volume)
+            for axis in np.eye(3)
+        ]
+        errors.append(abs(np.array(found) / stress - 1).max())
+    # Hertz energies grow as overlap^(5/2): contacts that open or close at the step leave an error
+    # of order between 3/2 and 2.
+    assert errors[1] < 1e-5
+    assert np.log2(errors[0] / errors[1]) > 1.3
+
+
+@pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
+def test_crystal_in_balance(stress):
+    network, crystal = gallery.fcc(stress, (3, 3, 20)), FccLattice(stress)
+    assert wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
+    layers = profile(network, thickness=0.37 * RADIUS)
+    # A plane anywhere carries what the walls carry.
+    assert layers.stress[:, 2] == pytest.approx(np.full(len(layers.stress), stress), rel=1e-9)
+    # In the plane 20 layers hold their own contacts, the 19 gaps between them as many again.
+    contact = crystal.contact_force / crystal.spacing
+    lateral = np.diag(stress_tensor(network))[:2] * network.length
+    assert lateral == pytest.approx(np.full(2, (20 + 19) * contact), rel=1e-12)
+    assert np.diag(stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
+    assert fabric_tensor(gallery.fcc(stress, (3, 3, 400))) == pytest.approx(np.eye(3) / 3, abs=1e-3)
+
+
+@pytest.mark.parametrize("thickness", [0.3, 1.0, 2.7, 100.0])
+def test_layers_add_up_to_the_whole(thickness):
+    network = sheared(overlapping(3).network())
+    layers = profile(network, thickness * 2 * RADIUS)
+    count = len(layers.stress)
+    assert layers.stress.mean(axis=0) == pytest.approx(np.diag(stress_tensor(network)), rel=1e-12)
+    solid = 1 / (1 + layers.void_ratio)
+    assert 1 / solid.mean() - 1 == pytest.approx(network.study["void_ratio"], abs=1e-12)
+    assert layers.particles.sum() == network.n_particles
+    ends = (layers.coordination * layers.particles).sum()
+    assert ends / network.n_particles == pytest.approx(network.study["coordination_number"])
+    assert layers.edges[[0, -1]] == pytest.approx(network.wall_position)
+    assert layers.edges == pytest.approx(np.linspace(*network.wall_position, count + 1))
+
+
+def test_volume_of_a_cut_sphere():
+    """One sphere against the integral of its circular sections."""
+    cell = np.full(3, 8 * RADIUS)
+    centre = np.array([[0.1, 0.2, 3.3]]) * RADIUS
+    network = Sample(centre, cell[:2], np.array([0, cell[2]]), friction=0.0).network()
+    layers = profile(network, RADIUS)
+    solid = RADIUS * cell[0] * cell[1] / (1 + layers.void_ratio)
+    z = np.linspace(0, cell[2], 8 * 20000 + 1)
+    section = np.pi * np.maximum(RADIUS**2 - (z - centre[0, 2]) ** 2, 0)
+    slabs = (section[:-1] + section[1:]).reshape(8, -1).sum(axis=1) / 2 * (z[1] - z[0])
+    assert solid == pytest.approx(slabs, abs=1e-7 * slabs.max())
+
+
+def test_rattlers_leave_with_their_contacts():
+    """A column, a sphere that leans on it, another that leans on that one, and a free one."""
+    column = gallery.column(4)
+    overlap = column.overlap[1]
+    aside = column.position[1] + [2 * RADIUS - overlap, 0, 0]
+    further = aside + [2 * RADIUS - overlap, 0, 0]
+    free = [0, 6 * RADIUS, 3 * RADIUS]
+    position = np.vstack([column.position, aside, further, free])
+    network = Sample(
+        position, np.full(2, 12 * RADIUS), column.wall_position, friction=0.0
+    ).network()
+    bearing, rattlers = coordination_without_rattlers(network)
+    assert (bearing, rattlers) == (2.0, 3)
+    assert network.study["coordination_number"] == pytest.approx((4 * 2 + 2 + 2) / 7)
+
+
+def test_share_of_friction():
+    network = gallery.column(2)
+    shear = np.zeros((network.n_contacts, 3))
+    shear[1, 0] = 0.05 * network.force_normal[1]
+    network = replace(network, force_tangential=shear)
+    assert friction_used(network, 0.1) == pytest.approx([0, 0.5, 0])
+    assert summary(network, 0.1)["largest_share_of_friction"] == pytest.approx(0.5)
+    assert friction_used(gallery.column(2), 0.0) == pytest.approx([0, 0, 0])
+
+
+def test_central_forces_give_a_symmetric_stress_and_scale_with_the_law():
+    sample = overlapping(5)
+    stress = stress_tensor(sample.network())
+    assert stress == pytest.approx(stress.T, rel=1e-12)
+    stiffer = replace(sample, material=replace(sample.material, young=2 * sample.material.young))
+    assert stress_tensor(stiffer.network()) == pytest.approx(2 * stress, rel=1e-12)
+
+
+def test_wall_layers_are_told_from_the_bulk():
+    network = gallery.fcc(cells=(2, 2, 40))
+    layers = profile(network)
+    middle = (layers.edges[1:] + layers.edges[:-1]) / 2
+    depth = np.minimum(middle, network.length - middle)
+    assert (layers.bulk == (depth > 11 * RADIUS * (1 - 1e-9))).all()
+    found = summary(network)
+    perfect = FccLattice(1e5)
+    cell = perfect.spacing**2 * perfect.layer_distance
+    assert found["void_ratio_of_bulk"] == pytest.approx(
+        cell / (4 / 3 * np.pi * RADIUS**3) - 1, rel=2e-2
+    )
+    assert "void_ratio_of_bulk" not in summary(gallery.fcc(cells=(2, 2, 8)))
+
+
+def test_info_reads_the_compact_form(tmp_path, capsys):
+    """The same numbers, to the last digit, from a sample and from the network made of it."""
+    sample = read_sample(SHEARED)
+    sample.study = {"mu_wave": 0.3}
+    printed = []
+    for path, write, what in (
+        (tmp_path / "x.sample.h5", write_sample, sample),
+        (tmp_path / "x.network.h5", write_network, sample.network()),
+    ):
+        write(path, what)
+        assert main(["info", str(path), "--json"]) == 0
+        printed.append(json.loads(capsys.readouterr().out))
+    for result in printed:
+        del result["seconds"], result["peak_memory_bytes"]
+    assert printed[0] == printed[1]
+    assert printed[0]["largest_share_of_friction"] > 0
+
+
+def test_no_volume_is_one_line(tmp_path, capsys):
+    """Without walls there are no layers along z; all other numbers stand."""
+    network = gallery.column(2)
+    network = replace(network.with_contacts(~network.with_wall), wall_position=np.zeros(2))
+    path = tmp_path / "flat.network.h5"
+    write_network(path, network)
+    assert main(["info", str(path), "--layers", str(tmp_path / "layers.csv")]) == 2
+    assert "no volume" in capsys.readouterr().err
+    assert main(["info", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["coordination_number"] == 1 and not {"stress_pa", "void_ratio"} & set(found)
+
+
+def test_layers_are_written_as_a_table(tmp_path, capsys):
+    path, table = tmp_path / "x.network.h5", tmp_path / "layers.csv"
+    write_network(path, gallery.fcc(cells=(2, 2, 12)))
+    assert main(["info", str(path), "--layers", str(table)]) == 0
+    columns = np.genfromtxt(table, delimiter=",", names=True)
+    assert columns["stress_zz_Pa"] == pytest.approx(np.full(len(columns), 1e5), rel=1e-8)
+    assert columns["particles"].sum() == 48
+    assert main(["info", str(path), "--layers", str(tmp_path / "no" / "layers.csv")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_scatter_of_two_seeds():
+    """2,000 spheres: what two seeds share, and what sets them apart.
+
+    A narrow packing may crystallise at its walls under the peak pressure, and a little inwards:
+    void ratios of the bulk then differ by 0.02. Without that, they differ by a few thousandths.
+    """
+    found = [summary(random_network(2000, 1e5, seed, aspect=4.0)) for seed in (2, 3)]
+    for result in found:
+        assert result["stress_pa"] == pytest.approx([1e5] * 3, rel=5e-3)
+        assert result["wall_stress_pa"] == pytest.approx([1e5] * 2, rel=5e-3)
+        # Frictionless spheres at low pressure: six contacts each but for rattlers, and a few more.
+        assert 5.9 < result["coordination_number_without_rattlers"] < 6.5
+        assert result["void_ratio_of_bulk"] == pytest.approx(0.55, abs=0.03)
+        assert result["crystalline_share_of_bulk"] < 0.1
+        # An isotropic packing: each direction a third; 6,000 normals scatter by 0.3 / sqrt(6000).
+        assert result["fabric_diagonal"] == pytest.approx([1 / 3] * 3, abs=0.02)
+    e, z = (
+        np.array([result[name] for result in found])
+        for name in ("void_ratio_of_bulk", "coordination_number_of_bulk")
+    )
+    assert abs(e[0] - e[1]) < 0.03
+    assert abs(z[0] - z[1]) < 0.3
+    # Two seeds are two packings, which chance does not make alike to seven digits.
+    assert abs(e[0] / e[1] - 1) > 1e-7

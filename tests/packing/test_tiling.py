@@ -1,0 +1,162 @@
+"""Repeated packings: every copy has the small one's surroundings, and the wave is the same."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal import workload
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.packing import tiling
+from modal.packing.network_file import read_network
+from modal.packing.reading import read_packing
+from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
+from modal.packing.tiling import number_of, repeat, repeat_sample, tiled
+from modal.preparation.random_packing import random_network
+from modal.waves import chain
+from modal.waves.propagate import propagate
+
+
+@pytest.fixture(scope="module")
+def sample() -> Sample:
+    """300 spheres at 100 kPa; with shear forces, as friction would leave them."""
+    made = sample_of_network(random_network(300, 1e5, seed=1, aspect=4), 0.3)
+    m = len(made.contacts().particle_i)
+    network = made.network()
+    shear = np.random.default_rng(1).uniform(-0.2, 0.2, (m, 2)) * network.force_normal[:, None]
+    return replace(made, shear=shear)
+
+
+@pytest.mark.parametrize(("n", "copies"), [(1, 1), (5, 6), (256, 3), (600, 4), (1000, 1)])
+def test_numbers_of_copies(n, copies):
+    """Each copy of each particle once, and both directions agree."""
+    source, copy = tiled(n, copies)
+    assert np.array_equal(number_of(source, copy, n, copies), np.arange(n * copies))
+    assert len(set(zip(source.tolist(), copy.tolist(), strict=True))) == n * copies
+
+
+def test_repeated_sample_has_the_repeated_network(sample, monkeypatch):
+    """Contacts, stiffnesses and forces of the copies found anew are those of the small one's.
+
+    Positions up to 3 cells away are rounded at eps times that, overlaps of 1e-3 R to 1e-11.
+    """
+    monkeypatch.setattr(tiling, "RUN", 40)
+    large = repeat_sample(sample, 3, 2)
+    found, wanted = large.network(), repeat(sample.network(), 3, 2)
+    assert found.n_contacts == wanted.n_contacts == 6 * sample.network().n_contacts
+    i, j = wanted.particle_i, wanted.particle_j
+    turned = (j >= 0) & (i > j)
+    shift = np.where(turned[:, None], -wanted.cell_shift, wanted.cell_shift)
+    i, j = np.where(turned, j, i), np.where(turned, i, j)
+    order = np.lexsort((*shift.T, j, i))
+    ours = np.lexsort((*found.cell_shift.T, found.particle_j, found.particle_i))
+    sign = np.where(turned, -1, 1)[order][:, None]
+    assert np.array_equal(found.particle_i[ours], i[order])
+    assert np.array_equal(found.particle_j[ours], j[order])
+    scale = {"normal": 1.0, "overlap": wanted.overlap.max(), "stiffness_normal": 1e6}
+    for name in scale:
+        of = getattr(wanted, name)[order]
+        of = of * sign if of.ndim == 2 else of
+        assert abs(getattr(found, name)[ours] - of).max() < 1e-9 * abs(of).max(), name
+    force = wanted.force_tangential[order] * sign
+    assert abs(found.force_tangential[ours] - force).max() < 1e-9 * abs(force).max()
+
+
+@pytest.mark.parametrize("kind", ["sample", "network"])
+@pytest.mark.parametrize("times", [(2, 1), (2, 3)])
+def test_wave_of_the_copies_is_the_small_ones(kind, times, sample, tmp_path, capsys):
+    """Layer means and stresses on both walls; overlaps differ by round-off, 1e-11."""
+    path, out = tmp_path / "a.sample.h5", tmp_path / f"b.{kind}.h5"
+    write_sample(path, sample)
+    repeated = ["--repeat", *map(str, times)]
+    assert main(["tile", str(path), *repeated, "--json", "-o", str(out)]) == 0
+    assert json.loads(capsys.readouterr().out)["spheres"] == 300 * times[0] * times[1]
+    small, large = (propagate(read_packing(p), 1e-4).signals for p in (path, out))
+    for name in ("receiver_stress", "source_stress", "layer_displacement"):
+        a, b = getattr(small, name), getattr(large, name)
+        assert abs(a).max() > 0 and abs(a - b).max() < 1e-8 * abs(a).max(), name
+
+
+def test_a_network_is_repeated_as_one(sample, tmp_path):
+    path, out = tmp_path / "a.sample.h5", tmp_path / "b.network.h5"
+    write_sample(path, sample)
+    assert main(["tile", str(path), "--repeat", "1", "2", "-o", str(out)]) == 0
+    again = tmp_path / "c.network.h5"
+    assert main(["tile", str(out), "--repeat", "2", "1", "-o", str(again)]) == 0
+    network = read_network(again)
+    assert network.n_particles == 1200
+    assert network.cell_size[:2] == pytest.approx(2 * sample.side)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("--repeat", "0", "1", "-o", "b.sample.h5"), "whole numbers"),
+        (("--repeat", "2", "1", "-o", "b.h5"), "must end in"),
+        (("--repeat", "2.5", "1", "-o", "b.sample.h5"), "invalid int"),
+        (("--repeat", "100000", "100000", "-o", "b.sample.h5"), "TB of memory"),
+        (("--repeat", "100000", "100000", "-o", "b.network.h5"), "TB of memory"),
+    ],
+)
+def test_mistakes_are_one_line(arguments, why, sample, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_sample("a.sample.h5", replace(sample, shear=None))
+    assert main(["tile", "a.sample.h5", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert why in error and error.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.sample.h5"]
+
+
+def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, capsys):
+    path = tmp_path / "a.network.h5"
+    write_sample(tmp_path / "a.sample.h5", sample)
+    main(["tile", str(tmp_path / "a.sample.h5"), "--repeat", "1", "1", "-o", str(path)])
+    assert main(["tile", str(path), "--repeat", "2", "1", "-o", str(tmp_path / "b.sample.h5")]) == 2
+    assert "only a sample" in capsys.readouterr().err
+    with pytest.raises(InputError, match="in motion"):
+        repeat_sample(replace(sample, velocity=np.zeros((300, 3))), 2, 1)
+
+
+def test_a_sample_beyond_the_memory_is_refused_before_it_starts(sample, tmp_path, monkeypatch):
+    path = tmp_path / "a.sample.h5"
+    write_sample(path, sample)
+    monkeypatch.setattr(workload, "memory_at_hand", lambda: 1e4)
+    monkeypatch.setattr(Sample, "network", None)
+    with pytest.raises(InputError, match="contacts takes .* memory"):
+        read_packing(path)
+
+
+def test_two_spheres_in_one_place_are_found_among_many(tmp_path):
+    """The sum of bits that sorts them is one number for equal rows; here others share it not."""
+    rng = np.random.default_rng(3)
+    position = rng.random((2000, 3)) * 0.01
+    sample = Sample(position, np.array([0.01, 0.01]), np.array([0.0, 0.01]), 0.1)
+    path = tmp_path / "a.sample.h5"
+    write_sample(path, sample)
+    assert len(read_sample(path).position) == 2000
+    position[1700] = position[3]
+    write_sample(path, replace(sample, position=position))
+    with pytest.raises(InputError, match="one place"):
+        read_sample(path)
+
+
+def test_chain_of_a_wide_packing_is_that_of_all_its_spheres(sample, monkeypatch):
+    """What is near the line is enough where that is certain, and only there."""
+    network = repeat(sample.network(), 4, 4)
+    looked_at = []
+    cheapest = chain._cheapest
+
+    def counting(ends, length, weight, first, goal):
+        looked_at.append(len(weight))
+        return cheapest(ends, length, weight, first, goal)
+
+    monkeypatch.setattr(chain, "_cheapest", counting)
+    found = {}
+    for corridor in (1e9, 6.0, 1.5):
+        monkeypatch.setattr(chain, "CORRIDOR", corridor)
+        found[corridor] = chain.wall_to_wall_chain(network).tolist()
+    assert found[6.0] == found[1.5] == found[1e9]
+    whole, near, narrow, again = looked_at
+    assert narrow < near < whole == again == network.n_particles

@@ -1,0 +1,211 @@
+"""The walk of spheres with friction: states, kill and resume, seeds, and what it refuses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from modal.__main__ import main
+from modal.packing.sample import read_sample, write_sample
+from modal.packing.state import summary
+from modal.preparation import compress, protocol
+from modal.preparation.protocol import Study
+
+SMALL = ["pack", "--friction", "0.4", "--spheres", "100", "--aspect", "1.3"]
+
+
+def pack(folder, *more):
+    """The exit status of a small walk."""
+    return main([*SMALL, *more, "-o", str(folder)])
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    """Folder of a walk to 10 and 100 kPa; what the command said."""
+    folder = tmp_path_factory.mktemp("walk")
+    assert pack(folder, "--stress", "1e4", "1e5", "--json") == 0
+    return folder
+
+
+def test_states_have_their_stress_and_say_whether_they_are_settled(walked):
+    """The stress of the file, from its network, against the target."""
+    for stress in (1e4, 1e5):
+        sample = read_sample(walked / f"{stress:g}Pa.sample.h5")
+        study = sample.study
+        assert study["stress"] == stress and study["mu_comp"] == sample.friction == 0.4
+        assert study["settled"] == (
+            study["stress_error"] < protocol.SETTLED[0]
+            and study["unbalanced"] < protocol.SETTLED[1]
+        )
+        found = summary(sample.network())["stress_pa"]
+        # The stress of the last control, at most five steps before the file.
+        assert found == pytest.approx([stress] * 3, rel=2 * study["stress_error"] + 1e-3)
+        assert 0.55 < study["void_ratio"] < 0.85
+        assert sample.velocity is None
+
+
+def test_contacts_obey_friction(walked):
+    network = read_sample(walked / "100000Pa.sample.h5").network()
+    shear = np.linalg.norm(network.force_tangential, axis=1)
+    assert (shear <= 0.4 * network.force_normal * (1 + 1e-9)).all()
+    assert shear.max() > 0.3 * network.force_normal.mean()
+
+
+def test_equal_seeds_are_equal_and_others_are_not(walked, tmp_path):
+    assert pack(tmp_path / "again", "--stress", "1e4") == 0
+    first = read_sample(walked / "10000Pa.sample.h5")
+    again = read_sample(tmp_path / "again" / "10000Pa.sample.h5")
+    assert np.array_equal(first.position, again.position)
+    assert np.array_equal(first.shear, again.shear)
+    start, other = (compress.compacted(Study(spheres=100, width=4.0, seed=s)) for s in (1, 2))
+    assert not np.allclose(start.position, other.position)
+
+
+def test_higher_stress_is_added_to_a_finished_walk(walked, tmp_path):
+    """And it is the one that a single call would have walked to."""
+    folder = tmp_path / "on"
+    assert pack(folder, "--stress", "1e4") == 0
+    assert pack(folder, "--stress", "1e4", "1e5") == 0
+    for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):
+        one, other = read_sample(walked / name), read_sample(folder / name)
+        assert np.array_equal(one.position, other.position)
+
+
+def test_killed_walk_goes_on_and_ends_the_same(walked, tmp_path):
+    """kill -9 in the middle of legs, at whatever step; the same bits in the end."""
+    command = [sys.executable, "-m", "modal", *SMALL, "--stress", "1e4", "1e5"]
+    environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
+    checkpoint = tmp_path / "checkpoint.sample.h5"
+    for kill in range(2):
+        job = subprocess.Popen(
+            [*command, "-o", str(tmp_path)],
+            cwd=ROOT,
+            env=environment,
+            stderr=subprocess.DEVNULL,
+        )
+        before = checkpoint.stat().st_mtime_ns if checkpoint.exists() else 0
+        deadline = time.monotonic() + 100
+        while time.monotonic() < deadline and job.poll() is None:
+            if checkpoint.exists() and checkpoint.stat().st_mtime_ns != before:
+                break
+            time.sleep(0.01)
+        time.sleep(0.1 * kill)
+        job.send_signal(signal.SIGKILL)
+        job.wait()
+    assert not (tmp_path / "100000Pa.sample.h5").exists()
+    assert pack(tmp_path, "--stress", "1e4", "1e5") == 0
+    for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):
+        one, other = read_sample(walked / name), read_sample(tmp_path / name)
+        assert np.array_equal(one.position, other.position)
+        assert np.array_equal(one.shear, other.shear)
+
+
+def test_unsettled_state_is_marked(tmp_path, monkeypatch, capsys):
+    """With hardly any patience; it is written, with what it has reached, and said."""
+    monkeypatch.setattr(protocol, "PATIENCE", protocol.CHECK)
+    assert pack(tmp_path, "--stress", "1e5", "--json") == 0
+    shown = capsys.readouterr()
+    path = tmp_path / "100000Pa.sample.h5"
+    study = read_sample(path).study
+    assert not study["settled"]
+    assert study["unbalanced"] > protocol.SETTLED[1] or study["stress_error"] > protocol.SETTLED[0]
+    assert json.loads(shown.out)["settled"] == {str(path): False}
+    assert "not settled" in shown.err
+
+
+@pytest.mark.parametrize(
+    "wrong, said",
+    [
+        (["--friction", "-0.1"], "mu_comp"),
+        (["--friction", "1.5"], "mu_comp"),
+        (["--friction", "nan"], "mu_comp"),
+        (["--spheres", "99"], "at least 100"),
+        (["--spheres", "-5"], "at least 100"),
+        (["--width", "3"], "width"),
+        (["--width", "60"], "width"),
+        (["--aspect", "0"], "width"),
+        (["--aspect", "nan"], "width"),
+        (["--stress", "1e5", "1e4"], "rising order"),
+        (["--stress", "-1"], "stress -1 Pa"),
+        (["--fraction", "2"], "fraction"),
+        (["--tolerance", "1e-3"], "no meaning with friction"),
+        (["--friction", "0", "--width", "5"], "no meaning without friction"),
+    ],
+)
+def test_bad_input_is_one_line(wrong, said, tmp_path, capsys):
+    assert pack(tmp_path / "new", *wrong) == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1 and said in shown
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    "wrong, said",
+    [
+        (["--seed", "2"], "seed is 1, not 2"),
+        (["--friction", "0.3"], "mu_comp is 0.4, not 0.3"),
+        (["--fraction", "0.35"], "fraction is 0.7, not 0.35"),
+        (["--stress", "5e4", "1e6"], "50000 Pa lies below its present stress of 100000 Pa"),
+    ],
+)
+def test_checkpoint_of_another_walk_is_kept(wrong, said, walked, capsys):
+    before = {path.name: path.read_bytes() for path in walked.iterdir()}
+    arguments = wrong if "--stress" in wrong else [*wrong, "--stress", "1e4", "1e5"]
+    assert pack(walked, *arguments) == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1 and said in shown
+    assert before == {path.name: path.read_bytes() for path in walked.iterdir()}
+
+
+def test_walk_on_its_way_elsewhere_is_not_diverted(walked, tmp_path, capsys):
+    sample = read_sample(walked / "checkpoint.sample.h5")
+    sample.study |= {"stage": "500000", "stage_time": 1e-5}
+    write_sample(tmp_path / "checkpoint.sample.h5", sample)
+    for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):
+        (tmp_path / name).write_bytes((walked / name).read_bytes())
+    assert pack(tmp_path, "--stress", "1e4", "1e5", "1e6") == 2
+    assert "on its way to 500000 Pa" in capsys.readouterr().err
+
+
+def test_unstable_step_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, capsys):
+    """A step far beyond the limit: the motion explodes, the checkpoint before it stays."""
+    whole = protocol.time_step
+    monkeypatch.setattr(protocol, "time_step", lambda *given: 20 * whole(*given))
+    sample = read_sample(walked / "checkpoint.sample.h5")
+    sample.study |= {"stage": "1e+06", "stage_time": 0.0}
+    path = tmp_path / "checkpoint.sample.h5"
+    write_sample(path, replace(sample, strain_rate=np.full(3, -10.0)))
+    before = path.read_bytes()
+    for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):
+        (tmp_path / name).write_bytes((walked / name).read_bytes())
+    assert pack(tmp_path, "--stress", "1e4", "1e5", "1e6") == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1 and "smaller fraction" in shown
+    assert path.read_bytes() == before
+
+
+def test_full_disk_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, capsys):
+    """The checkpoint before stays readable, and the walk goes on from it."""
+    for path in walked.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        assert pack(tmp_path, "--stress", "1e4", "1e5", "2e5") == 2
+    shown = capsys.readouterr().err.splitlines()
+    assert len([line for line in shown if line.startswith("error: ")]) == 1
+    assert "No space left" in shown[-1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        path.name for path in walked.iterdir()
+    )
+    assert pack(tmp_path, "--stress", "1e4", "1e5", "2e5") == 0

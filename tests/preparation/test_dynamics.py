@@ -1,0 +1,326 @@
+"""Spheres in motion: conservation laws, closed forms of one contact, numpy, threads, and YADE."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from modal import loops
+from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.preparation import contact_forces, dynamics, moving_contacts, protocol
+from modal.preparation.dynamics import Dynamics
+from modal.preparation.moving_contacts import MovingContacts
+from modal.preparation.random_packing import random_sample
+
+EPS = np.finfo(float).eps
+STEP = protocol.time_step(3e5)
+
+
+def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5):
+    """A packing at 100 kPa whose spheres fly and spin: overlaps of 1 um, 2 um in 50 steps."""
+    random = np.random.default_rng(5)
+    packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3)
+    return replace(
+        packed,
+        friction=friction,
+        shear=np.zeros((packed.network().n_contacts, 2)),
+        velocity=speed * random.standard_normal((spheres, 3)),
+        angular_velocity=speed / packed.radius * random.standard_normal((spheres, 3)),
+        strain_rate=np.zeros(3),
+    )
+
+
+@pytest.fixture(scope="module")
+def hot():
+    return agitated()
+
+
+def two(separation, velocity, friction):
+    """Two spheres far from the walls along (1, 1, 1), with velocities (2, 3)."""
+    side = 20 * RADIUS
+    centre, direction = np.full(3, side / 2), np.ones(3) / np.sqrt(3)
+    position = centre + np.outer([-0.5, 0.5], direction) * separation
+    walls = np.array([0.0, side])
+    return Sample(
+        position,
+        np.full(2, side),
+        walls,
+        friction,
+        velocity=np.array(velocity, float),
+        angular_velocity=np.zeros((2, 3)),
+        strain_rate=np.zeros(3),
+    )
+
+
+def elastic_energy(contacts):
+    """Hertz: 2/5 N overlap of each contact, J, of frictionless spheres."""
+    network = contacts.sample().network()
+    return 0.4 * (network.force_normal * network.overlap).sum()
+
+
+def test_energy_is_kept_at_second_order(hot):
+    """No friction, no damping: kinetic + elastic energy at whole steps, the walls at rest.
+
+    Contacts open and close; Hertz's force has no second derivative there, which the leapfrog
+    notices at a higher order than its own error dt^2.
+    """
+    spread = []
+    for over in (4, 8):
+        motion = Dynamics(replace(hot, friction=0.0, angular_velocity=None, shear=None))
+        dt, energy, opened = STEP / over, [], set()
+        mass = motion.masses[0]
+        for k in range(60 * over):
+            before = motion.velocity[:, :3].copy()
+            motion.find_forces(dt)
+            potential = elastic_energy(motion.contacts) if k % (5 * over) == 0 else None
+            motion.step(dt)
+            opened.add(motion.contacts.touching)
+            if potential is not None:
+                kinetic = 0.5 * mass * (before * motion.velocity[:, :3]).sum()
+                energy.append(kinetic + potential)
+        assert len(opened) > 5
+        spread.append(np.ptp(energy) / np.mean(energy))
+    assert spread[0] < 1e-2
+    assert np.log2(spread[0] / spread[1]) == pytest.approx(2, abs=0.4)
+
+
+def test_momenta_of_a_free_cluster_are_kept():
+    """With friction, sliding and spin, but no wall and no period: both momenta to round-off."""
+    random = np.random.default_rng(2)
+    grid = np.array([(x, y, z) for x in range(3) for y in range(3) for z in range(3)])
+    position = 0.03 + 2 * RADIUS * (0.999 * grid + 0.0004 * random.standard_normal((27, 3)))
+    sample = Sample(position, np.full(2, 0.1), np.array([0.0, 0.1]), 0.2)
+    sample.velocity = 0.03 * random.standard_normal((27, 3))
+    sample.angular_velocity = 0.03 / RADIUS * random.standard_normal((27, 3))
+    sample.strain_rate = np.zeros(3)
+    motion = Dynamics(sample)
+
+    def momenta():
+        mass, inertia = motion.masses
+        linear = mass * motion.velocity[:, :3]
+        turning = np.cross(motion.contacts.position - 0.03, linear)
+        return linear.sum(axis=0), (turning + inertia * motion.velocity[:, 3:]).sum(axis=0)
+
+    start, sliding = momenta(), 0
+    for _ in range(300):
+        motion.step(STEP)
+        sliding += motion.contacts.sliding
+    assert sliding > 100
+    assert motion.contacts.touching != 54
+    # Each step adds the forces of some 54 contacts, rounded at EPS; they are at most some 100 N.
+    rounding = 300 * 54 * EPS * 100 * STEP
+    assert rounding < 1e-6 * motion.masses[0] * abs(sample.velocity).sum()
+    assert abs(momenta()[0] - start[0]).max() < rounding
+    assert abs(momenta()[1] - start[1]).max() < rounding * 6 * RADIUS
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (1, -1, 0), (0.3, 0.5, -0.8)])
+def test_shear_force_turns_with_a_rigid_motion(axis):
+    """A sheared pair is turned about an axis as a whole: its shear force, seen from it, stays.
+
+    In finite steps of an angle a the law takes the velocity of half a step before for the present
+    normal: an error a^2 in each, which is of the order of a in the end.
+    """
+    axis = np.array(axis) / np.linalg.norm(axis)
+    errors = []
+    for steps in (500, 1000):
+        contacts = MovingContacts(two(2 * RADIUS * 0.99, np.zeros((2, 3)), 1.0), np.inf)
+        shake = np.zeros((2, 6))
+        shake[1, :3] = 1e-5 * np.array([1.0, -1.0, 0.3])
+        contacts.move(shake)
+        contacts.move(np.zeros((2, 6)))
+        sheared = contacts.load[0, :3].copy()
+        turn, centre = rotation(axis, 1 / steps), contacts.position.mean(axis=0)
+        for _ in range(steps):
+            motion = np.zeros((2, 6))
+            motion[:, :3] = (contacts.position - centre) @ turn.T + centre - contacts.position
+            motion[:, 3:] = axis / steps
+            contacts.move(motion)
+        expected = rotation(axis, 1.0) @ sheared
+        errors.append(np.linalg.norm(contacts.load[0, :3] - expected) / np.linalg.norm(sheared))
+    # Half of a times l over the shear displacement, times the direction cosines: 0.03.
+    assert errors[1] < 0.04
+    assert errors[1] < 0.55 * errors[0]
+
+
+def rotation(axis, angle):
+    """Shape (3, 3): the rotation about a unit axis, Rodrigues."""
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def test_oblique_collision_against_its_closed_form():
+    """Hertz: largest overlap; elastic: the normal velocity reverses; sliding throughout: Coulomb.
+
+    With a tangential velocity of ten times the normal one the contact slides from its first
+    steps to its end: each sphere gains mu times the normal impulse along the contact, and the spin
+    of its moment. Terms that are left out: overlap / R (1e-3), the contact's turn while it lasts,
+    tangential velocity times duration over D (1.3e-3), its centrifugal share of the deceleration
+    (1.4e-2), and the steps before and after full sliding.
+    """
+    friction, approach, glide = 0.1, 0.02, 0.2
+    normal = np.ones(3) / np.sqrt(3)
+    along = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    velocity = np.array([approach / 2 * normal, -approach / 2 * normal])
+    velocity += np.array([-glide / 2 * along, glide / 2 * along])
+    motion = Dynamics(two(2 * RADIUS * (1 - 1e-9), velocity, friction))
+    mass, modulus = motion.masses[0], GLASS.effective_young
+    dt, largest = 2e-8, 0.0
+    reduced, root = mass / 2, np.sqrt(RADIUS / 2)
+    deepest = (15 / 16 * reduced * approach**2 / (modulus * root)) ** 0.4
+    duration = 2.943 * deepest / approach
+    for _ in range(int(1.5 * duration / dt)):
+        motion.step(dt)
+        apart = np.linalg.norm(np.subtract(*motion.contacts.position))
+        largest = max(largest, 2 * RADIUS - apart)
+    assert motion.contacts.touching == 0
+    assert largest == pytest.approx(deepest, rel=1e-2)
+    gained = motion.velocity[1, :3] - velocity[1]
+    assert gained @ normal == pytest.approx(approach, rel=2e-2)
+    assert gained @ along == pytest.approx(-friction * approach, rel=0.1)
+    spin = np.cross(normal, along) * 2.5 * friction * approach / RADIUS
+    assert np.linalg.norm(motion.velocity[0, 3:]) == pytest.approx(np.linalg.norm(spin), rel=3e-2)
+    assert np.allclose(motion.velocity[0, 3:], motion.velocity[1, 3:])
+
+
+def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
+    """Without contacts a sphere without motion of its own keeps x over side at any rates."""
+    random = np.random.default_rng(1)
+    position = np.array([[1, 1, 2], [5, 2, 6], [8, 8, 3], [3, 7, 8]]) * 3e-3
+    sample = Sample(position, np.full(2, 0.03), np.array([0.0, 0.03]), 0.3)
+    motion = Dynamics(sample, damping=0.2)
+    share = position[:, :2] / sample.side
+    for _ in range(200):
+        motion.step(1e-6, lambda stress: 50 * random.standard_normal(3))
+    assert abs(motion.contacts.side / 0.03 - 1).max() > 1e-4
+    # Rounding of 200 steps; damping has nothing to oppose.
+    assert abs(motion.contacts.position[:, :2] / motion.contacts.side - share).max() < 1e3 * EPS
+
+
+def run(sample, steps, **options):
+    """The sample's motion under a servo to 300 kPa."""
+    motion = Dynamics(sample, damping=0.2, **options)
+    servo = protocol.Servo(3e5, protocol.INERTIAL_NUMBER)
+    for k in range(steps):
+        motion.step(STEP, servo.follow if k and k % 5 == 0 else None)
+    return motion
+
+
+def test_compiled_steps_are_those_of_numpy(hot, monkeypatch):
+    """To round-off: a hundred steps in which contacts slide, open and close."""
+    compiled = run(hot, 100)
+    monkeypatch.setattr(moving_contacts, "forces_by_loop", contact_forces.forces_by_arrays)
+    monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
+    arrays = run(hot, 100)
+    assert compiled.contacts.touching == arrays.contacts.touching
+    apart = abs(compiled.contacts.position - arrays.contacts.position).max()
+    # Rounding of a coordinate, eps times the length, grows as collisions part the ways.
+    assert apart < 1e3 * EPS * 50 * RADIUS
+    mean = compiled.contacts.mean_force
+    assert abs(compiled.contacts.load - arrays.contacts.load)[:, :3].max() < 1e-8 * mean
+    assert compiled.stress() == pytest.approx(arrays.stress(), rel=1e-9)
+
+
+def test_reach_of_the_list_changes_nothing(hot):
+    """A list that is renewed often or seldom has the same contacts; sums differ by their order."""
+    short, long = run(hot, 100, skin=0.005), run(hot, 100, skin=0.3)
+    assert short.contacts.touching == long.contacts.touching
+    apart = abs(short.contacts.position - long.contacts.position).max()
+    assert apart < 1e3 * EPS * 50 * RADIUS
+
+
+def test_slabs_of_one_pass_share_no_sphere():
+    """Every other slab; and all contacts are in one slab."""
+    random = np.random.default_rng(4)
+    n = 5000
+    first = np.sort(random.integers(0, n, 20000))
+    second = np.minimum(first + random.integers(1, 200, 20000), n - 1)
+    second[random.random(20000) < 0.05] = -1
+    slabs = loops.slabs_of(np.column_stack([first, second]), n)
+    assert slabs[0] == 0 and slabs[-1] == 20000 and (np.diff(slabs) >= 0).all()
+    assert len(slabs) > 8
+    for parity in (0, 1):
+        taken = set()
+        for k in range(parity, len(slabs) - 1, 2):
+            part = slice(slabs[k], slabs[k + 1])
+            mine = set(first[part]) | set(second[part][second[part] >= 0])
+            assert not mine & taken
+            taken |= mine
+
+
+THREADS = """
+import sys
+import numba
+sys.path[:0] = ["tests", "tests/preparation"]
+from modal import loops
+from test_dynamics import agitated, run
+loops.ENOUGH = 1
+sample = agitated()
+for threads in (1, 2):
+    numba.set_num_threads(threads)
+    print(run(sample, 50).contacts.position.tobytes().hex())
+"""
+
+
+def test_threads_change_no_bit():
+    pytest.importorskip("numba")
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "PYTHONPATH": str(ROOT)}
+    environment["OMP_NUM_THREADS"] = "2"
+    command = [sys.executable, "-c", THREADS]
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
+    one, two = done.stdout.split()
+    assert len(one) == 120 * 3 * 16 and one == two
+
+
+@pytest.mark.parametrize("drive", [{"stress": 3e5}, {"rate": 1.0}])
+def test_steps_are_those_of_yade(drive, tmp_path, yade):
+    """500 steps of 200 spheres that fly, spin, slide, part and meet, in a cell that is strained.
+
+    1e-8 of a diameter, of the mean contact force and of the stress; positions are rounded at 1e-17
+    m, an overlap of 1e-6 m, forces at 1e-11 of themselves, and 500 steps of collisions take the
+    ways apart by a factor of some hundred.
+    """
+    sample = agitated(200, aspect=2)
+    start, end = tmp_path / "start.sample.h5", tmp_path / "end.sample.h5"
+    write_sample(start, sample)
+    settings = {"steps": 500, "dt": STEP, "damping": 0.2, "interval": 5} | drive
+    script = str(ROOT / "yade_scripts" / "steps.py")
+    subprocess.run(
+        ["yade", "-n", "-x", "-j1", script, str(start), str(end), json.dumps(settings)],
+        timeout=300,
+        check=True,
+        capture_output=True,
+        cwd=tmp_path,
+    )
+    theirs, motion = read_sample(end), Dynamics(read_sample(start), damping=0.2)
+    control = protocol.ConstantRate(1.0) if "rate" in drive else protocol.Servo(3e5, 0.01)
+    stresses, touching, sliding = [], [motion.contacts.touching], []
+    for k in range(500):
+        due = k > 0 and k % 5 == 0
+        motion.step(STEP, control.follow if due else None)
+        touching.append(motion.contacts.touching)
+        sliding.append(motion.contacts.sliding)
+        if due:
+            stresses.append(control.stress)
+    assert max(touching) > touching[0] > min(touching) and np.mean(sliding) > 10
+    ours = motion.sample(moving=True)
+    assert ours.side == pytest.approx(theirs.side, rel=1e-12)
+    assert ours.walls == pytest.approx(theirs.walls, abs=1e-12 * RADIUS)
+    apart = ours.position - theirs.position
+    apart[:, :2] -= ours.side * np.round(apart[:, :2] / ours.side)
+    assert abs(apart).max() < 1e-8 * 2 * RADIUS
+    assert np.array(stresses) == pytest.approx(theirs.study["stresses"], rel=1e-8)
+    ours, theirs = ours.network(), theirs.network()
+    mean = theirs.force_normal.mean()
+    for name in ("particle_i", "particle_j", "cell_shift"):
+        assert np.array_equal(getattr(ours, name), getattr(theirs, name))
+    assert abs(ours.force_tangential - theirs.force_tangential).max() < 1e-8 * mean
+    assert abs(ours.force_normal - theirs.force_normal).max() < 1e-8 * mean

@@ -1,0 +1,154 @@
+"""The protocol of compression: its times, its step, its servo; what it refuses."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.preparation import protocol
+from modal.preparation.cloud import random_places
+from modal.preparation.protocol import PREPARATION, Servo, Stage, Study, steps_of
+from modal.theory.fcc import FccLattice
+
+STUDY = Study(spheres=400, width=4.2)
+
+
+@pytest.mark.parametrize("stress", protocol.STRESSES)
+def test_durations_are_those_of_the_committed_compressions(stress):
+    """They were walked with 5, 100 and 12,000 steps of 0.7 of the limit 1 / (pi f_max).
+
+    f_max 216 kHz at 100 kPa and 1.5 times the stress in the step. The numbers of the protocol have
+    three to four digits: a part in 200.
+    """
+    step = 0.7 / (math.pi * 2.16e5 * (1.5 * stress / 1e5) ** (1 / 6))
+    stage = Stage(f"{stress:g}", STUDY)
+    stage.control.stress = np.full(3, stress)
+    assert stage.time_step() == pytest.approx(step, rel=2e-4)
+    assert steps_of(stage.interval, step) == 5
+    assert steps_of(stage.check, step) == 100
+    assert stage.patience / step == pytest.approx(12000, rel=5e-3)
+
+
+def test_cooling_lasts_as_long_as_it_did():
+    step = 0.7 / (math.pi * 2.16e5)
+    assert Stage("cool", STUDY).patience / step == pytest.approx(6000, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", [*PREPARATION, "1000", "1e+07"])
+@pytest.mark.parametrize("over", [2, 4])
+def test_a_smaller_step_changes_no_duration(name, over):
+    whole, part = Stage(name, STUDY), Stage(name, replace(STUDY, fraction=0.7 / over))
+    for stage in (whole, part):
+        stage.control.stress = np.full(3, stage.control.target)
+    assert part.time_step() == pytest.approx(whole.time_step() / over)
+    for duration in ("interval", "check", "patience"):
+        assert getattr(part, duration) == getattr(whole, duration)
+    # A control every five steps: half a step in ten is the most that rounding shifts it by.
+    counts = [steps_of(stage.interval, stage.time_step()) for stage in (whole, part)]
+    assert counts[1] / counts[0] == pytest.approx(over, rel=0.1)
+
+
+def test_highest_frequency_scales_as_the_crystals():
+    """The formula of the FCC crystal's highest mode has the same units: one ratio for any glass.
+
+    sqrt(kn / m) at the overlap under the stress; the stress enters with its sixth root. Ratio of
+    shear to normal stiffness fixed by Poisson's ratio. The crystal's area shrinks by the overlap,
+    6e-4 diameters at 1 MPa.
+    """
+    ratio = []
+    for young, density, radius in ((60e9, 2230.0, RADIUS), (200e9, 7800.0, 4e-3)):
+        material = Material(young, 0.2, density)
+        for stress in (1e3, 1e6):
+            crystal = FccLattice(stress, radius=radius, material=material)
+            highest = protocol.highest_frequency(stress, radius, material)
+            ratio.append(highest / crystal.low_pass_frequency)
+    assert ratio == pytest.approx([ratio[0]] * 4, rel=6e-4)
+    # Random against crystal, by the study's own numbers at 100 kPa: 216.1 over 137.6 kHz.
+    assert ratio[0] == pytest.approx(216.1 / 137.6, rel=5e-3)
+
+
+def test_own_time():
+    assert protocol.own_time(1e5) == pytest.approx(2 * RADIUS * math.sqrt(GLASS.density / 1e5))
+
+
+def test_servo_reaches_the_stress_of_a_spring():
+    """Three springs of very different stiffness, one servo: stress = -stiffness strain."""
+    servo, stiffness, strain = Servo(1e5, 0.01), np.array([1e6, 1e8, 3e9]), np.zeros(3)
+    interval = protocol.duration(protocol.CONTROL, 1e5)
+    errors = []
+    for _ in range(4000):
+        strain = strain + interval * servo.follow(-stiffness * strain)
+        errors.append(servo.error())
+    # The soft spring needs a strain of 0.1 at the servo's limit; then crossings halve the rate.
+    assert 0.1 / (servo.limit * interval) < 4000
+    assert max(errors[-1000:]) < protocol.SETTLED[0]
+
+
+def test_state_is_settled_by_stress_and_balance():
+    stage = Stage("100000", STUDY)
+    error, residual = protocol.SETTLED
+    for off, unbalanced, settled in (
+        (0.9 * error, 0.9 * residual, True),
+        (1.1 * error, 0.9 * residual, False),
+        (0.9 * error, 1.1 * residual, False),
+    ):
+        stage.control.stress = 1e5 * np.array([1, 1 - off, 1])
+        assert stage.settled(unbalanced) is settled
+    assert not stage.impatient(0.99 * stage.patience) and stage.impatient(stage.patience)
+
+
+def test_what_a_study_may_change_changes_its_stages():
+    study = replace(STUDY, hot_stress=2e4, damping=0.4, residual=1e-2)
+    approach, state = Stage("approach", study), Stage("100000", study)
+    assert (approach.damping, state.damping) == (study.agitated_damping, 0.4)
+    for stress, over in ((1.9e4, False), (2.1e4, True)):
+        approach.control.stress = np.full(3, stress)
+        assert approach.settled(math.nan) is over
+    state.control.stress = np.full(3, 1e5)
+    assert state.settled(0.9e-2) and not state.settled(1.1e-2)
+
+
+def test_cloud_has_no_overlaps_and_follows_from_its_seed():
+    side, length = 6.0, 14.0
+    places = random_places(150, side, length, 3)
+    assert np.array_equal(places, random_places(150, side, length, 3))
+    assert not np.array_equal(places, random_places(150, side, length, 4))
+    apart = places[:, None] - places
+    apart[..., :2] -= side * np.round(apart[..., :2] / side)
+    distance = np.linalg.norm(apart, axis=2)[~np.eye(150, dtype=bool)]
+    assert distance.min() > 1
+    assert places[:, 2].min() >= 0.5 and places[:, 2].max() <= length - 0.5
+    assert (np.diff(places[:, 2]) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mu_comp": 0.0},
+        {"mu_comp": math.nan},
+        {"mu_comp": 1.5},
+        {"spheres": 99},
+        {"width": 3.9},
+        {"width": math.inf},
+        {"fraction": 0.0},
+        {"fraction": 1.2},
+        {"inertial_number": -0.1},
+        {"approach_rate": 0.0},
+        {"agitated_damping": 1.0},
+        {"damping": 0.0},
+        {"hot_stress": 10.0},
+        {"residual": 1.0},
+    ],
+)
+def test_impossible_study_is_one_line(wrong):
+    with pytest.raises(InputError) as error:
+        Study(**wrong)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_too_wide_a_cloud_is_refused():
+    with pytest.raises(InputError, match="width"):
+        random_places(100, 60.0, 1.5, 1)

@@ -1,0 +1,135 @@
+"""Packings written as other programs write them: dumps and tables, sound and spoilt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import packings
+
+from modal.packing.network import Network
+
+PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
+"""Young's modulus and Poisson's ratio of `packings.polydisperse`."""
+
+
+def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path, Path]:
+    """Dump custom, dump local and log of a packing, numbers with so many digits.
+
+    Ids begin at 1, in falling order, so that a reader who takes rows for numbers is found out.
+    """
+    atoms, contacts, log = (folder / name for name in ("x.atoms", "x.contacts", "log.lammps"))
+    n, wall = network.n_particles, network.with_wall
+    walled = bool(wall.any())
+    low = np.where(network.cell_periodic, 0.0, [0, 0, network.wall_position[0]])
+    flags = " ".join("pp" if axis else "ff" for axis in network.cell_periodic)
+    bounds = "".join(
+        f"{a:.17g} {a + b:.17g}\n" for a, b in zip(low, network.cell_size, strict=True)
+    )
+
+    def head(what: str, count: int, columns: str) -> str:
+        title = f"ITEM: TIMESTEP\n7\nITEM: NUMBER OF {what}\n{count}\n"
+        title += f"ITEM: BOX BOUNDS {flags}\n"
+        item = "ATOMS" if what == "ATOMS" else "ENTRIES"
+        return f"{title}{bounds}ITEM: {item} {columns}\n"
+
+    on_wall = np.zeros((n, 4))
+    force = network.force_tangential - network.force_normal[:, None] * network.normal
+    on_wall[network.particle_i[wall], 0] = 1
+    on_wall[network.particle_i[wall], 1:] = force[wall]
+    columns = "id type x y z radius mass" + " f_w[1] f_w[2] f_w[3] f_w[4]" * walled
+    text = head("ATOMS", n, columns)
+    for k in reversed(range(n)):
+        numbers = [*network.position[k], network.radius[k], network.mass[k]]
+        numbers += [*on_wall[k]] * walled
+        text += f"{k + 1} 1 " + " ".join(f"{number:.{digits}g}" for number in numbers) + "\n"
+    atoms.write_text(text)
+    columns = "index c_p[1] c_p[2] " + " ".join(f"c_f[{k}]" for k in range(1, 8))
+    text = head("ENTRIES", int((~wall).sum()), columns)
+    for row, c in enumerate(np.flatnonzero(~wall)):
+        pushed = -network.force_normal[c]
+        numbers = [-pushed, *network.force_tangential[c], *(pushed * network.normal[c])]
+        ends = f"{row + 1} {network.particle_i[c] + 1} {network.particle_j[c] + 1} "
+        text += ends + " ".join(f"{number:.{digits}g}" for number in numbers) + "\n"
+    contacts.write_text(text)
+    low_wall, high_wall = network.wall_position
+    log.write_text(
+        "LAMMPS (22 Jul 2025)\nunits si # metres\npair_style ${STYLE}\npair_style granular\n"
+        f"pair_coeff * * {PAIR.removeprefix('granular ')}\n"
+        + f"fix w all wall/gran {PAIR} zplane {low_wall:.17g} {high_wall:.17g} contacts\n"
+        * walled
+        + "compute p all property/local patom1 patom2 cutoff &\nradius\n"
+        "compute f all pair/local force p1 p2 p3 fx fy fz cutoff radius\n"
+    )
+    return atoms, contacts, log
+
+
+def tables(network: Network, folder: Path) -> tuple[Path, Path]:
+    """The same as two tables with named columns, contacts with their stiffnesses."""
+    spheres, contacts = folder / "spheres.csv", folder / "contacts.csv"
+    low = [0, 0, network.wall_position[0]]
+    bounds = np.column_stack([low, low + network.cell_size]).ravel()
+    axes = " ".join(axis for axis, on in zip("xyz", network.cell_periodic, strict=True) if on)
+    text = f"# cell {' '.join(map(repr, bounds.tolist()))}\n# periodic {axes}\n"
+    if not network.cell_periodic[2]:
+        text += f"# walls {' '.join(map(repr, network.wall_position.tolist()))}\n"
+    text += "id,x,y,z,radius,mass\n"
+    for k in range(network.n_particles):
+        numbers = [*network.position[k], network.radius[k], network.mass[k]]
+        text += f"{k + 10}," + ",".join(repr(float(number)) for number in numbers) + "\n"
+    spheres.write_text(text)
+    text = "i,j,kn,kt,fn,ftx,fty,ftz\n"
+    for c in range(network.n_contacts):
+        j = network.particle_j[c]
+        text += f"{network.particle_i[c] + 10},{j if j < 0 else j + 10},"
+        numbers = [network.stiffness_normal[c], network.stiffness_tangential[c]]
+        numbers += [network.force_normal[c], *network.force_tangential[c]]
+        text += ",".join(repr(float(number)) for number in numbers) + "\n"
+    contacts.write_text(text)
+    return spheres, contacts
+
+
+def sorted_ends(network: Network) -> np.ndarray:
+    """Order of contacts by their ends, so that two networks can be compared row by row."""
+    return np.lexsort((network.particle_j, network.particle_i))
+
+
+def packing(periodic_z: bool, n: int = 60) -> Network:
+    """A two-density packing of radii 1:3; its shear forces are made for the test."""
+    return packings.polydisperse(periodic_z, n=n)
+
+
+def respelt(path: Path, line: int, column: int, text: str, separator: str = " ") -> None:
+    """Write `text` in a column, from 0, of a line, from 1."""
+    lines = path.read_text().splitlines()
+    words = lines[line - 1].split(separator)
+    words[column] = text
+    lines[line - 1] = separator.join(words)
+    path.write_text("\n".join(lines) + "\n")
+
+
+LIGGGHTS = (
+    "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 "
+    "coefficientFriction 0.3"
+)
+"""The law of `packings.polydisperse` as LIGGGHTS has it."""
+
+
+def liggghts(network: Network, folder: Path) -> tuple[Path, Path]:
+    """Dump custom, and dump local of all 32 columns of pair/gran/local, forces on the second."""
+    atoms, contacts, _ = lammps(network, folder)
+    lines = contacts.read_text().splitlines()
+    names = " ".join(f"c_c[{k}]" for k in range(1, 33))
+    rows = []
+    for c in np.flatnonzero(~network.with_wall):
+        i, j = network.particle_i[c], network.particle_j[c]
+        normal = network.force_normal[c] * network.normal[c]
+        shear = -network.force_tangential[c]
+        numbers = np.zeros(32)
+        numbers[0:6] = *network.position[i], *network.position[j]
+        numbers[12:15] = i + 1, j + 1, 0
+        numbers[15:24] = *(normal + shear), *normal, *shear
+        numbers[31] = network.overlap[c]
+        rows.append(" ".join(f"{number:.17g}" for number in numbers))
+    contacts.write_text("\n".join([*lines[:8], f"ITEM: ENTRIES {names}", *rows]) + "\n")
+    return atoms, contacts

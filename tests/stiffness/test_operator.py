@@ -1,0 +1,201 @@
+"""K u without a matrix against the assembled matrix and the slow oracle."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.sparse.linalg import eigsh
+
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.tiling import repeat
+from modal.packing.validation import validate
+from modal.stiffness import operator
+from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.pre_stress import PRE_STRESS, contact_tangent
+
+EPS = np.finfo(float).eps
+
+
+def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Network:
+    """Contacts that no packing has: any levers, repeated pairs, spheres touching themselves."""
+    rng = np.random.default_rng(seed)
+    n, m = particles, contacts
+    i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
+    normal = rng.standard_normal((m, 3))
+    wall = j < 0
+    return Network(
+        position=rng.random((n, 3)),
+        radius=rng.uniform(0.5, 2, n),
+        mass=rng.uniform(0.5, 2, n),
+        inertia=rng.uniform(0.1, 0.4, n),
+        particle_i=i,
+        particle_j=j,
+        normal=normal / np.linalg.norm(normal, axis=1)[:, None],
+        lever_i=rng.standard_normal((m, 3)),
+        lever_j=np.where(wall[:, None], 0, rng.standard_normal((m, 3))),
+        stiffness_normal=rng.uniform(0, 3, m),
+        stiffness_tangential=rng.uniform(0, 3, m),
+        force_normal=rng.uniform(0, 0.1, m),
+        force_tangential=0.1 * rng.standard_normal((m, 3)),
+        overlap=rng.uniform(0, 0.1, m),
+        sliding=np.zeros(m, bool),
+        cell_shift=np.where(wall[:, None], 0, [[1, 0, 0]]),
+        cell_size=np.ones(3),
+        cell_periodic=np.array([True, True, False]),
+        wall_position=np.array([0.0, 1.0]),
+    )
+
+
+def round_off(network, pre_stress, x) -> np.ndarray:
+    """Bound of the error of K x for x (6n, k) or (3n, k), contact by contact.
+
+    A contact's twelve forces are sums of some 20 products, none above its largest stiffness times
+    its largest motion (levers are about 1 here); a short branch makes the pre-stress so large that
+    the entries of the assembled K, in which such terms cancel, bound nothing.
+    """
+    size = len(x) // network.n_particles
+    largest = abs(contact_tangent(network, pre_stress)).max(axis=(1, 2))
+    moved = abs(x).reshape(network.n_particles, size, -1).max(axis=1)
+    i, j = network.particle_i, network.particle_j
+    pair = j >= 0
+    reach = moved[i] + np.where(pair[:, None], moved[j], 0.0)
+    bound = np.zeros_like(moved)
+    np.add.at(bound, i, largest[:, None] * reach)
+    np.add.at(bound, j[pair], (largest[:, None] * reach)[pair])
+    return 20 * EPS * np.repeat(bound, size, axis=0)
+
+
+@pytest.mark.parametrize("translations_only", [False, True])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_diagonal_without_the_matrix(translations_only, seed):
+    network = random_springs(seed)
+    wanted = stiffness_matrix(network, translations_only=translations_only).diagonal()
+    found = stiffness_diagonal(network, translations_only=translations_only)
+    # Sums of a few dozen terms, each at most of the size of the largest entry.
+    assert abs(found - wanted).max() <= 100 * EPS * wanted.max()
+
+
+@pytest.mark.parametrize("translations_only", [False, True])
+@pytest.mark.parametrize("mass_scaled", [False, True])
+@pytest.mark.parametrize("pre_stress", PRE_STRESS)
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 10**6), width=st.sampled_from([None, 1, 3]))
+@example(seed=351, width=3)
+def test_equal_to_the_matrix(translations_only, mass_scaled, pre_stress, seed, width):
+    network = random_springs(seed)
+    K = stiffness_matrix(network, translations_only=translations_only, pre_stress=pre_stress)
+    mass = mass_diagonal(network, translations_only=translations_only)
+    scale = (1 / np.sqrt(mass) if mass_scaled else np.ones(len(mass)))[:, None]
+    options = {"translations_only": translations_only, "pre_stress": pre_stress}
+    applied = ContactOperator(network, mass_scaled=mass_scaled, **options)
+    shape = (K.shape[0],) if width is None else (K.shape[0], width)
+    x = np.random.default_rng(seed).standard_normal(shape)
+    columns = x.reshape(K.shape[0], -1)
+    expected = (scale * (K @ (scale * columns))).reshape(shape)
+    bound = (scale * round_off(network, pre_stress, scale * columns)).reshape(shape)
+    assert (abs(applied @ x - expected) <= bound).all()
+
+
+def test_equal_to_a_loop_in_python(slow_K):
+    network = gallery.fcc(cells=(2, 2, 3))
+    K = slow_K(network)
+    found = ContactOperator(network) @ np.eye(len(K))
+    assert abs(found - K).max() <= 1e-13 * abs(K).max()
+
+
+def test_accumulate_and_out():
+    network = random_springs(1)
+    applied = ContactOperator(network)
+    x = np.random.default_rng(2).standard_normal(applied.shape[0])
+    once = applied.apply(x)
+    given_array = np.full(len(x), 7.0)
+    assert applied.apply(x, out=given_array) is given_array
+    assert np.array_equal(given_array, once)
+    total = applied.accumulate(x, np.ones(len(x)), -2.0)
+    assert total == pytest.approx(1 - 2 * once, rel=1e-12, abs=1e-12)
+    with pytest.raises(ValueError, match="shape"):
+        applied.apply(x[:-1])
+    # Arrays in no order that a compiled loop takes are written to all the same.
+    scattered = np.zeros((len(x), 2))[:, 0]
+    assert np.array_equal(applied.accumulate(x, scattered), applied.accumulate(x, np.zeros(len(x))))
+    spoilt = np.full(len(x), np.nan)
+    assert np.array_equal(applied.apply(x, out=spoilt), once)
+    mixed = applied.combine(x, once.copy(), 2.0, -3.0, 0.5)
+    assert mixed == pytest.approx(2.5 * once - 3 * x, rel=1e-12, abs=1e-12)
+
+
+def test_symmetric_and_usable_by_arpack():
+    network = gallery.fcc(cells=(2, 2, 6))
+    applied = ContactOperator(network, mass_scaled=True)
+    assert applied.H is applied
+    top = eigsh(applied, k=1, which="LA", return_eigenvectors=False, tol=1e-12)
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    dense = scale[:, None] * stiffness_matrix(network).toarray() * scale
+    assert top[0] == pytest.approx(np.linalg.eigvalsh(dense)[-1], rel=1e-10)
+
+
+def test_without_numba_the_matrix_does_the_same(monkeypatch):
+    network = random_springs(3)
+    x = np.random.default_rng(4).standard_normal((6 * network.n_particles, 2))
+    compiled = ContactOperator(network, mass_scaled=True).apply(x)
+    monkeypatch.setattr(operator, "numba", None)
+    plain = ContactOperator(network, mass_scaled=True)
+    assert plain.apply(x) == pytest.approx(compiled, rel=1e-12, abs=1e-12)
+    assert plain.accumulate(x, x.copy(), 2.0) == pytest.approx(x + 2 * compiled, rel=1e-11)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("pre_stress", PRE_STRESS)
+@pytest.mark.parametrize("width", [None, 1, 3])
+@pytest.mark.parametrize("kind", [float, complex])
+def test_real_and_complex_vectors(kind, width, pre_stress, compiled, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr(operator, "numba", None)
+    elif operator.numba is None:
+        pytest.skip("numba is not installed")
+    network, rng = random_springs(5), np.random.default_rng(6)
+    K = stiffness_matrix(network, pre_stress=pre_stress)
+    shape = (K.shape[0],) if width is None else (K.shape[0], width)
+    x = rng.standard_normal(shape).astype(kind)
+    if kind is complex:
+        x += 1j * rng.standard_normal(shape)
+    applied = ContactOperator(network, pre_stress=pre_stress)
+    found = applied @ x
+    assert found.dtype == kind
+    bound = 2 * round_off(network, pre_stress, x.reshape(len(x), -1)).reshape(shape)
+    assert (abs(found - K @ x) <= bound).all()
+    total = applied.accumulate(x, x.copy(), 2.0)
+    assert (abs(total - (x + 2 * (K @ x))) <= 3 * bound + EPS * abs(x)).all()
+
+
+def test_complex_vector_does_not_fit_a_real_result():
+    applied = ContactOperator(random_springs(5))
+    with pytest.raises((ValueError, TypeError)):
+        applied.accumulate(np.ones(applied.shape[0], complex), np.zeros(applied.shape[0]))
+
+
+def test_a_repeated_sample_is_the_larger_crystal():
+    """Copies of a crystal of one sphere a layer: the same spectrum as the crystal made at once."""
+    repeated = repeat(gallery.fcc(cells=(1, 1, 3)), 3, 2)
+    again = repeat(repeat(gallery.fcc(cells=(1, 1, 3)), 3, 1), 1, 2)
+    spectra = []
+    for network in (repeated, again):
+        validate(network)
+        spectra.append(np.linalg.eigvalsh(stiffness_matrix(network).toarray()))
+        # Every contact joins what its normal says.
+        pair = ~network.with_wall
+        i, j = network.particle_i[pair], network.particle_j[pair]
+        there = network.position[j] + network.cell_shift[pair] * network.cell_size
+        reach = (network.lever_i - network.lever_j)[pair]
+        assert there - network.position[i] == pytest.approx(reach, abs=1e-12)
+    assert spectra[0] == pytest.approx(spectra[1], rel=1e-9, abs=1e-9 * spectra[0][-1])
+    square = np.linalg.eigvalsh(
+        stiffness_matrix(repeat(gallery.fcc(cells=(1, 1, 3)), 2, 2)).toarray()
+    )
+    direct = np.linalg.eigvalsh(stiffness_matrix(gallery.fcc(cells=(2, 2, 3))).toarray())
+    assert square == pytest.approx(direct, rel=1e-9, abs=1e-9 * direct[-1])
+    with pytest.raises(InputError, match="periodic"):
+        repeat(gallery.column(3), 2, 1)

@@ -1,0 +1,101 @@
+"""The pages say what is so: every block of Python and of commands runs, links lead to files."""
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import analysis.__main__
+import modal
+from modal.cli.main import main
+from modal.packing.network_file import write_network
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+PROGRAMS = {"granular-modes": main, "python -m analysis": analysis.__main__.main}
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page):
+    return BLOCK.findall(page.read_text())
+
+
+def with_blocks():
+    return [page for page in PAGES if {kind for kind, _ in blocks(page)} & {"python", "console"}]
+
+
+@pytest.mark.parametrize("page", with_blocks(), ids=lambda page: page.name)
+def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
+    """In the page's order and in one folder; names stay from block to block, as for a reader."""
+    pytest.importorskip("matplotlib").use("agg")
+    monkeypatch.chdir(tmp_path)
+    # What pages call the reader's own.
+    write_network("mine.network.h5", modal.fcc(cells=(2, 2, 12)))
+    names = {}
+    for kind, text in blocks(page):
+        if kind == "python":
+            exec(compile(text, page.name, "exec"), names)
+        elif kind == "console":
+            for line in text.splitlines():
+                (program,) = [name for name in PROGRAMS if line.startswith(f"$ {name} ")]
+                arguments = shlex.split(line.removeprefix(f"$ {program} "))
+                assert PROGRAMS[program](arguments) == 0, (line, capsys.readouterr().err)
+
+
+def test_other_blocks_are_of_kinds_that_are_known():
+    """`text` is what needs YADE, a cluster, an installation or another program's files."""
+    for page in PAGES:
+        kinds = {kind for kind, _ in blocks(page)}
+        assert kinds <= {"python", "console", "text"}, (page.name, kinds)
+
+
+def test_commands_of_text_blocks_have_options_that_exist():
+    """What cannot run without other programs' files is parsed at least."""
+    from modal.cli.main import parser
+
+    lines = [
+        line.split("#")[0].strip()
+        for page in PAGES
+        for kind, text in blocks(page)
+        if kind == "text"
+        for line in text.splitlines()
+        if line.startswith("granular-modes ") and "--help" not in line
+    ]
+    assert len(lines) > 10
+    for line in lines:
+        parser().parse_args(shlex.split(line)[1:])
+
+
+def test_links_within_the_repository_lead_to_files():
+    for page in PAGES:
+        text = BLOCK.sub("", page.read_text())
+        for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
+            if not re.match(r"https?:", target):
+                assert (page.parent / target).exists(), (page.name, target)
+                # The site has pictures from anywhere, but pages from its own folder alone.
+                outside = page.parent.name == "docs" and target.startswith("..")
+                assert not (outside and target.endswith(".md")), (page.name, target)
+
+
+def test_the_readme_is_one_page():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 80
+
+
+def test_every_page_is_in_the_site():
+    index = (ROOT / "docs/index.md").read_text()
+    lists = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
+    names = {line for text in lists for line in text.split() if not line.startswith(":")}
+    for page in (ROOT / "docs").glob("*.md"):
+        assert page.stem == "index" or page.stem in names, page.name
+
+
+def test_the_version_is_one():
+    """Where it is citable, installed, imported and told."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert project["version"] == modal.__version__
+    assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == modal.__version__
+    assert f"## {modal.__version__}" in (ROOT / "CHANGELOG.md").read_text()
+    assert project["license"] in citation

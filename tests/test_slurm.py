@@ -1,0 +1,203 @@
+"""The study on a real Slurm: a small study of two frictions, disturbed in every way it may be.
+
+tests/slurm_here.sh starts a Slurm of this machine. What counts: the next run ends, makes nothing
+twice, and its products are those of a run without Slurm.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from test_faults import equal
+
+ROOT = Path(__file__).resolve().parents[1]
+HERE = str(ROOT / "tests/slurm_here.sh")
+SPHERES = "1000"
+STUDY = ["./run_cases.sh", "--case", "6", "10", "--spheres", SPHERES, "--from-scratch"]
+STUDY += ["--stage", "wave"]
+FOLDER = f"products/{SPHERES}_spheres"
+PATIENCE = 1800
+"""Seconds that a run may take on a busy machine."""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory, yade) -> Iterator[Path]:
+    """A copy of the project with this very Python in place of .venv, and a Slurm."""
+    if not importlib.util.find_spec("snakemake_executor_plugin_slurm"):
+        pytest.skip("Slurm: its plugin of Snakemake is not installed: pip install .[slurm]")
+    if not shutil.which("slurmctld") or os.geteuid():
+        pytest.skip("no Slurm that could be started: tests/slurm_here.sh install, as root")
+    folder = tmp_path_factory.mktemp("slurm") / "start"
+    folder.mkdir()
+    for name in ("modal", "analysis", "yade_scripts", "cases", "workflow"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("run_cases.sh", "setup.sh", "pyproject.toml"):
+        shutil.copy(ROOT / name, folder)
+    python = folder / ".venv/bin/python"
+    python.parent.mkdir(parents=True)
+    paths = ":".join(path for path in sys.path if path and path != str(ROOT))
+    python.write_text(
+        f'#!/bin/sh\nexport PYTHONPATH="$PYTHONPATH:{paths}"\nexec {sys.executable} "$@"\n'
+    )
+    python.chmod(0o755)
+    for name in ("workflow", "slurm"):
+        shutil.copy(ROOT / "pyproject.toml", folder / f".venv/installed-{name}")
+    subprocess.run([HERE, "start"], check=True)
+    yield folder
+    subprocess.run([HERE, "stop"], check=True)
+
+
+@pytest.fixture(scope="module")
+def local(start) -> Path:
+    """The study without Slurm."""
+    folder = start.with_name("local")
+    shutil.copytree(start, folder)
+    assert ended(run(folder)) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(start, local) -> Path:
+    """The study by Slurm, complete; each disturbance takes something away from it."""
+    folder = start.with_name("whole")
+    shutil.copytree(start, folder)
+    assert ended(run(folder, "--slurm")) == 0
+    same(local, folder)
+    return folder
+
+
+def run(folder: Path, *options: str, **environment: str) -> subprocess.Popen:
+    """Start the study in a process group of its own; what it says goes to a file beside it."""
+    with open(folder.with_suffix(".out"), "a") as out:
+        return subprocess.Popen(
+            [*STUDY, *options],
+            cwd=folder,
+            env=os.environ | environment,
+            stdout=out,
+            stderr=out,
+            start_new_session=True,
+        )
+
+
+def ended(process: subprocess.Popen) -> int:
+    return process.wait(timeout=PATIENCE)
+
+
+def same(local: Path, folder: Path) -> None:
+    """Equal products; walks note how long they took, and how far they had come."""
+    equal(local / FOLDER, folder / FOLDER)
+
+
+def without(folder: Path, *names: str) -> dict[Path, float]:
+    """Take products away; when the others were made."""
+    for name in names:
+        path = folder / FOLDER / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return {path: path.stat().st_mtime for path in (folder / FOLDER).glob("*.h5")}
+
+
+def kept(before: dict[Path, float]) -> bool:
+    return all(path.stat().st_mtime == made for path, made in before.items())
+
+
+def job(rule: str, folder: Path) -> str:
+    """The number of this study's running job of a rule, once there is one."""
+    for _ in range(PATIENCE):
+        command = ["squeue", "--me", "--noheader", "--states=running", "--format=%i|%Z|%k"]
+        for line in subprocess.run(command, capture_output=True, text=True).stdout.splitlines():
+            number, where, comment = line.split("|", 2)
+            if where == str(folder) and rule in comment:
+                return number
+        time.sleep(0.5)
+    raise AssertionError(f"no job of {rule}")
+
+
+def jobs(folder: Path, rule: str = "") -> list[str]:
+    """States of all jobs that this study has had, of a rule."""
+    command = ["squeue", "--noheader", "--states=all", "--format=%k %T %Z"]
+    lines = subprocess.run(command, capture_output=True, text=True).stdout.splitlines()
+    own = [line.split() for line in lines if line.endswith(f" {folder}")]
+    return [state for comment, state, _ in own if rule in comment]
+
+
+def test_every_job_is_one_of_slurms(whole):
+    """Ten products, and that they are those of a run without Slurm `whole` has seen."""
+    assert jobs(whole) == 10 * ["COMPLETED"]
+
+
+def test_failing_job(local, whole):
+    """An unstable time step fails twice; the other case is made; the next run mends it."""
+    before = without(whole, "case06.signals.h5")
+    assert ended(run(whole, "--slurm", WAVE_FRACTION="1.5")) == 2
+    assert not (whole / FOLDER / "case06.signals.h5").exists()
+    # The other case's signals were stale with that fraction, and so is what is left of them.
+    before = {path: made for path, made in before.items() if "signals" not in path.name}
+    assert ended(run(whole, "--slurm")) == 0
+    same(local, whole)
+    assert kept(before)
+
+
+def test_cancelled_job(local, whole):
+    """A walk that is cancelled starts once more, or goes on in the next run."""
+    case = [f"case10.{kind}.h5" for kind in ("sample", "network", "highest.modes", "signals")]
+    before = without(whole, "compression_mu0.01", "walks/compression_mu0.01", *case)
+    study = run(whole, "--slurm")
+    subprocess.run(["scancel", job("states", whole)], check=True)
+    if ended(study) != 0:
+        assert ended(run(whole, "--slurm")) == 0
+    same(local, whole)
+    assert kept(before)
+
+
+def test_time_limit(local, whole):
+    """A job that is stopped until its limit is over: it is tried again, with twice the time."""
+    before = without(whole, "case06.highest.modes.h5", "case06.signals.h5")
+    study = run(whole, "--slurm")
+    number = job("highest_mode", whole)
+    subprocess.run(["scontrol", "update", f"JobId={number}", "TimeLimit=1"], check=True)
+    subprocess.run(["scancel", "--full", "--signal=STOP", number], check=True)
+    if ended(study) != 0:
+        assert ended(run(whole, "--slurm")) == 0
+    state = ["squeue", "--noheader", "--states=all", "--format=%T", "--jobs", number]
+    assert subprocess.run(state, capture_output=True, text=True).stdout.strip() == "TIMEOUT"
+    same(local, whole)
+    assert kept(before)
+
+
+def test_killed_driver(local, whole):
+    """Its jobs go on; the next run waits for them and makes the rest."""
+    case = [f"case10.{kind}.h5" for kind in ("network", "highest.modes", "signals")]
+    before, networks = without(whole, *case), jobs(whole, "network")
+    study = run(whole, "--slurm")
+    job("network", whole)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(study.pid, signal.SIGKILL)
+    study.wait()
+    assert ended(run(whole, "--slurm")) == 0
+    same(local, whole)
+    assert kept(before)
+    # Snakemake's part of a job touches its product when all is over: count jobs, not times.
+    assert jobs(whole, "network") == [*networks, "COMPLETED"]
+
+
+def test_controller_that_restarts(local, whole):
+    """Away for twenty seconds in the middle of a job: the run waits and ends."""
+    before = without(whole, "case06.signals.h5", "case10.signals.h5")
+    study = run(whole, "--slurm")
+    job("yade_wave", whole)
+    subprocess.run([HERE, "restart", "20"], check=True)
+    assert ended(study) == 0
+    same(local, whole)
+    assert kept(before)

@@ -1,0 +1,220 @@
+"""Viscous contacts: matrix exponentials, the damped chain, quadratic eigenproblems."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import eig, expm
+
+import modal
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.modes.damped import damped_modes, decay_rates
+from modal.modes.problem import Eigenproblem
+from modal.packing.network_file import write_network
+from modal.stiffness.damping import ContactDamping
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.walls import wall_pattern
+from modal.theory.fcc import FccLattice
+from modal.waves.source import Pulse, SampledMotion
+
+CRYSTAL = FccLattice(1e5)
+DAMPING = ContactDamping(0.05, 0.03)
+
+
+def layer_dashpot(damping: ContactDamping) -> float:
+    """Between layers of the crystal, for each sphere, N s/m: 2 (cn + ct), as Eq. 8 of springs."""
+    critical = [2 * np.sqrt(k * CRYSTAL.mass / 2) for k in (CRYSTAL.kn, CRYSTAL.kt)]
+    return 2 * (damping.normal * critical[0] + damping.tangential * critical[1])
+
+
+def state_matrix(network, damping, axis):
+    """L (2N + 3), dense, of u, v in um/us and of the pulse's own d, d', 1; and its step of 1 us."""
+    K, M = stiffness_matrix(network).toarray(), mass_diagonal(network)
+    dashpots = damping.dashpots(network)
+    C, N = stiffness_matrix(dashpots).toarray(), len(M)
+    spring, viscous = (wall_pattern(net, -1, axis=axis)[0] for net in (network, dashpots))
+    L = np.zeros((2 * N + 3, 2 * N + 3))
+    L[:N, N : 2 * N] = np.eye(N)
+    L[N : 2 * N, :N], L[N : 2 * N, N : 2 * N] = -K / M[:, None], -C / M[:, None]
+    L[N : 2 * N, 2 * N], L[N : 2 * N, 2 * N + 1] = spring / M, viscous / M
+    drive = 2 * np.pi * 1e5
+    L[2 * N, 2 * N + 1], L[2 * N + 1, 2 * N] = 1, -(drive**2)
+    L[2 * N + 1, 2 * N + 2] = drive**2 * 2.5e-9
+    unit = np.concatenate([np.ones(N), np.full(N, 1e6), [1, 1e6, 1]])
+    return L * unit / unit[:, None] * 1e-6
+
+
+@pytest.mark.parametrize("direction", ["x", "z"])
+def test_wave_against_matrix_exponentials(direction):
+    """The pulse as an oscillator of its own: no polynomial, no step; every sphere, both walls."""
+    network, axis = modal.fcc(cells=(1, 1, 12)), "xyz".index(direction)
+    N = 6 * network.n_particles
+    step = expm(state_matrix(network, DAMPING, axis))
+    state = np.zeros(2 * N + 3)
+    state[-1] = 1
+    states = [state]
+    for k in range(50):
+        if k == 10:
+            state = state.copy()
+            state[2 * N :] = 0
+        state = step @ state
+        states.append(state)
+    states = np.array(states)
+    u, v = states[:, :N], states[:, N : 2 * N] * 1e6
+    signals = modal.propagate(
+        network, duration=5e-5, damping=DAMPING, direction=direction, particles=True
+    ).signals
+    scale = abs(u).max()
+    assert signals.particle_displacement == pytest.approx(u[:, axis::6], abs=1e-9 * scale)
+    dashpots = DAMPING.dashpots(network)
+    source, stress = np.zeros(51), np.zeros((2, 51))
+    source[:11] = states[:11, 2 * N]
+    speed = np.zeros(51)
+    speed[:11] = states[:11, 2 * N + 1] * 1e6
+    for wall, sign in ((0, -1), (1, 1)):
+        for net, motion, d in ((network, u, source), (dashpots, v, speed)):
+            _, row, held = wall_pattern(net, -1 - wall, axis=axis)
+            stress[wall] += sign * motion @ row + (held * d if wall == 0 else 0)
+    stress /= network.area
+    top = abs(stress).max()
+    assert signals.source_stress == pytest.approx(stress[0], abs=1e-8 * top)
+    assert signals.receiver_stress == pytest.approx(stress[1], abs=1e-8 * top)
+
+
+def test_no_damping_is_the_elastic_wave():
+    """Dashpots of 1e-12 of the critical: the Taylor series against Chebyshev's, nothing shared."""
+    network = modal.random_packing(spheres=80, seed=4)
+    elastic = modal.propagate(network, duration=5e-5, particles=True).signals
+    nearly = modal.propagate(
+        network, duration=5e-5, particles=True, damping=ContactDamping(1e-12, 0)
+    ).signals
+    scale = abs(elastic.particle_displacement).max()
+    assert nearly.particle_displacement == pytest.approx(
+        elastic.particle_displacement, abs=1e-8 * scale
+    )
+    same = modal.propagate(network, duration=5e-5, damping=ContactDamping(0, 0)).signals
+    assert (same.chain_displacement == elastic.chain_displacement).all()
+
+
+def test_attenuation_of_the_crystal_is_that_of_the_damped_chain():
+    """cos(kappa l) = 1 - m omega^2 / (2 (C - i omega D)), D the layers' dashpots, kappa complex.
+
+    The record lasts until all is at rest: the transform of three layers then has no cut, and their
+    ratio is the cosine exactly.
+    """
+    damping = ContactDamping(0.3, 0.2)
+    network = modal.fcc(cells=(1, 1, 24))
+    signals = modal.propagate(
+        network, duration=7e-3, damping=damping, motion=Pulse(2.5e-9, 4e4), tolerance=1e-11,
+        interval=1e-6, particles=True,
+    ).signals  # fmt: skip
+    field = signals.particle_displacement
+    assert abs(field[-1]).max() < 1e-7 * abs(field).max()
+    for frequency in (1.1e4, 2.6e4, 5.2e4):
+        omega = 2 * np.pi * frequency
+        U = np.exp(1j * omega * signals.time) @ field
+        middle = np.arange(8, 14)
+        cosine = (U[middle - 1] + U[middle + 1]) / (2 * U[middle])
+        stiff = CRYSTAL.C - 1j * omega * layer_dashpot(damping)
+        kappa = np.arccos(1 - CRYSTAL.mass * omega**2 / (2 * stiff))
+        found = np.arccos(cosine)
+        assert found == pytest.approx(np.full(len(middle), kappa), rel=1e-6)
+        assert kappa.imag > 1e-3
+
+
+def test_complex_modes_against_a_dense_quadratic_eigenproblem():
+    network = modal.random_packing(spheres=60, seed=5)
+    problem = Eigenproblem.of(network)
+    A, size = problem.scaled.toarray(), problem.size
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    C = scale[:, None] * stiffness_matrix(DAMPING.dashpots(network)).toarray() * scale
+    w = 1e6  # a unit of rate in which both halves of the companion are of one size
+    companion = np.block([[np.zeros((size, size)), np.eye(size)], [-A / w**2, -C / w]])
+    every = eig(companion, right=False) * w
+    for near in (2e4, 1e5):
+        found = damped_modes(network, DAMPING, near=near, count=6)
+        rate = -found.decay + 2j * np.pi * found.frequency
+        wanted = every[np.argsort(abs(every - 2j * np.pi * near))[:6]]
+        wanted = wanted[np.argsort(wanted.imag)]
+        # Round-off of the companion's largest entries against those of the mode.
+        assert rate == pytest.approx(wanted, rel=1e-8)
+        assert found.residual.max() < 1e-8
+        assert found.quality == pytest.approx(abs(wanted) / (-2 * wanted.real), rel=1e-6)
+
+
+def test_modes_of_the_endless_crystal_decay_as_its_chain_does():
+    """m lambda^2 + (C + lambda D) 4 sin^2(kappa l / 2) = 0 at the wave numbers of the cell."""
+    network = modal.fcc(cells=(1, 1, 8), periodic_z=True)
+    kappa = 2 * np.pi * 2 / network.length
+    s2 = 4 * np.sin(kappa * CRYSTAL.layer_distance / 2) ** 2
+    roots = np.roots([CRYSTAL.mass, layer_dashpot(DAMPING) * s2, CRYSTAL.C * s2])
+    wanted = roots[roots.imag > 0][0]
+    found = damped_modes(network, DAMPING, near=wanted.imag / (2 * np.pi), count=4)
+    rate = -found.decay + 2j * np.pi * found.frequency
+    assert abs(rate / wanted - 1).min() < 1e-9
+    # A little damping: the decay of elastic modes to first order, off by its square.
+    little = ContactDamping(0.005, 0.003)
+    crystal = modal.fcc(cells=(1, 1, 20))
+    elastic = modal.eigenmodes(crystal, lowest=120)
+    rates = decay_rates(elastic, crystal, little)
+    exact = damped_modes(crystal, little, near=4e3, count=3)
+    near = np.argsort(abs(elastic.frequency - 4e3))[:3]
+    assert np.sort(rates[near]) == pytest.approx(np.sort(exact.decay), rel=1e-3)
+    total = stiffness_matrix(little.dashpots(crystal)).diagonal() / mass_diagonal(crystal)
+    assert rates.sum() == pytest.approx(total.sum() / 2, rel=1e-9)
+
+
+def test_energy_only_falls_once_the_wall_rests():
+    """Kinetic plus elastic energy of a free decay, from its own signals: each look below the last.
+
+    Against a Runge-Kutta of scipy in another form of the equations, too.
+    """
+    network = modal.fcc(cells=(1, 1, 10))
+    K, M = stiffness_matrix(network), mass_diagonal(network)
+    C = stiffness_matrix(DAMPING.dashpots(network))
+    motion = SampledMotion(np.array([0, 5e-6, 1.2e-5]), np.array([0, 2e-9, 0]))
+    signals = modal.propagate(
+        network, duration=3e-5, damping=DAMPING, motion=motion, particles=True
+    ).signals
+    spring, viscous = (wall_pattern(n, -1)[0] for n in (network, DAMPING.dashpots(network)))
+
+    def rate(t, y):
+        u, v = y[: len(M)], y[len(M) :] * 1e6
+        d = np.interp(t, motion.time, motion.value)
+        speed = 2e-9 / 5e-6 if t < 5e-6 else -2e-9 / 7e-6 if t < 1.2e-5 else 0.0
+        force = spring * d + viscous * speed - K @ u - C @ v
+        return np.concatenate([v, force / M / 1e6])
+
+    state, states, energy = np.zeros(2 * len(M)), [np.zeros(2 * len(M))], []
+    for a, b in ((0, 5e-6), (5e-6, 1.2e-5), (1.2e-5, 3e-5)):
+        at = np.round(np.arange(a + 1e-6, b + 5e-7, 1e-6), 9)
+        run = solve_ivp(rate, (a, b), state, "DOP853", at.clip(a, b), rtol=1e-10, atol=1e-20)
+        states += list(run.y.T)
+        state = run.y[:, -1]
+    for y in states[12:]:
+        u, v = y[: len(M)], y[len(M) :] * 1e6
+        energy.append(u @ (K @ u) / 2 + M @ v**2 / 2)
+    assert (np.diff(energy) < 0).all()
+    wanted = np.array(states)[:, 2 : len(M) : 6]
+    scale = abs(wanted).max()
+    # Between two corners the rate jumps within rounding: some 1e-7 of Runge-Kutta's own.
+    assert signals.particle_displacement == pytest.approx(wanted, abs=1e-6 * scale)
+
+
+def test_damping_that_gives_energy_is_refused(tmp_path, capsys):
+    for wrong in ((-0.1, 0.0), (0.0, -1e-9), (np.nan, 0.0)):
+        with pytest.raises(InputError, match="takes energy"):
+            ContactDamping(*wrong)
+    network = modal.fcc(cells=(1, 1, 6))
+    with pytest.raises(InputError, match="pre-stress 'full' with damping"):
+        modal.propagate(network, duration=1e-5, damping=DAMPING, pre_stress="full")
+    with pytest.raises(InputError, match="above 0"):
+        damped_modes(network, DAMPING, near=-5.0)
+    path = tmp_path / "c.network.h5"
+    write_network(path, network)
+    command = ["wave", str(path), "--duration", "1e-5", "--damping"]
+    assert main([*command, "-0.1", "0"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert main([*command, "0.05", "0.03"]) == 0
+    assert main([*command, "0.05", "0.03", "--method", "leapfrog", "--time-step", "1e-7"]) == 2
+    assert "leapfrog" in capsys.readouterr().err

@@ -1,0 +1,132 @@
+"""Motions of the source wall: pulses of several cycles, chirps, steps, and those from a file."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import modal
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.packing.network_file import write_network
+from modal.stiffness.damping import ContactDamping
+from modal.waves.source import Pulse, SampledMotion, chirp, read_motion, step, write_motion
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 3, 7])
+def test_pulse_of_several_cycles_by_duhamels_integral(cycles):
+    """Oscillators below, at and above the drive, during the pulse and after it; 1e-9 of the top."""
+    pulse = Pulse(2e-9, 1e5, cycles)
+    drive = 2e5 * np.pi
+    omega = np.array([0.0, 0.1, 0.5, 0.5000001, 1.0, 1.0000001, 2.3]) * drive
+    time = np.array([0.3e-5, 0.9e-5, cycles * 1e-5, cycles * 1e-5 + 1e-12, (cycles + 1.7) * 1e-5])
+    found = pulse.response(omega**2, time)
+    for row, w in enumerate(omega):
+        for column, t in enumerate(time):
+
+            def inner(s, w=w, t=t):
+                late = (t - s) if w == 0 else np.sin(w * (t - s)) / w
+                return 2e-9 * (1 - np.cos(drive * s)) * late
+
+            end = min(t, cycles * 1e-5)
+            wanted = sum(
+                quad(inner, a, min(a + 1e-5, end), epsabs=0, epsrel=1e-11)[0]
+                for a in np.arange(0, end, 1e-5)
+            )
+            assert found[row, column] == pytest.approx(wanted, abs=1e-9 * abs(found).max())
+
+
+def test_cycles_add_up():
+    """Three cycles are one, and one a period later, and one two periods later."""
+    network, times = modal.fcc(cells=(1, 1, 20)), {"duration": 6e-5, "interval": 1e-6}
+    one = modal.propagate(network, **times, motion=Pulse()).signals.chain_displacement
+    three = modal.propagate(network, **times, motion=Pulse(cycles=3)).signals.chain_displacement
+    total = one.copy()
+    total[10:] += one[:-10]
+    total[20:] += one[:-20]
+    assert three == pytest.approx(total, abs=1e-8 * abs(three).max())
+
+
+def test_a_step_ends_in_the_static_state():
+    """Springs in a row under a displacement of one end, once dashpots have taken the rest."""
+    network = modal.fcc(cells=(1, 1, 8))
+    motion = step(1e-9, 2e-5)
+    assert motion.displacement(np.array([0, 1e-5, 2e-5, 1.0])) == pytest.approx(
+        [0, 1e-9, 2e-9, 2e-9], abs=1e-22
+    )
+    signals = modal.propagate(
+        network, duration=8e-4, interval=1e-4, motion=motion, damping=ContactDamping(0.8, 0.8),
+        particles=True,
+    ).signals  # fmt: skip
+    crystal = modal.FccLattice(1e5)
+    wall = network.stiffness_normal[network.with_wall][0]
+    give = np.array([1 / wall, *[1 / crystal.C] * 7, 1 / wall])
+    wanted = 2e-9 * (1 - np.cumsum(give)[:-1] / give.sum())
+    assert signals.particle_displacement[-1] == pytest.approx(wanted, rel=1e-6)
+    held = 2e-9 / give.sum() / crystal.spacing**2
+    for stress in (signals.source_stress, signals.receiver_stress):
+        assert stress[-1] == pytest.approx(held, rel=1e-6)
+
+
+def test_a_chirp_sweeps_its_band():
+    """Its spectrum lies between the two frequencies, and its phase turns as it should."""
+    motion = chirp(1e-9, 2e4, 8e4, 1e-3)
+    time = np.arange(0, 1e-3, 1e-6)
+    d = motion.displacement(time)
+    power = abs(np.fft.rfft(d, 1 << 14)) ** 2
+    f = np.fft.rfftfreq(1 << 14, 1e-6)
+    assert power[(f > 2e4) & (f < 8e4)].sum() > 0.98 * power.sum()
+    assert motion.value[0] == motion.value[-1] == 0 and abs(d).max() == pytest.approx(
+        1e-9, rel=0.02
+    )
+    turns = 2e4 * 1e-3 + 6e4 * 1e-3 / 2
+    assert (np.diff(np.sign(d[1:])) != 0).sum() == pytest.approx(2 * turns, abs=3)
+
+
+def test_file_and_back(tmp_path):
+    motion = chirp(1e-9, 2e4, 8e4, 1e-4)
+    write_motion(tmp_path / "chirp.txt", motion)
+    again = read_motion(tmp_path / "chirp.txt")
+    assert (again.time == motion.time).all() and (again.value == motion.value).all()
+
+
+def test_commands_name_what_a_motion_lacks(tmp_path, capsys):
+    network, path = modal.fcc(cells=(1, 1, 10)), tmp_path / "c.network.h5"
+    write_network(path, network)
+    command = ["wave", str(path), "--duration", "3e-5", "--json"]
+
+    def largest(*options):
+        assert main([*command, *options]) == 0
+        return json.loads(capsys.readouterr().out)["largest_displacement_m"]
+
+    for options, motion in (
+        (["--cycles", "2"], Pulse(cycles=2)),
+        (
+            ["--motion", "chirp", "--last-frequency", "2e5", "--sweep", "2e-5"],
+            chirp(2.5e-9, 1e5, 2e5, 2e-5),
+        ),
+        (["--motion", "step", "--sweep", "1e-5"], step(2.5e-9, 1e-5)),
+    ):
+        wave = modal.propagate(network, 3e-5, motion=motion).signals
+        assert largest(*options) == abs(wave.chain_displacement).max()
+    for options, words in (
+        (["--cycles", "0"], "whole number"),
+        (["--motion", "step"], "needs --sweep"),
+        (["--motion", "chirp", "--sweep", "1e-5"], "needs --last-frequency"),
+        (["--sweep", "1e-5"], "the motion is a pulse"),
+        (["--motion", "step", "--sweep", "0"], "above 0"),
+        (["--motion", "step", "--source", "x.txt"], "take one of them"),
+    ):
+        assert main([*command, *options]) == 2
+        said = capsys.readouterr().err
+        assert words in said and said.count("\n") == 1
+    for wrong in (
+        lambda: chirp(1e-9, -1, 1e4, 1e-3),
+        lambda: chirp(1e-9, 1e6, 1e9, 1.0),
+        lambda: step(np.nan, 1e-5),
+        lambda: Pulse(cycles=1.5),
+        lambda: SampledMotion(np.array([0.0, 1]), np.array([1.0, 0])),
+    ):
+        with pytest.raises(InputError):
+            wrong()

@@ -1,0 +1,82 @@
+"""A plane that opens inside a cell without walls: a ring of layers in closed form, and symmetry."""
+
+import numpy as np
+import pytest
+from packings import polydisperse
+from scipy.linalg import eigh
+
+import modal
+from analysis.estimators.layer_lattice import driven_by_pulse
+from modal.formats.hdf5 import InputError
+from modal.theory.fcc import FccLattice
+from modal.waves.plane_source import crossings, propagate_from_plane
+
+CRYSTAL, LAYERS = FccLattice(1e5), 40
+
+
+@pytest.fixture(scope="module")
+def crystal():
+    return modal.fcc(cells=(1, 1, LAYERS), periodic_z=True)
+
+
+@pytest.mark.parametrize("above", [0, 7, 39])
+def test_p_wave_against_a_ring_of_layers(crystal, above):
+    """m u_j'' = C (u_j+1 - 2 u_j + u_j-1); C d(t) pushes the two layers of one spring apart."""
+    height = (above + 1) * CRYSTAL.layer_distance if above < LAYERS - 1 else 0.0
+    found = propagate_from_plane(crystal, 1.2e-4, height, tolerance=1e-12)
+    ring = 2 * np.eye(LAYERS) - np.roll(np.eye(LAYERS), 1, 0) - np.roll(np.eye(LAYERS), -1, 0)
+    square, shape = eigh(ring * CRYSTAL.C / CRYSTAL.mass)
+    push = np.zeros(LAYERS)
+    push[above], push[(above + 1) % LAYERS] = -1, 1
+    force = 2.5e-9 * CRYSTAL.C / CRYSTAL.mass * push @ shape
+    omega = np.sqrt(np.maximum(square, 0))
+    omega[0] = omega[1] * 1e-4  # the layers as a whole, which nothing pushes
+    exact = (force * driven_by_pulse(found.time, omega, 1e5)) @ shape.T
+    assert found.particle_displacement == pytest.approx(exact, abs=1e-9 * abs(exact).max())
+    # Two equal waves, up and down; the mass as a whole stays where it is.
+    up = np.roll(found.particle_displacement, -above - 1, axis=1)
+    assert up == pytest.approx(-up[:, ::-1], abs=1e-9 * abs(exact).max())
+
+
+def test_s_wave_comes_later_by_the_velocities_of_the_moduli(crystal):
+    """The peak at the far side of the cell, where both waves meet and cancel: a layer before."""
+    moduli = modal.elastic_moduli(crystal)
+    v = moduli.velocities((0, 0, 1))
+    way = (LAYERS // 2 - 4) * CRYSTAL.layer_distance
+    for direction, speed in (("z", v[0]), ("x", v[1])):
+        found = propagate_from_plane(crystal, 1.2e-4, crystal.length / 2, direction=direction)
+        at = np.argmin(abs(found.layer_position - crystal.length / 2 - way))
+        peak = found.time[np.argmax(found.layer_displacement[:, at])]
+        distance = found.layer_position[at] - crystal.length / 2
+        # The plane opens by d, each side by half of it: the front is d itself, half a period late.
+        assert distance / speed < peak < distance / speed + 1.2e-5
+
+
+def test_momentum_stays_zero_in_a_random_cell():
+    """Whatever opens, inner forces push nothing as a whole; contacts cross whole planes."""
+    cell = polydisperse(periodic_z=True)
+    for direction in "xyz":
+        found = propagate_from_plane(cell, 2e-5, 0.3 * cell.length, direction=direction)
+        drift = found.particle_displacement @ cell.mass / cell.mass.sum()
+        assert abs(drift).max() < 1e-9 * abs(found.particle_displacement).max()
+    # The sum of rises over all planes is that of the branches.
+    heights = (np.arange(2000) + 0.5) / 2000 * cell.length
+    total = np.mean([crossings(cell, h) for h in heights], axis=0) * cell.length
+    rise = (cell.lever_i - cell.lever_j)[:, 2]
+    assert total == pytest.approx(rise, abs=cell.length / 1000)
+
+
+def test_sources_outside_are_refused(crystal):
+    slab = modal.fcc(cells=(1, 1, 10))
+    for wrong, words in (
+        (lambda: propagate_from_plane(crystal, 1e-5, 2 * crystal.length), "outside the cell"),
+        (lambda: propagate_from_plane(crystal, 1e-5, np.nan), "outside the cell"),
+        (lambda: propagate_from_plane(slab, 1e-5, 1e-3), "not periodic along z"),
+        (lambda: propagate_from_plane(crystal, 1e-5, 0.0, direction="u"), "choose x, y or z"),
+        (lambda: propagate_from_plane(crystal, -1.0, 0.0), "must be positive"),
+    ):
+        with pytest.raises(InputError, match=words):
+            wrong()
+    found = propagate_from_plane(crystal, 1e-5, 0.0)
+    assert "PlaneWave along z" in repr(found)
+    assert found.plot().get_ylabel() == "z, mm"

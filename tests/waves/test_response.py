@@ -1,0 +1,167 @@
+"""Transfer functions against dense solves, against the transform of a wave, and a known chain."""
+
+import h5py
+import numpy as np
+import pytest
+
+from analysis.case import find
+from analysis.crystal import compare
+from analysis.estimators.transfer import TRAVELS, gain_factor
+from analysis.measures import Measures
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.network_file import write_network
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.walls import wall_pattern
+from modal.waves.propagate import propagate
+from modal.waves.response import frequency_response, read_response
+from modal.waves.signals import Signals
+from modal.waves.source import Pulse
+
+
+@pytest.mark.parametrize("network", [gallery.column(5), gallery.fcc(cells=(2, 2, 6))])
+def test_equal_to_dense_solves(network):
+    found = frequency_response(network, resolution=5e3, tolerance=1e-10)
+    K, mass = stiffness_matrix(network).toarray(), np.diag(mass_diagonal(network))
+    source, row, stiffness = wall_pattern(network, SOURCE_WALL)
+    _, receiver, _ = wall_pattern(network, RECEIVER_WALL)
+    area = np.prod(network.cell_size[:2])
+    for k in range(0, len(found.frequency), 7):
+        s = (2 * np.pi * found.frequency[k] + 1j * np.pi * found.resolution) ** 2
+        u = np.linalg.solve(K - s * mass, source)
+        # The tolerance on resonance, where the response is some hundred times that off it.
+        near = {"rel": 1e-7, "abs": 1e-9 * stiffness / area}
+        assert found.receiver_stress[k] == pytest.approx(receiver @ u / area, **near)
+        assert found.source_stress[k] == pytest.approx((stiffness - row @ u) / area, **near)
+        chain = u[6 * found.chain_particle + 2]
+        assert found.chain_displacement[k] == pytest.approx(chain, rel=1e-7, abs=1e-8)
+
+
+def test_equal_to_the_transform_of_a_wave():
+    """Fourier transform of the damped signals over that of the damped pulse."""
+    network, resolution = gallery.fcc(cells=(2, 2, 8)), 2e4
+    found = frequency_response(network, highest=1.5e5, resolution=resolution, tolerance=1e-9)
+    gamma = np.pi * resolution
+    # exp(-gamma t) is 1e-8 at the end; the step resolves 211 kHz 47 times, the trapezium rule on
+    # these smooth signals then errs by (omega h)^2 / 12.
+    signals = propagate(network, 18 / gamma, interval=1e-7).signals
+    t = signals.time
+    kernel = np.exp((2j * np.pi * found.frequency[:, None] - gamma) * t)
+    pulse = kernel @ Pulse().displacement(t)
+    for name in ("receiver_stress", "source_stress", "chain_displacement", "layer_displacement"):
+        ratio = kernel @ getattr(signals, name)
+        ratio = ratio / (pulse if ratio.ndim == 1 else pulse[:, None])
+        wanted = getattr(found, name)
+        assert abs(ratio - wanted).max() < 2e-3 * abs(wanted).max()
+
+
+def test_gain_of_a_resonant_column():
+    """The gain peaks where the column would swing with its source end free.
+
+    There the source wall feels no force while the receiver wall does.
+    """
+    network = gallery.column(12)
+    found = frequency_response(network, highest=4e4, resolution=50.0)
+    free = network.with_contacts(network.particle_j != SOURCE_WALL)
+    scale = 1 / np.sqrt(mass_diagonal(free))
+    K = scale[:, None] * stiffness_matrix(free).toarray() * scale
+    along = np.arange(2, len(scale), 6)
+    values = np.linalg.eigvalsh(K[np.ix_(along, along)])
+    expected = np.sqrt(values) / (2 * np.pi)
+    maxima = found.gain_maxima()
+    inside = expected[expected < 3.9e4]
+    assert len(inside) >= 2
+    for f in inside:
+        assert abs(maxima - f).min() < found.resolution
+    assert found.gain[0] == pytest.approx(1, abs=1e-2)
+
+
+def test_gain_from_signals_equals_gain_from_the_recurrence():
+    network = gallery.fcc(cells=(2, 2, 20))
+    duration = 6e-4
+    signals = propagate(network, duration, interval=1e-7).signals
+    found = gain_factor(signals, duration, highest=3e4)
+    wanted = frequency_response(network, highest=5e4, resolution=found.resolution)
+    count = len(found.frequency)
+    assert found.frequency == pytest.approx(wanted.frequency[:count])
+    # The cut leaves e^-7 of the last reflection, and the gain of a short column rises far above 1.
+    assert found.gain == pytest.approx(wanted.gain[:count], rel=1e-2)
+    assert gain_factor(signals, 2 * duration) is None
+    frequency, height = found.first_maximum()
+    assert abs(wanted.gain_maxima()[0] - frequency) < 0.2 * found.resolution
+    assert height == pytest.approx(found.gain[:20].max(), rel=0.1)
+
+
+def test_response_on_the_command_line(tmp_path, capsys):
+    path, out = tmp_path / "a.network.h5", tmp_path / "a.response.h5"
+    write_network(path, gallery.fcc(cells=(2, 2, 6)))
+    assert main(["response", str(path), "--resolution", "5000", "-o", str(out)]) == 0
+    with h5py.File(out) as file:
+        nf = len(file["frequency"])
+        assert file["chain/displacement"].shape == (nf, 6, 2)
+        assert all("units" in file[name].attrs for name in ("gain", "source/stress", "frequency"))
+    read = vars(read_response(out)) | {"products": None}
+    made = vars(frequency_response(gallery.fcc(cells=(2, 2, 6)), resolution=5e3))
+    assert all(np.array_equal(read[name], made[name]) for name in made if name != "products")
+    capsys.readouterr()
+    for wrong in (["--resolution", "0"], ["--highest", "10"]):
+        assert main(["response", str(path), *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    with pytest.raises(InputError):
+        frequency_response(gallery.fcc(cells=(2, 2, 3)), tolerance=2)
+    # Some 1e12 frequencies: 1e13 bytes for each receiver.
+    with pytest.raises(InputError, match="coarser resolution"):
+        frequency_response(gallery.fcc(cells=(2, 2, 3)), resolution=1e-6)
+
+
+def undamped_column(window: float, travels: float) -> Signals:
+    """Wall stresses of a rod with equal walls, rigid but for the pulse, by its reflections alone.
+
+    L / V is one millisecond: an arrival at the receiver after 1, 3, 5, ... passages, each doubled,
+    an arrival at the source after 2, 4, ...; nothing is lost, and no code of the project is used.
+    `window` is the length of a smooth push of the wall, a Gaussian of so many seconds.
+    """
+    time = np.arange(0, travels * 1e-3, 5e-6)
+
+    def push(delay):
+        return np.exp(-(((time - delay - 5 * window) / window) ** 2))
+
+    source, receiver = push(0.0), np.zeros_like(time)
+    for k in range(1, int(travels) + 1):
+        if k % 2:
+            receiver += 2 * push(1e-3 * k)
+        else:
+            source += 2 * push(1e-3 * k)
+    chain = np.zeros((len(time), 1))
+    return Signals(
+        time, np.array([0]), np.zeros(1), chain, 0 * time, source, receiver,
+        "rod", "", 1.0, 1 / window, 5e-6, 0.0, "",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("travels", [6.0, TRAVELS])
+def test_height_of_the_gain_is_the_windows(travels):
+    """Of a rod without damping it is 1 / sinh(gamma L / V): no height without its resolution.
+
+    What the cut leaves, e^-7, is 1e-3 of the transform; the parabola through the top adds its own.
+    """
+    found = gain_factor(undamped_column(2e-5, travels), travels * 1e-3 * (1 - 1e-2), highest=2e3)
+    frequency, height = found.first_maximum()
+    assert height == pytest.approx(1 / np.sinh(np.pi * found.resolution * 1e-3), rel=1e-2)
+    assert height == pytest.approx(found.undamped(1e-3), rel=1e-2)
+    if travels == TRAVELS:  # with 6 passages the maxima run into each other
+        assert frequency == pytest.approx(250, rel=2e-2)
+
+
+def test_report_and_comparison_state_one_gain(tmp_path):
+    """The height of case 2 is the same in both, with the resolution and the undamped column's."""
+    network = gallery.fcc(cells=(1, 1, 200))
+    write_network(tmp_path / "case02.network.h5", network)
+    case = find("2", tmp_path)
+    row = next(row for row in compare(case) if row.id == "gain")
+    shown = Measures(case).gain_height
+    assert float(shown.split()[0]) == pytest.approx(row.values["linear"], rel=1e-2)
+    assert "Hz (undamped column: 1.6" in shown and "undamped column has 1.6" in row.note
+    assert float(shown.split()[0]) == pytest.approx(1.588, rel=5e-3)  # dense solve of the chain

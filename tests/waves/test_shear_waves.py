@@ -1,0 +1,174 @@
+"""S-waves: the linear wave against the crystal's sliding and turning layers, exactly."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import modal
+from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.shear_lattice import ShearLattice
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.modes.problem import Eigenproblem
+from modal.packing.network_file import write_network
+from modal.theory.fcc import FccLattice
+from modal.waves.leapfrog import leapfrog
+from modal.waves.response import read_response, write_response
+from modal.waves.signals import read_signals, write_signals
+
+CRYSTAL = FccLattice(1e5)
+LAYERS = 40
+EXACT = ShearLattice.of_crystal(CRYSTAL, LAYERS)
+
+
+@pytest.fixture(scope="module")
+def crystal():
+    return modal.fcc(cells=(2, 2, LAYERS))
+
+
+def test_branches_are_those_of_bloch():
+    """Two of the six at any wave number along z, twice: x and y are alike."""
+    kappa = np.linspace(0.02, 1, 9) * np.pi / CRYSTAL.layer_distance
+    branches = EXACT.branches(kappa) / (2 * np.pi)
+    for k, pair in zip(kappa, branches.T, strict=True):
+        bloch = CRYSTAL.bloch(np.array([0, 0, k]))[0]
+        for f in pair:
+            assert (abs(bloch / f - 1) < 1e-9).sum() >= 2
+    slope = branches[0, 0] * 2 * np.pi / kappa[0]
+    # The branch bends by some (kappa l)^2 / 24 = 2e-4.
+    assert slope == pytest.approx(EXACT.velocity, rel=5e-4)
+    moduli = modal.elastic_moduli(modal.fcc(cells=(1, 1, 2), periodic_z=True))
+    assert moduli.velocities((0, 0, 1))[1:] == pytest.approx([EXACT.velocity] * 2, rel=1e-9)
+
+
+def test_modes_between_walls_are_among_all_modes(crystal):
+    """Those of layers that move as a whole: each at least twice, along x and along y."""
+    every = modal.eigenmodes(crystal, all=True).frequency
+    for f in EXACT.eigenmodes()[0] / (2 * np.pi):
+        assert (abs(every / f - 1) < 1e-9).sum() >= 2
+
+
+@pytest.mark.parametrize("direction", ["x", "y"])
+def test_linear_wave_against_the_exact_layers(crystal, direction):
+    """1e-9: the tolerance of the expansion is 1e-12 of its largest coefficient."""
+    wave = modal.propagate(
+        crystal, duration=3e-4, direction=direction, tolerance=1e-12, particles=True
+    )
+    signals = wave.signals
+    exact = EXACT.displacement(signals.time, 2.5e-9, 1e5)
+    scale = abs(exact).max()
+    layer = np.repeat(np.arange(LAYERS), 4)
+    assert signals.particle_displacement == pytest.approx(exact[:, layer], abs=1e-9 * scale)
+    assert signals.chain_displacement == pytest.approx(
+        exact[:, layer[signals.chain_particle]], abs=1e-9 * scale
+    )
+    assert signals.direction == direction
+    # Far from the source wall the wave has come by V_S, not by V_P: its peak is half a period late.
+    last = exact[:, -5]
+    peak = signals.time[np.argmax(abs(last))]
+    way = (LAYERS - 5) * CRYSTAL.layer_distance
+    assert way / CRYSTAL.velocity + 1e-5 < peak < way / EXACT.velocity + 2.5e-5
+
+
+def test_nothing_moves_along_other_directions_in_the_crystal(crystal):
+    """The layers of the crystal are mirrors: u_x drives neither u_y nor u_z; work of the wall."""
+    signals = modal.propagate(crystal, duration=1e-4, direction="x", tolerance=1e-12).signals
+    # Impulse: what the walls push is the layers' momentum; forces by their own row.
+    start = signals.source_stress[signals.time <= 1e-5]
+    assert start.max() > 0 and abs(signals.receiver_stress[:20]).max() < 1e-6 * start.max()
+
+
+def test_leapfrog_meets_it_at_second_order(crystal):
+    errors = []
+    for step in (4e-7, 2e-7):
+        signals = leapfrog(crystal, 1e-4, step, direction="y", every=round(4e-6 / step))
+        exact = EXACT.displacement(signals.time, 2.5e-9, 1e5)
+        chain = exact[:, signals.chain_particle // 4]
+        errors.append(np.linalg.norm(signals.chain_displacement - chain) / np.linalg.norm(chain))
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] < 0.01
+
+
+def test_response_against_a_dense_solve():
+    """(K - s M)^-1 b, row by row, in a packing without any symmetry."""
+    network = modal.random_packing(spheres=60, seed=2)
+    found = modal.frequency_response(
+        network, highest=4e4, resolution=4e3, tolerance=1e-9, direction="x"
+    )
+    A = Eigenproblem.of(network).scaled.toarray()
+    square, vector = eigh(A)
+    from modal.stiffness.matrices import mass_diagonal
+    from modal.stiffness.walls import wall_pattern
+
+    scale = 1 / np.sqrt(mass_diagonal(network))
+    source, _, held = wall_pattern(network, -1, axis=0)
+    push = vector.T @ (source * scale)
+    s = (2 * np.pi * found.frequency + 1j * np.pi * 4e3) ** 2
+    u = scale[:, None] * (vector @ (push[:, None] / (square[:, None] - s)))
+    wanted = u[6 * found.chain_particle].T
+    assert found.chain_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
+    stress = (held - source @ u) / network.area
+    assert found.source_stress == pytest.approx(stress, abs=1e-7 * abs(stress).max())
+    assert found.direction == "x"
+
+
+def test_chi_tells_shear_from_compression(crystal):
+    """Modes of the crystal that move along x alone: chi_x 1, chi_z 0; sums are 1 for all."""
+    modes = modal.eigenmodes(crystal, lowest=6)
+    total = modes.chi("x") + modes.chi("y") + modes.chi("z")
+    assert total == pytest.approx(np.ones(6), abs=1e-9)
+    assert modes.chi("z") == pytest.approx(modes.chi_z, abs=1e-12)
+    first = EXACT.eigenmodes()[0][0] / (2 * np.pi)
+    assert modes.frequency[:2] == pytest.approx([first] * 2, rel=1e-9)
+    assert modes.chi_z[:2] == pytest.approx([0, 0], abs=1e-9)
+    with pytest.raises(InputError, match="axis 'w'"):
+        modes.chi("w")
+
+
+def test_commands_and_files(tmp_path, capsys, crystal):
+    path, product = tmp_path / "crystal.network.h5", tmp_path / "crystal.signals.h5"
+    write_network(path, crystal)
+    assert (
+        main(["wave", str(path), "--duration", "2e-5", "--direction", "x", "-o", str(product)]) == 0
+    )
+    signals = read_signals(product)
+    assert signals.direction == "x" and "u_x" in signals.plot().figure.axes[1].get_ylabel()
+    with_answer = ["response", str(path), "--highest", "2e4", "--direction", "y"]
+    capsys.readouterr()
+    assert main([*with_answer, "--json"]) == 0
+    found = modal.frequency_response(crystal, highest=2e4, direction="y")
+    assert json.loads(capsys.readouterr().out)["gain_maxima_hz"] == found.gain_maxima().tolist()
+    # Receiver over source stress peaks where the source is free of stress: a quarter of a wave.
+    quarter = EXACT.velocity / (4 * crystal.length)
+    assert found.gain_maxima()[0] == pytest.approx(quarter, rel=0.1)
+    write_response(tmp_path / "x.response.h5", found)
+    assert read_response(tmp_path / "x.response.h5").direction == "y"
+    write_signals(product, replace(signals, direction="u"))
+    with pytest.raises(InputError, match="none of x, y, z"):
+        read_signals(product)
+
+
+def test_directions_that_the_wall_cannot_take(crystal):
+    smooth = replace(
+        crystal,
+        stiffness_tangential=np.where(crystal.with_wall, 0, crystal.stiffness_tangential),
+    )
+    with pytest.raises(InputError, match="moves nothing along x: .* no tangential stiffness"):
+        modal.propagate(smooth, duration=1e-5, direction="x")
+    with pytest.raises(InputError, match="choose x, y or z"):
+        modal.propagate(crystal, duration=1e-5, direction="r")
+
+
+def test_dispersion_of_an_s_wave_from_its_signals():
+    """The chain's neighbour ratio, as a polynomial of higher order: layers that turn bend it."""
+    lattice = ShearLattice.of_crystal(CRYSTAL, 200)
+    wave = modal.propagate(modal.fcc(cells=(1, 1, 200)), 7e-4, interval=5e-7, direction="x")
+    found = chain_dispersion(wave.signals, order=5)
+    kappa = np.linspace(0.02, 0.9, 100) * np.pi / CRYSTAL.layer_distance
+    branch = lattice.branches(kappa)[0]
+    assert np.sqrt(np.mean((found.omega(kappa) / branch - 1) ** 2)) < 2e-4
+    assert found.velocity == pytest.approx(lattice.velocity, rel=2e-4)
+    edge = lattice.branches(np.array([np.pi / CRYSTAL.layer_distance]))[0, 0] / (2 * np.pi)
+    assert found.low_pass_frequency == pytest.approx(edge, rel=2e-3)

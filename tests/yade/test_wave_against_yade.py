@@ -1,0 +1,105 @@
+"""YADE's waves against the linear operator with YADE's own time step, as the amplitude shrinks."""
+
+import os
+import subprocess
+
+import pytest
+from places import ROOT
+from test_yade_fcc import batch
+
+from analysis.agreement import Agreement, compare
+from modal.__main__ import main
+from modal.packing.network_file import read_network, write_network
+from modal.packing.sample import read_sample
+from modal.waves.signals import read_signals
+
+SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
+AMPLITUDES = ("2.5e-9", "2.5e-10", "2.5e-11")
+
+
+@pytest.fixture(scope="module")
+def crystal(tmp_path_factory, yade):
+    """Network and signals, for each amplitude, of a short column of FCC in YADE."""
+    folder = tmp_path_factory.mktemp("crystal")
+    batch("sample_fcc", folder)
+    network, highest = folder / "case02.network.h5", folder / "case02.highest.modes.h5"
+    assert main(["modes", str(network), "--highest", "1", "-o", str(highest)]) == 0
+    runs = {}
+    for amplitude in AMPLITUDES:
+        batch("wave", folder, WAVE_DURATION="6e-5", WAVE_AMPLITUDE=amplitude)
+        signals = folder / "case02.signals.h5"
+        runs[amplitude] = read_signals(signals)
+        signals.unlink()
+    return read_network(network), runs
+
+
+def test_difference_is_proportional_to_the_amplitude(crystal):
+    """Time steps aligned and pre-stress in, the quadratic term of the law is all that is left."""
+    network, runs = crystal
+    errors = []
+    for amplitude in AMPLITUDES:
+        pair = Agreement(network, runs[amplitude])
+        errors.append(compare("", pair.measured(pair.run), pair.linear("full")).chain)
+    # Half a step of misalignment would cost a per cent, the pre-stress 0.1 %.
+    assert errors[0] < 0.012
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+
+
+def test_pre_stress_and_time_step_are_seen_at_small_amplitude(crystal):
+    network, runs = crystal
+    pair = Agreement(network, runs[AMPLITUDES[-1]])
+    found = pair.measured(pair.run)
+    whole = compare("", found, pair.linear("full")).chain
+    # Positions of 0.05 m are rounded by 7e-18 m a step, 3e-7 of the amplitude; the rest is the
+    # quadratic term, a hundredth of that at 5 nm.
+    assert whole < 1e-4
+    assert compare("", found, pair.linear("none")).chain > 2 * whole
+    assert compare("", found, pair.linear("full", exact_in_time=True)).chain > 2 * whole
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory, yade):
+    """Network, and runs of opposite sign at 0.05 nm, of a random packing that cannot slip."""
+    folder = tmp_path_factory.mktemp("packing")
+    network = read_sample(SAMPLE).network()
+    path = folder / "case30.network.h5"
+    write_network(path, network)
+    highest = folder / "case30.highest.modes.h5"
+    assert main(["modes", str(path), "--highest", "1", "-o", str(highest)]) == 0
+    table = folder / "packing.table"
+    table.write_text("case mu_wave input_frequency fraction\n30 10 1e5 0.1\n")
+    runs = []
+    for amplitude in ("2.5e-11", "-2.5e-11"):
+        settings = {
+            "WAVE_PRODUCTS": str(folder),
+            "WAVE_PARTICLES": "1",
+            "WAVE_AMPLITUDE": amplitude,
+            "WAVE_DURATION": "1e-4",
+        }
+        script = str(ROOT / "yade_scripts" / "wave.py")
+        subprocess.run(
+            ["yade-batch", "-j", "1", "--job-threads", "1", "--log", f"{folder}/log"]
+            + [str(table), script],
+            env=os.environ | settings,
+            cwd=folder,
+            timeout=300,
+            check=True,
+            capture_output=True,
+        )
+        signals = folder / "case30.signals.h5"
+        runs.append(read_signals(signals))
+        signals.unlink()
+    return network, runs
+
+
+def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
+    """All force-bearing spheres, all times; the even part and the drift cancel between the runs."""
+    network, (forth, back) = packing
+    pair = Agreement(network, forth)
+    odd = pair.measured(forth).combine(pair.measured(back), 0.5, 0.5)
+    apart = {kind: compare("", odd, pair.linear(kind)) for kind in ("none", "normal", "full")}
+    # What is left is cubic: (0.05 nm / 300 nm)^2, weak contacts more; and rounded positions.
+    assert apart["full"].particles < 1e-4
+    assert apart["full"].layers < 1e-4
+    assert apart["normal"].particles > 2 * apart["full"].particles
+    assert apart["none"].particles > 2 * apart["normal"].particles

@@ -1,0 +1,293 @@
+"""A short FCC column in YADE itself, driven by yade-batch: sample, export, wave."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from modal.__main__ import main
+from modal.formats.provenance import Source, read_provenance
+from modal.modes.dense import all_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network_file import read_network, write_network
+from modal.stiffness.damping import ContactDamping
+from modal.waves.propagate import propagate
+from modal.waves.signals import read_signals, source_pulse
+from modal.waves.source import Pulse, chirp, write_motion
+
+WIDTH, LAYERS, STRESS = 3, 30, 1e5
+TABLE = f"""case mu_comp mu_wave stress input_frequency width layers
+2 0 0.1 {STRESS} 1e5 {WIDTH} {LAYERS}
+"""
+
+
+def batch(
+    script: str,
+    folder: Path,
+    *,
+    threads: str = "1",
+    columns: dict[str, str] | None = None,
+    **environment: str,
+) -> str:
+    """Run one script through yade-batch as a user does, `columns` in its table; returns its log."""
+    table, log = folder / "short.table", folder / f"{script}.log"
+    values = dict(zip(*map(str.split, TABLE.splitlines()), strict=True)) | (columns or {})
+    table.write_text(f"{' '.join(values)}\n{' '.join(values.values())}\n")
+    options = ["-j", threads, "--job-threads", threads, "--log", str(log)]
+    command = ["yade-batch", *options, str(table)]
+    subprocess.run(
+        [*command, str(ROOT / "yade_scripts" / f"{script}.py")],
+        cwd=folder,
+        env=os.environ | {"WAVE_PRODUCTS": str(folder)} | environment,
+        timeout=300,
+        check=True,
+        capture_output=True,
+    )
+    return log.read_text()
+
+
+@pytest.fixture(scope="module")
+def products(tmp_path_factory, yade):
+    """Folder with the network, the highest mode and the signals of the short column."""
+    folder = tmp_path_factory.mktemp("products")
+    batch("sample_fcc", folder)
+    network, highest = folder / "case02.network.h5", folder / "case02.highest.modes.h5"
+    assert main(["modes", str(network), "--highest", "1", "-o", str(highest)]) == 0
+    batch("wave", folder, WAVE_DURATION="1e-4")
+    return folder
+
+
+def test_exported_contacts_equal_the_network_made_without_yade(products):
+    exported = read_network(products / "case02.network.h5")
+    made = gallery.fcc(STRESS, (WIDTH, WIDTH, LAYERS))
+    assert exported.n_contacts == made.n_contacts
+    # Overlaps are differences of positions: relative error eps * length / overlap = 4e-11.
+    for name in ("stiffness_normal", "stiffness_tangential", "force_normal"):
+        assert np.sort(getattr(exported, name)) == pytest.approx(
+            np.sort(getattr(made, name)), rel=1e-9
+        )
+    found = all_modes(Eigenproblem.of(exported)).frequency
+    assert found == pytest.approx(all_modes(Eigenproblem.of(made)).frequency, rel=1e-6)
+    assert exported.study["void_ratio"] == pytest.approx(made.study["void_ratio"], rel=1e-9)
+
+
+def test_wave_follows_the_pulse_and_the_linear_operator(products):
+    signals = read_signals(products / "case02.signals.h5")
+    pulse = source_pulse(signals.time, 2.5e-9, 1e5)
+    assert signals.source_displacement == pytest.approx(pulse, abs=1e-20)
+    interval = signals.time[1]
+    linear = propagate(
+        read_network(products / "case02.network.h5"), signals.time[-1], interval=interval
+    ).signals
+    # Hertz at 5 nm on an overlap of 360 nm: the quadratic term is some 1e-2 of the linear one;
+    # the time step (0.1 of the limit) adds (omega dt)^2 / 24 of the travelled phase, below that.
+    along = linear.chain_displacement
+    chain = dict(zip(linear.chain_particle // WIDTH**2, along.T, strict=True))
+    difference = [
+        np.linalg.norm(signals.chain_displacement[:, layer] - chain[layer])
+        for layer in range(LAYERS)
+    ]
+    assert np.linalg.norm(difference) < 0.02 * np.linalg.norm(along)
+
+
+def test_a_smaller_wave_is_closer_to_linear(products, tmp_path):
+    for name in ("case02.network.h5", "case02.highest.modes.h5"):
+        shutil.copy(products / name, tmp_path)
+    batch("wave", tmp_path, WAVE_DURATION="1e-4", WAVE_AMPLITUDE="2.5e-10")
+    large = read_signals(products / "case02.signals.h5").chain_displacement
+    small = read_signals(tmp_path / "case02.signals.h5").chain_displacement
+    # The quadratic term of the law: ten times the amplitude, a relative change below 1.5 %.
+    assert 0 < np.linalg.norm(large - 10 * small) / np.linalg.norm(large) < 0.015
+
+
+def test_energy_error_has_order_two(products, tmp_path):
+    """Nothing slides: what the energy changes by is the time step's doing and shrinks with it.
+
+    What the wave has after the pulse is the work that the wall has done, from its recorded stress.
+    """
+    network, drift = products / "case02.network.h5", []
+    area = float(np.prod(read_network(network).cell_size[:2]))
+    for fraction in ("0.4", "0.2"):
+        folder = tmp_path / fraction
+        folder.mkdir()
+        for name in (network.name, "case02.highest.modes.h5"):
+            shutil.copy(products / name, folder)
+        # Large enough to stand clear of round-off: 1e-17 J of 2e-8 J.
+        batch("wave", folder, WAVE_DURATION="5e-5", WAVE_AMPLITUDE="2.5e-8", WAVE_FRACTION=fraction)
+        signals = read_signals(folder / "case02.signals.h5")
+        books, wall, stress = signals.balance, signals.source_displacement, signals.source_stress
+        work = area * (np.diff(wall) * (stress[1:] + stress[:-1]) / 2).sum()
+        # Trapezoids of a record every 0.4 rad at most of the pulse: (omega dt)^2 / 12.
+        assert books.energy == pytest.approx(work, rel=0.02)
+        # The run's own, a trapezoid a step, has only what the bend of the law leaves: the drift's.
+        assert books.energy == pytest.approx(books.work, rel=1e-3)
+        assert abs(books.gap) < 1e-3
+        assert books.slid == 0 and books.friction == 0 and books.kept
+        drift.append(books.drift)
+    assert np.log2(drift[0] / drift[1]) == pytest.approx(2, abs=0.3)
+
+
+def test_unstable_time_step_is_refused_without_a_product(products, tmp_path):
+    for name in ("case02.network.h5", "case02.highest.modes.h5"):
+        shutil.copy(products / name, tmp_path)
+    log = batch("wave", tmp_path, WAVE_DURATION="1e-3", WAVE_FRACTION="1.5")
+    assert "error: WAVE_FRACTION 1.5" in log
+    assert not (tmp_path / "case02.signals.h5").exists()
+
+
+def test_finished_products_are_not_made_again(products):
+    for script, kind in (("sample_fcc", "network"), ("wave", "signals")):
+        path = products / f"case02.{kind}.h5"
+        before = path.stat().st_mtime_ns
+        assert "already there" in batch(script, products, WAVE_DURATION="1e-4")
+        assert path.stat().st_mtime_ns == before
+
+
+def test_wave_of_other_settings_is_stale_and_made_again(products, tmp_path):
+    """Each changed setting is told with both values, whether it comes from table or environment."""
+    for name in ("network", "highest.modes", "signals"):
+        shutil.copy(products / f"case02.{name}.h5", tmp_path)
+    columns = {"mu_wave": "0.2", "input_frequency": "2e5", "interval": "1e-6"}
+    log = batch("wave", tmp_path, columns=columns, WAVE_FRACTION="0.4", WAVE_AMPLITUDE="1e-9")
+    assert (
+        "stale, amplitude was 2.5e-09, is 1e-09; duration was 0.0001, is absent; fraction was 0.05,"
+        " is 0.4; input_frequency was 100000.0, is 200000.0; interval was 5e-07, is 1e-06; "
+        "mu_wave was 0.1, is 0.2; making it again"
+    ) in log
+    signals = read_signals(tmp_path / "case02.signals.h5")
+    assert (signals.amplitude, signals.input_frequency) == (1e-9, 2e5)
+    assert (tmp_path / "case02.signals.h5.stale").is_file()
+
+
+def test_columns_of_the_table_are_settings_of_the_wave(products, tmp_path):
+    for name in ("network", "highest.modes"):
+        shutil.copy(products / f"case02.{name}.h5", tmp_path)
+    columns = {"duration": "1.2e-5", "fraction": "0.5", "amplitude": "1e-9", "particles": "1"}
+    batch("wave", tmp_path, columns=columns)
+    signals = read_signals(tmp_path / "case02.signals.h5")
+    assert signals.amplitude == 1e-9 and signals.particle_displacement is not None
+    assert signals.time[-1] == pytest.approx(1.2e-5, abs=2 * signals.time[1])
+
+
+def test_highest_modes_of_another_network_are_refused_with_both_names(products, tmp_path):
+    shutil.copy(products / "case02.network.h5", tmp_path)
+    other = tmp_path / "other.network.h5"
+    write_network(other, gallery.fcc(STRESS, (WIDTH, WIDTH, 4)))
+    modes = tmp_path / "case02.highest.modes.h5"
+    assert main(["modes", str(other), "--highest", "1", "-o", str(modes)]) == 0
+    log = batch("wave", tmp_path, WAVE_DURATION="1.2e-5")
+    (line,) = [line for line in log.splitlines() if line.startswith("error: ")]
+    assert "made from other.network.h5" in line and "not from case02.network.h5" in line
+    assert (
+        main(["modes", str(tmp_path / "case02.network.h5"), "--lowest", "1", "-o", str(modes)]) == 0
+    )
+    assert "not the highest modes" in batch("wave", tmp_path, WAVE_DURATION="1.2e-5")
+    assert not (tmp_path / "case02.signals.h5").exists()
+
+
+def test_crystal_of_another_stress_is_stale(products, tmp_path):
+    shutil.copy(products / "case02.network.h5", tmp_path)
+    log = batch("sample_fcc", tmp_path, columns={"stress": "2e5", "layers": "8"})
+    assert "stale, layers was 30, is 8; stress was 100000.0, is 200000.0; making it again" in log
+    assert read_network(tmp_path / "case02.network.h5").study["stress"] == 2e5
+
+
+def test_time_step_error_has_order_two(products, tmp_path):
+    """Against the exact linear wave; amplitude 0.05 nm, so that the contact law is linear."""
+    amplitude, errors = 2.5e-11, []
+    for fraction in ("0.4", "0.2"):
+        folder = tmp_path / fraction
+        folder.mkdir()
+        for name in ("case02.network.h5", "case02.highest.modes.h5"):
+            shutil.copy(products / name, folder)
+        batch(
+            "wave",
+            folder,
+            WAVE_DURATION="7e-5",
+            WAVE_AMPLITUDE=str(amplitude),
+            WAVE_FRACTION=fraction,
+        )
+        signals = read_signals(folder / "case02.signals.h5")
+        linear = propagate(
+            read_network(folder / "case02.network.h5"),
+            signals.time[-1],
+            motion=Pulse(amplitude),
+            interval=signals.time[1],
+        ).signals
+        # Every chain of the crystal carries the same planar wave, layer by layer.
+        assert np.array_equal(signals.chain_particle // WIDTH**2, linear.chain_particle // WIDTH**2)
+        difference = signals.chain_displacement - linear.chain_displacement
+        errors.append(np.linalg.norm(difference) / np.linalg.norm(linear.chain_displacement))
+    # Leapfrog: omega (1 + (omega dt)^2 / 24); the next order changes the ratio by some per cent.
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.15)
+
+
+def test_shear_wave_follows_the_linear_operator(products, tmp_path):
+    """The wall slides along x: the same bounds as for the P-wave, the springs' own S-wave."""
+    for name in ("case02.network.h5", "case02.highest.modes.h5"):
+        shutil.copy(products / name, tmp_path)
+    batch("wave", tmp_path, WAVE_DURATION="1e-4", WAVE_DIRECTION="x")
+    signals = read_signals(tmp_path / "case02.signals.h5")
+    network = read_network(tmp_path / "case02.network.h5")
+    linear = propagate(network, signals.time[-1], interval=signals.time[1], direction="x").signals
+    assert signals.direction == "x" and signals.balance.kept
+    difference = signals.layer_displacement - linear.layer_displacement
+    # Mindlin's tangential spring is linear: what Hertz adds at 5 nm to a P-wave is missing here.
+    assert np.linalg.norm(difference) < 0.02 * np.linalg.norm(linear.layer_displacement)
+    for name in ("source_stress", "receiver_stress"):
+        ours, theirs = getattr(signals, name), getattr(linear, name)
+        assert np.linalg.norm(ours - theirs) < 0.02 * np.linalg.norm(theirs)
+
+
+def test_viscous_contacts_take_what_the_linear_operator_says(products, tmp_path):
+    """Dashpots of both directions; a wave a tenth as large, so that Hertz hardly shows.
+
+    Non-linearity leaves some 2e-3 and the time step less; YADE's viscous force is half a step old,
+    a share of the damping alone. Without dashpots the wave would differ by half.
+    """
+    for name in ("case02.network.h5", "case02.highest.modes.h5"):
+        shutil.copy(products / name, tmp_path)
+    settings = {"WAVE_DURATION": "1e-4", "WAVE_AMPLITUDE": "2.5e-10"}
+    batch("wave", tmp_path, WAVE_DAMPING="0.05 0.03", **settings)
+    signals = read_signals(tmp_path / "case02.signals.h5")
+    network = read_network(tmp_path / "case02.network.h5")
+    kind = {"interval": signals.time[1], "motion": Pulse(2.5e-10)}
+    damped = propagate(network, signals.time[-1], damping=ContactDamping(0.05, 0.03), **kind)
+    wanted = damped.signals.layer_displacement
+    size = np.linalg.norm(wanted)
+    assert np.linalg.norm(signals.layer_displacement - wanted) < 0.01 * size
+    elastic = propagate(network, signals.time[-1], **kind).signals.layer_displacement
+    assert np.linalg.norm(elastic - wanted) > 0.2 * size
+    stress = damped.signals.source_stress
+    assert np.linalg.norm(signals.source_stress - stress) < 0.02 * np.linalg.norm(stress)
+    assert signals.balance is None
+
+
+def test_any_motion_of_the_wall_from_a_file(products, tmp_path):
+    """A chirp of two columns, in YADE and in the linear wave; recorded with the file's digest."""
+    for name in ("case02.network.h5", "case02.highest.modes.h5"):
+        shutil.copy(products / name, tmp_path)
+    motion, file = chirp(5e-10, 3e4, 1.2e5, 5e-5), tmp_path / "chirp.txt"
+    write_motion(file, motion)
+    batch("wave", tmp_path, WAVE_DURATION="1e-4", WAVE_MOTION=str(file))
+    signals = read_signals(tmp_path / "case02.signals.h5")
+    assert signals.source_displacement == pytest.approx(
+        motion.displacement(signals.time), abs=1e-20
+    )
+    linear = propagate(
+        read_network(tmp_path / "case02.network.h5"),
+        signals.time[-1],
+        interval=signals.time[1],
+        motion=motion,
+    ).signals
+    difference = signals.layer_displacement - linear.layer_displacement
+    # As of the pulse; the motion is a tenth as large, so Hertz adds a tenth of its 2 %.
+    assert np.linalg.norm(difference) < 0.01 * np.linalg.norm(linear.layer_displacement)
+    made = read_provenance(tmp_path / "case02.signals.h5")
+    assert Source.of("motion", file) in made.sources
+    assert signals.balance.kept

@@ -1,0 +1,92 @@
+"""YADE at its limits: time steps past 2 / omega_max, waves that open contacts, repeated runs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_yade_fcc import batch, products  # noqa: F401 - the fixture of the short column
+
+from modal.modes.mode_set import read_modes, write_modes
+from modal.waves.energy_balance import CLOSED
+from modal.waves.signals import Signals, read_signals
+
+
+def wave(
+    products: Path,  # noqa: F811
+    folder: Path,
+    *,
+    over: float = 1.0,
+    **environment: str,
+) -> tuple[Signals | None, str]:
+    """Signals and log of a run; `over` makes omega_max look so many times smaller than it is."""
+    folder.mkdir(exist_ok=True)
+    shutil.copy(products / "case02.network.h5", folder)
+    modes = read_modes(products / "case02.highest.modes.h5")
+    modes.frequency = modes.frequency / over
+    write_modes(folder / "case02.highest.modes.h5", modes)
+    log = batch("wave", folder, **{"WAVE_DURATION": "4e-4"} | environment)
+    path = folder / "case02.signals.h5"
+    return read_signals(path) if path.exists() else None, log
+
+
+def number(log: str, before: str = "", after: str = "") -> float:
+    """The number between two texts of a log."""
+    return float(re.search(rf"{before}([-+.0-9e]+){after}", log)[1])
+
+
+def test_step_at_the_limit_keeps_the_energy(products, tmp_path):  # noqa: F811
+    """Leapfrog is stable up to omega_max dt = 2 itself; the law bends by 1e-2 at 5 nm."""
+    signals, log = wave(products, tmp_path, WAVE_FRACTION="1.0")
+    assert signals is not None and abs(signals.balance.drift) < signals.balance.limit < 0.02
+
+
+@pytest.mark.parametrize("over", [1.05, 2.0])
+def test_step_past_the_limit_is_refused(over, products, tmp_path):  # noqa: F811
+    signals, log = wave(products, tmp_path, over=over, WAVE_FRACTION="1.0")
+    assert signals is None
+    errors = [line for line in log.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1 and "time step is unstable" in errors[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("over", [1.01, 1.02, 1.1, 1.2, 1.5, 3.0, 10.0])
+def test_every_step_past_the_limit_is_refused(over, products, tmp_path):  # noqa: F811
+    test_step_past_the_limit_is_refused(over, products, tmp_path)
+
+
+def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):  # noqa: F811
+    """1 micrometre on overlaps of 0.36: contacts open and slide, the energy only falls.
+
+    What it falls by is what slip dissipates. A hundred looks see it by trapezoids, of forces that
+    vanish and come back between them: the books close to a tenth or so, and the run says it.
+    """
+    signals, log = wave(products, tmp_path, WAVE_AMPLITUDE="1e-6", WAVE_FRACTION="0.2")
+    assert signals is not None
+    assert number(log, after=" opened") > 0 and number(log, after=" slid") > 0
+    books = signals.balance
+    assert books.opened > 0 and books.slid > 0
+    assert -1 < books.drift < -0.1
+    assert books.drift + books.friction == pytest.approx(0, abs=0.2)
+    assert CLOSED < abs(books.gap) < 0.2 and not books.kept
+
+
+def test_the_same_run_twice_is_the_same_to_the_last_bit(products, tmp_path):  # noqa: F811
+    options = {"WAVE_FRACTION": "0.5", "WAVE_DURATION": "1e-4"}
+    first, second = (wave(products, tmp_path / name, **options)[0] for name in "ab")
+    for name in ("chain_displacement", "layer_displacement", "source_stress", "receiver_stress"):
+        assert np.array_equal(getattr(first, name), getattr(second, name)), name
+
+
+@pytest.mark.slow
+def test_two_threads_add_forces_in_another_order(products, tmp_path):  # noqa: F811
+    """Not bitwise: sums of forces of 0.5 N are rounded, 1e-16 of them over the wave's 5e-3 N."""
+    options = {"WAVE_FRACTION": "0.5", "WAVE_DURATION": "1e-4"}
+    one, _ = wave(products, tmp_path / "one", **options)
+    two, _ = wave(products, tmp_path / "two", threads="2", **options)
+    difference = abs(one.chain_displacement - two.chain_displacement).max()
+    print(f"two threads: {difference / abs(one.chain_displacement).max():.1e}")
+    assert difference < 1e-6 * abs(one.chain_displacement).max()

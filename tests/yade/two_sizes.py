@@ -1,0 +1,107 @@
+"""A scene of two sizes between facets, or under a Wall, with the linear law; run inside YADE.
+
+    yade -n -x -j1 two_sizes.py ROOT NETWORK.network.h5 K.h5 [clump | wall | save]
+
+Spheres are jostled so that contacts shear; then the scene is exported, and its tangent measured.
+"""
+
+import random
+import sys
+
+sys.path.insert(0, sys.argv[1])
+
+from yade import O
+from yade.utils import facet, sphere, wall
+from yade.wrapper import (
+    Bo1_Facet_Aabb,
+    Bo1_Sphere_Aabb,
+    Bo1_Wall_Aabb,
+    ForceResetter,
+    FrictMat,
+    Ig2_Facet_Sphere_ScGeom,
+    Ig2_Sphere_Sphere_ScGeom,
+    Ig2_Wall_Sphere_ScGeom,
+    InsertionSortCollider,
+    InteractionLoop,
+    Ip2_FrictMat_FrictMat_FrictPhys,
+    Law2_ScGeom_FrictPhys_CundallStrack,
+    NewtonIntegrator,
+)
+
+from modal.formats.hdf5 import atomic_h5, put
+from yade_scripts.differences import Scene
+from yade_scripts.export_scene import export_scene
+from yade_scripts.scene import finish
+
+O.materials.append(FrictMat(young=1e9, poisson=0.4, density=2500, frictionAngle=0.5))
+# Two facets cover the floor; bodies before the spheres, so that ids are not indices.
+# Their common edge lies between spheres: one that rests on an edge has a contact with each side.
+corners = ((-9e-3, -1e-2, 0), (2.1e-2, -1e-2, 0), (2.1e-2, 2e-2, 0), (-9e-3, 2e-2, 0))
+TOP = 0.98e-3 + 1.8e-3 + 1.28e-3
+
+
+def plane(z):
+    """Two facets over all spheres."""
+    a, b, c, d = ((x, y, z) for x, y, _ in corners)
+    O.bodies.append([facet([a, b, c]), facet([a, c, d])])
+
+
+plane(0)
+small, large = 1e-3, 1.3e-3
+for a in range(3):
+    for b in range(3):
+        O.bodies.append(sphere((1.97e-3 * a, 1.96e-3 * b, 0.98e-3), small))
+for a in range(2):
+    centre = (1.97e-3 * (a + 0.5), 1.96e-3 * (a + 0.5), 0.98e-3 + 1.8e-3)
+    O.bodies.append(sphere(centre, large))
+if sys.argv[4:] == ["wall"]:
+    O.bodies.append(wall((0, 0, TOP), axis=2))
+else:
+    plane(TOP)
+O.engines = [
+    ForceResetter(),
+    InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Facet_Aabb(), Bo1_Wall_Aabb()]),
+    InteractionLoop(
+        [
+            Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False),
+            Ig2_Facet_Sphere_ScGeom(),
+            Ig2_Wall_Sphere_ScGeom(),
+        ],
+        [Ip2_FrictMat_FrictMat_FrictPhys()],
+        [Law2_ScGeom_FrictPhys_CundallStrack()],
+    ),
+    NewtonIntegrator(damping=0.3, gravity=(0, 0, 0)),
+]
+
+
+def main():
+    """Jostle, export, differentiate."""
+    chance = random.Random(1)
+    spheres = [body.id for body in O.bodies if hasattr(body.shape, "radius")]
+    O.dt = 1e-8
+    for body in spheres:
+        state = O.bodies[body].state
+        state.vel = [chance.gauss(0, 0.01) for _ in range(3)]
+        state.angVel = [chance.gauss(0, 10) for _ in range(3)]
+    O.run(300, wait=True)
+    for body in spheres:
+        state = O.bodies[body].state
+        state.vel = state.angVel = (0, 0, 0)
+    O.dt = 1e-15
+    O.step()
+    O.step()
+    if sys.argv[4:] == ["clump"]:
+        O.bodies.clump(spheres[:2])
+    if sys.argv[4:] == ["save"]:
+        O.save(sys.argv[3])
+    export_scene(sys.argv[2])
+    if sys.argv[4:]:
+        return
+    row, column, value = Scene(spheres, small).matrix()
+    with atomic_h5(sys.argv[3]) as file:
+        put(file, "row", row, "1")
+        put(file, "column", column, "1")
+        put(file, "value", value, "N/m, N, N m")
+
+
+finish(main)
