@@ -108,10 +108,7 @@ esac
 # With Slurm it is the nodes that need YADE.
 if [ -z "$slurm" ] && ! ./setup.sh --is-yade-there 2> /dev/null; then
     plan=$(run --dry-run) || exit 2
-    if grep -qE '^plan: (crystal|network|yade_wave) ' <<< "$plan" ||
-        [[ "$plan" == *"plan: states "* && " ${options[*]} " != *" preparation=modal "* ]]; then
-        ./setup.sh --extra workflow
-    fi
+    if grep -q '^plan: .*, by YADE$' <<< "$plan"; then ./setup.sh --extra workflow; fi
 fi
 STUDY_FAILED=$(mktemp) status=0
 export STUDY_FAILED

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import h5py
@@ -33,6 +34,8 @@ RANDOM_KINDS = CRYSTAL_KINDS | {
     "structure": ["structure"],
 }
 """Stage of the front door: the files of a case that it makes."""
+WAVE = "AMPLITUDE FRACTION PASSAGE DURATION INTERVAL PARTICLES DIRECTION DAMPING MOTION".split()
+"""Settings that `yade_scripts/wave.py` takes from variables of these names after WAVE_."""
 COMPARED = "sample", "highest", "wave", "modes", "response"
 REPORTED = *COMPARED, "density", "structure"
 """Stages of which a case's comparison, and a report, read the files."""
@@ -52,11 +55,6 @@ class Study:
         self.rows = self.crystals | self.random
         self.cases = [f"case{int(case):02d}" for case in config["cases"]]
         self.reduced = config["spheres"] != FULL
-        if self.reduced and config["preparation"] == "yade":
-            raise ValueError(
-                f"spheres: {config['spheres']}: YADE's walks have the {FULL} of "
-                "cases/compressions.table; take preparation: modal for a reduced study"
-            )
         for case in self.cases:
             if case not in self.rows:
                 raise ValueError(f"{case}: no line in cases/fcc.table or cases/random.table")
@@ -112,12 +110,30 @@ class Study:
         full = float(self.compressions[mu]["width"])
         return round(full * (self.config["spheres"] / FULL) ** (1 / 3), 4)
 
-    def of_wave(self) -> dict[str, str]:
+    def walk(self, mu: str) -> str:
+        """Command of a compression with friction, which keeps its states in walks/."""
+        walks, table, row = f"{self.folder}/walks", "cases/compressions.table", self.compressions[mu]
+        made = ""
+        if self.reduced:  # a line of its own in the place of the table's
+            row = row | {"spheres": str(self.config["spheres"]), "width": str(self.width(mu))}
+            table = f"{walks}/mu{mu}.table"
+            made = f"printf '%s\\n' '{' '.join(row)}' '{' '.join(row.values())}' > {table} && "
+        if self.config["preparation"] == "yade":
+            log = f"{self.folder}/log/states/{mu}.yade.log"
+            return f"{made}workflow/yade_job.sh {table} {mu} yade_scripts/compress.py {walks} {log}"
+        given = f"--spheres {row['spheres']} --width {row['width']} --seed {row['seed']}"
+        return f"{PYTHON} -m modal pack --friction {mu} {given} -o {walks}/compression_mu{mu}"
+
+    def of_yade(self) -> set[str]:
+        """Rules that need YADE."""
+        walks = {"states"} if self.config["preparation"] == "yade" else set()
+        return {"crystal", "network", "yade_wave"} | walks
+
+    def of_wave(self) -> str:
         """Environment of a YADE wave: the study's amplitude, and what the caller has set."""
-        names = "amplitude", "fraction", "passage", "duration", "interval", "particles"
-        given = {name: os.environ.get(f"WAVE_{name.upper()}") for name in names}
-        given["amplitude"] = given["amplitude"] or str(self.config["amplitude"])
-        return {f"WAVE_{name.upper()}": value for name, value in given.items() if value}
+        found = {f"WAVE_{name}": os.environ.get(f"WAVE_{name}") for name in WAVE}
+        found["WAVE_AMPLITUDE"] = found["WAVE_AMPLITUDE"] or str(self.config["amplitude"])
+        return " ".join(f"{name}={quote(value)}" for name, value in found.items() if value)
 
     def duration(self, case: str) -> float:
         """Seconds in which a wave goes from wall to wall, and somewhat more."""

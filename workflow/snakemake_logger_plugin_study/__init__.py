@@ -52,6 +52,7 @@ class LogHandler(LogHandlerBase):
         self.jobs: dict[int, dict[str, Any]] = {}
         self.planned: Counter[str] = Counter()
         self.expected: dict[str, float] = {}
+        self.of_yade: set[str] = set()
         self.done = self.cores = 0
         self.closed = self.elsewhere = False
         self.spent = self.foreseen = 0.0
@@ -62,7 +63,7 @@ class LogHandler(LogHandlerBase):
         said = vars(record)
         event = said.get("event")
         if "expected" in said:
-            self.expected, self.cores = said["expected"], said["cores"]
+            self.expected, self.cores, self.of_yade = said["expected"], said["cores"], said["yade"]
         elif event == LogEvent.RUN_INFO and not self.planned:
             self.planned = Counter({k: n for k, n in said["stats"].items() if k != "total"})
             for rule in SILENT:
@@ -123,7 +124,8 @@ class LogHandler(LogHandlerBase):
             total = sum(n * self.expected.get(rule, 0.0) for rule, n in self.planned.items())
             for rule, n in self.planned.items():
                 hours = n * self.expected.get(rule, 0.0) / 3600
-                print(f"plan: {rule:20} {n:4} jobs {hours:9.3f} core-hours")
+                program = ", by YADE" if rule in self.of_yade else ""
+                print(f"plan: {rule:20} {n:4} jobs {hours:9.3f} core-hours{program}")
             if self.planned:
                 cost = f"{self.planned.total():4} jobs {total / 3600:9.3f} core-hours"
                 at_once = f"some {_time(total / max(1, self.cores))} on {self.cores} cores"
