@@ -34,7 +34,10 @@ RANDOM_KINDS = CRYSTAL_KINDS | {
     "structure": ["structure"],
 }
 """Stage of the front door: the files of a case that it makes."""
-WAVE = "AMPLITUDE FRACTION PASSAGE DURATION INTERVAL PARTICLES DIRECTION DAMPING MOTION".split()
+OF_WAVE = (
+    *("AMPLITUDE", "FRACTION", "PASSAGE", "DURATION", "INTERVAL", "PARTICLES"),
+    *("DIRECTION", "DAMPING", "MOTION"),
+)
 """Settings that `yade_scripts/wave.py` takes from variables of these names after WAVE_."""
 COMPARED = "sample", "highest", "wave", "modes", "response"
 REPORTED = *COMPARED, "density", "structure"
@@ -112,8 +115,8 @@ class Study:
 
     def walk(self, mu: str) -> str:
         """Command of a compression with friction, which keeps its states in walks/."""
-        walks, table, row = f"{self.folder}/walks", "cases/compressions.table", self.compressions[mu]
-        made = ""
+        table, row, made = "cases/compressions.table", self.compressions[mu], ""
+        walks = f"{self.folder}/walks"
         if self.reduced:  # a line of its own in the place of the table's
             row = row | {"spheres": str(self.config["spheres"]), "width": str(self.width(mu))}
             table = f"{walks}/mu{mu}.table"
@@ -131,7 +134,7 @@ class Study:
 
     def of_wave(self) -> str:
         """Environment of a YADE wave: the study's amplitude, and what the caller has set."""
-        found = {f"WAVE_{name}": os.environ.get(f"WAVE_{name}") for name in WAVE}
+        found = {f"WAVE_{name}": os.environ.get(f"WAVE_{name}") for name in OF_WAVE}
         found["WAVE_AMPLITUDE"] = found["WAVE_AMPLITUDE"] or str(self.config["amplitude"])
         return " ".join(f"{name}={quote(value)}" for name, value in found.items() if value)
 
