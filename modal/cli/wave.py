@@ -9,7 +9,7 @@ from modal.cli.options import add_if_stale, network_command, typed
 from modal.formats.hdf5 import InputError, sha256
 from modal.packing.plausibility import read_remarked
 from modal.stiffness.damping import ContactDamping
-from modal.stiffness.pre_stress import PRE_STRESS
+from modal.stiffness.pre_stress import TANGENTS
 from modal.waves.leapfrog import leapfrog, steps_between_records
 from modal.waves.propagate import propagate
 from modal.waves.signals import DIRECTIONS, read_signals, write_signals
@@ -54,7 +54,7 @@ def add(commands: Any) -> None:
     command.add_argument("--source", metavar="FILE", help="wall motion, two columns: s, m")
     command.add_argument("--interval", type=float, metavar="S", help="between records; 1e-6")
     command.add_argument("--tolerance", type=float, default=1e-9, help="relative; 1e-9")
-    command.add_argument("--pre-stress", choices=PRE_STRESS, default="none", help="default: none")
+    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help="default: none")
     command.add_argument(
         "--direction", choices=DIRECTIONS, help="of the wall's motion: x or y send S-waves; z"
     )

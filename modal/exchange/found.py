@@ -21,7 +21,7 @@ from modal.exchange.bodies import (
     nearest,
     touching_pairs,
 )
-from modal.exchange.program_law import ProgramLaw
+from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.network import SOURCE_WALL, Network
@@ -255,5 +255,18 @@ def _whole(
         cell_size=cell.high - cell.low,
         cell_periodic=cell.periodic,
         wall_position=walls,
+        **_of_laws(laws, pairs.law, overlap),
         study={"mu_wave": float(frictions[0])} if laws and np.ptp(frictions) == 0 else {},
     )
+
+
+def _of_laws(laws: list[ProgramLaw], law: Ints, overlap: Floats) -> dict[str, Any]:
+    """What the laws do otherwise than springs, as a network tells it of each contact (m,)."""
+    if not laws:
+        return {}
+    grows = np.array([each.grows and each.keeps in (DISPLACEMENT, ONE_SIDED) for each in laws])
+    shortening = {
+        f"{what}_shortening": np.array([0.5 * (getattr(each, arm) == MIDDLE) for each in laws])[law]
+        for what, arm in (("motion", "moves"), ("torque", "turns"))
+    }
+    return {"shear_growth": np.where(grows[law], 0.5 / overlap, 0.0), **shortening}

@@ -8,7 +8,7 @@ import numpy as np
 
 from modal.exchange.found import Found
 from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
-from modal.exchange.tangent import worth
+from modal.exchange.worth import worth
 from modal.packing.network import Network
 from modal.packing.state import net_forces, stress_tensor
 
@@ -37,7 +37,7 @@ def summary_of(found: Found) -> dict[str, Any]:
         told["sliding_share"] = float(network.sliding.mean())
     told["law"] = [law_in_words(law) for law in dict.fromkeys(found.laws)]
     if found.laws:
-        told |= {"terms_of_the_law_over_springs": worth(found)}
+        told |= {"terms_of_the_law_over_springs": worth(found.network)}
         _of_laws(found, remarks)
     return told
 

@@ -40,9 +40,14 @@ CONTACTS = {
     "overlap": ("f", (), "m"),
     "sliding": ("b", (), "1"),
     "cell_shift": ("i", (3,), "1"),
+    "shear_growth": ("f", (), "1/m"),
+    "motion_shortening": ("f", (), "1"),
+    "torque_shortening": ("f", (), "1"),
 }
 """The same of the contacts."""
-OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+OF_A_LAW = ("shear_growth", "motion_shortening", "torque_shortening")
+"""What another program's law of contact does otherwise than springs do."""
+OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift", *OF_A_LAW)
 """Columns of the contacts that a program may not know."""
 Made = TypeVar("Made")
 
@@ -64,7 +69,9 @@ class Network:
     `dataclasses.replace` makes another one.
     What a program does not know of its contacts is None, which is not zero: `force_normal` (m,),
     compression positive; `force_tangential` (m, 3) on i; `overlap` (m,); `sliding` (m,) bool;
-    `cell_shift` (m, 3), the periods that are added to j.
+    `cell_shift` (m, 3), the periods that are added to j. Of another program's law (m,):
+    `shear_growth`, by which share the shear force grows per overlap, 1/m; `motion_shortening` and
+    `torque_shortening`, which share of the overlap its lever arms lack of the radius.
     """
 
     position: Floats
@@ -86,6 +93,9 @@ class Network:
     overlap: Floats | None = None
     sliding: Bools | None = None
     cell_shift: Ints | None = None
+    shear_growth: Floats | None = None
+    motion_shortening: Floats | None = None
+    torque_shortening: Floats | None = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -170,7 +180,8 @@ class Network:
     @property
     def absent(self) -> list[str]:
         """Names of the optional data of contacts that are not known."""
-        return [name for name in OPTIONAL if getattr(self, name) is None]
+        asked = (name for name in OPTIONAL if name not in OF_A_LAW)
+        return [name for name in asked if getattr(self, name) is None]
 
     def known(self, name: str, purpose: str) -> Array:
         """The optional data `name` of the contacts; InputError where they are absent.

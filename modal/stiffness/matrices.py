@@ -7,6 +7,7 @@ import scipy.sparse as sp
 
 from modal.formats.arrays import Floats
 from modal.packing.network import Network
+from modal.stiffness.law_tangent import law_tangent
 from modal.stiffness.pre_stress import contact_tangent
 
 
@@ -21,11 +22,18 @@ def stiffness_matrix(
 ) -> sp.csr_matrix:
     """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
 
-    `pre_stress` as in `modal.stiffness.pre_stress`: with "full" K is not symmetric. A particle
-    that touches itself through a period has both sides of the contact on one block; repeated pairs
-    add up.
+    `pre_stress` as in `modal.stiffness.pre_stress`: with "full" and "law" K is not symmetric. A
+    particle that touches itself through a period has both sides of the contact on one block;
+    repeated pairs add up.
     """
-    return assembled(network, contact_tangent(network, pre_stress), 3 if translations_only else 6)
+    return assembled(network, tangent_of(network, pre_stress), 3 if translations_only else 6)
+
+
+def tangent_of(network: Network, pre_stress: str) -> Floats:
+    """Shape (m, 12, 12): the tangent of each contact, one of `TANGENTS`."""
+    if pre_stress == "law":
+        return law_tangent(network)
+    return contact_tangent(network, pre_stress)
 
 
 def assembled(network: Network, local: Floats, size: int = 6) -> sp.csr_matrix:

@@ -17,7 +17,7 @@ from modal.packing.network import Network
 from modal.stiffness import contact_loops
 from modal.stiffness.contact_loops import PackedContacts
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.pre_stress import PRE_STRESS
+from modal.stiffness.pre_stress import SYMMETRIC, TANGENTS
 
 
 class ContactOperator(LinearOperator):
@@ -26,7 +26,8 @@ class ContactOperator(LinearOperator):
     Six entries a particle, u (m) then theta; three with `translations_only`. `mass_scaled` gives
     the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.stiffness.pre_stress`.
     Equal to the matrix of `modal.stiffness.matrices` up to round-off, and symmetric unless
-    `pre_stress` is "full". Real numbers are what it is made for; complex ones take two products.
+    `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix. Real
+    numbers are what it is made for; complex ones take two products.
     """
 
     def __init__(
@@ -37,13 +38,14 @@ class ContactOperator(LinearOperator):
         mass_scaled: bool = False,
         pre_stress: str = "none",
     ) -> None:
-        if pre_stress not in PRE_STRESS:
-            raise InputError(f"pre-stress {pre_stress!r}: choose one of {', '.join(PRE_STRESS)}")
+        if pre_stress not in TANGENTS:
+            raise InputError(f"pre-stress {pre_stress!r}: choose one of {', '.join(TANGENTS)}")
         self.pre_stress = pre_stress
         self.dof = 3 if translations_only else 6
         size = self.dof * network.n_particles
         super().__init__(np.dtype(float), (size, size))
-        if numba is None:
+        self._matrix: sp.csr_matrix | None = None
+        if numba is None or pre_stress == "law":
             matrix = stiffness_matrix(
                 network, translations_only=translations_only, pre_stress=pre_stress
             )
@@ -70,7 +72,7 @@ class ContactOperator(LinearOperator):
                 raise ValueError(f"{name} has shape {array.shape}, the operator {self.shape}")
         if np.iscomplexobj(u) and not np.iscomplexobj(out):
             raise ValueError("out is real and u complex; the result needs a complex array")
-        if numba is None:
+        if self._matrix is not None:
             out[...] = kept * out if kept else 0.0
             out += factor * (self._matrix @ u)
             if own:
@@ -110,6 +112,9 @@ class ContactOperator(LinearOperator):
     _matvec = _matmat = apply
 
     def _adjoint(self) -> ContactOperator:
-        if self.pre_stress == "full":
-            raise InputError("the full tangent is not symmetric: for its transpose take the matrix")
+        if self.pre_stress not in SYMMETRIC:
+            raise InputError(
+                f"the tangent {self.pre_stress!r} is not symmetric: for its transpose take the "
+                "matrix"
+            )
         return self

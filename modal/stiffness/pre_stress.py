@@ -26,6 +26,10 @@ from modal.stiffness.springs import contact_stiffness, cross_matrix
 
 PRE_STRESS = ("none", "normal", "full")
 """Springs alone; with the normal force's term (symmetric); with the shear force's terms too."""
+TANGENTS = (*PRE_STRESS, "law")
+"""And, of imported packings, the tangent of their own program's law (`.law_tangent`)."""
+SYMMETRIC = ("none", "normal")
+"""Those whose stiffness is symmetric."""
 
 
 def centre_distance(network: Network) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.packing.network import Network
-from modal.stiffness.pre_stress import contact_tangent
+from modal.stiffness.matrices import tangent_of
 
 
 def wall_pattern(
@@ -21,7 +21,7 @@ def wall_pattern(
     symmetric.
     """
     touching = network.with_contacts(network.particle_j == wall)
-    local = contact_tangent(touching, pre_stress)
+    local = tangent_of(touching, pre_stress)
     pattern, row = np.zeros((2, network.n_particles, 6))
     # Only the motion of a particle relative to the wall counts: the wall up is the particle down.
     np.add.at(pattern, touching.particle_i, local[:, 0:6, axis])

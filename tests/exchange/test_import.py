@@ -15,8 +15,8 @@ from program_files import PAIR, respelt, sorted_ends
 import modal
 from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
-from modal.exchange.tangent import law_tangent
 from modal.packing.network_file import read_network
+from modal.stiffness.law_tangent import law_tangent
 from modal.stiffness.pre_stress import contact_tangent
 from modal.stiffness.springs import contact_stiffness
 
@@ -378,9 +378,9 @@ def test_law_tangent_without_its_own_terms_is_the_springs_matrix(tmp_path):
     found = import_lammps(atoms, contacts, log, *[None] * 4)
     network = found.network
     scale = abs(contact_stiffness(network)).max()
-    springs = law_tangent(found, ())
+    springs = law_tangent(network, ())
     np.testing.assert_allclose(springs, contact_stiffness(network), atol=1e-12 * scale)
-    shared = law_tangent(found, ("normal force", "shear force"))
+    shared = law_tangent(network, ("normal force", "shear force"))
     full = contact_tangent(network, "full")
     # The twist acts in the columns of rotations alone: those of displacements are equal.
     for columns in (slice(0, 3), slice(6, 9)):

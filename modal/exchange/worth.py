@@ -1,0 +1,36 @@
+"""How much each term of another program's law is worth in the stiffness matrix of a packing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.packing.network import Network
+from modal.stiffness.law_tangent import TERMS, law_tangent
+
+NEEDS_SHEAR = ("shear force", "growing circle")
+"""Terms that are not known where shear forces are not told."""
+WEIGHED = 50_000
+"""Contacts on which the terms of a law are weighed."""
+
+
+def worth(network: Network) -> dict[str, float]:
+    """What each of the law's terms adds to K, relative: root mean square over all entries.
+
+    Rotations count as arcs of the mean radius. Terms that this law does not have, or whose forces
+    are not told, are left out. Of more than `WEIGHED` contacts evenly spaced ones are taken, whose
+    matrices fill half a gigabyte.
+    """
+    m = network.n_contacts
+    if m > WEIGHED:
+        network = network.with_contacts(np.arange(0, m, -(-m // WEIGHED)))
+    arc = np.array([1.0] * 3 + [1 / float(network.radius.mean())] * 3)
+    scale = np.tile(arc, 2)
+    springs = law_tangent(network, ()) * scale[:, None] * scale
+    size = float(np.linalg.norm(springs))
+    added = {}
+    for term in TERMS:
+        if network.force_tangential is None and term in NEEDS_SHEAR:
+            continue
+        change = law_tangent(network, (term,)) * scale[:, None] * scale - springs
+        added[term] = float(np.linalg.norm(change)) / size
+    return {term: share for term, share in added.items() if share > 0}
