@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from modal.arguments import checked
 from modal.display import axes_of, quantity, table
 from modal.elasticity.response import steady_motion
-from modal.elasticity.slab import Bulk, bulk_stiffness
+from modal.elasticity.slab import Bulk, affine_stiffness, bulk_stiffness
 from modal.elasticity.strain import STRAINS, StrainedContacts, has_walls
 from modal.elasticity.waves import anisotropy, isotropic_mean, plane_waves
 from modal.formats.arrays import Floats
@@ -239,7 +239,7 @@ def elastic_moduli(
     error = float((found.energy_error / stored.max()).max())
     if bulk:
         measured = bulk_stiffness(network, bulk, contacts, motion)
-        followed = bulk_stiffness(network, bulk, contacts, np.zeros_like(motion))
+        followed = affine_stiffness(network, bulk, contacts)
         stiffness = (measured + measured.T) / 2
         density, region = bulk.density(network), "bulk"
         error = float(np.sqrt(error))

@@ -73,6 +73,21 @@ class Bulk:
         return mass / (network.area * self.length)
 
 
+def affine_stiffness(network: Network, bulk: Bulk, contacts: StrainedContacts) -> Floats:
+    """Shape (6, 6), Pa: that of the bulk if all spheres followed the strain, by the energy of it.
+
+    Such spheres are not in balance. The torques on them would make the stress unsymmetric.
+    """
+    share = _share_of_volume(network, bulk, contacts)
+    return np.einsum("aci,bci->ab", contacts.stretch * share[:, None], contacts.pull)
+
+
+def _share_of_volume(network: Network, bulk: Bulk, contacts: StrainedContacts) -> Floats:
+    """Shape (m,), 1/m^3: the share of each contact that lies in the bulk, over its volume."""
+    share = bulk.share(network.position[network.particle_i, 2], contacts.branch[:, 2])
+    return share / (network.area * bulk.length)
+
+
 def bulk_stiffness(
     network: Network, bulk: Bulk, contacts: StrainedContacts, motion: Floats
 ) -> Floats:
@@ -80,8 +95,7 @@ def bulk_stiffness(
 
     `motion` (6n, 6), m and rad for unit strains: of the spheres, beyond that of the mean strain.
     """
-    share = bulk.share(network.position[network.particle_i, 2], contacts.branch[:, 2])
-    volume = network.area * bulk.length
+    share = _share_of_volume(network, bulk, contacts)
     kinematics = contact_kinematics(network)
     layers = Layers(network)
     weight = bulk.share(layers.position, np.zeros(len(layers.position)))
@@ -92,7 +106,8 @@ def bulk_stiffness(
         ends = np.hstack([free[i], free[j]])
         parted = np.einsum("cab,cb->ca", kinematics, ends) + contacts.stretch[case]
         pull = np.einsum("cab,cb->ca", contacts.springs, parted)
-        stress[:, case] = voigt((pull * share[:, None]).T @ contacts.branch / volume)
+        # Rows zz, yz, zx are what planes across z carry, the same in every layer at rest.
+        stress[:, case] = voigt((pull * share[:, None]).T @ contacts.branch)
         for row in (2, 3, 4):
             moving = AXES[row][0]
             along = layers.means(free[:, moving])

@@ -243,15 +243,12 @@ def test_bulk_of_a_disordered_slab_is_that_of_the_endless_disorder():
     endless = elastic_moduli(disordered(gallery.fcc(cells=(2, 2, 4), periodic_z=True), 16))
     found = elastic_moduli(slab)
     scale = endless.stiffness.max()
-    print(
-        abs(found.stiffness - endless.stiffness).max() / scale,
-        abs(endless.affine - endless.stiffness).max() / scale,
-        found.asymmetry,
-        found.stiffness[2, 2] / static_velocity(slab)[1],
-    )
     assert abs(endless.affine - endless.stiffness).max() > 0.08 * scale
     assert found.stiffness == pytest.approx(endless.stiffness, abs=1e-3 * scale)
     assert found.asymmetry < 1e-3
+    # Nothing moves beyond the strain: only the ends are left, and both sums know no balance.
+    assert found.affine == pytest.approx(endless.affine, abs=1e-4 * scale)
+    assert found.affine == pytest.approx(found.affine.T, abs=1e-12 * scale)
     # The same slope by another program: a wall pushes, one direction at a time.
     velocity, modulus = static_velocity(slab)
     assert found.stiffness[2, 2] == pytest.approx(modulus, rel=1e-3)
