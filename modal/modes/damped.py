@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import eig
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from modal.arguments import checked
@@ -21,7 +22,7 @@ from modal.display import axes_of, quantity
 from modal.formats.arrays import Complex, Floats
 from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import ModeSet
-from modal.modes.problem import Eigenproblem
+from modal.modes.problem import Eigenproblem, check_count
 from modal.packing.network import Network
 from modal.solvers.factor import SUPERLU_FILL
 from modal.stiffness.damping import ContactDamping
@@ -32,10 +33,17 @@ from modal.workload import refuse_above
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FEW = 200
+"""Degrees of freedom up to which all modes are found at once: hardly any may oscillate among many
+motions without energy."""
+STANDS = 1e-6
+"""Of the frequency about which modes are sought: what is slower is taken for no oscillation.
+Round-off spreads motions without energy, whose rates are zero twice, over some 1e-8 of it."""
+
 
 @dataclass(frozen=True, repr=False)
 class DampedModes:
-    """k modes, the nearest to a frequency, in ascending order of theirs.
+    """k modes that oscillate, in ascending order of their frequencies.
 
     frequency (k,) Hz, of the oscillation; decay (k,) 1/s, of the amplitude; shape (k, n, 6),
     complex, of unit norm in the mass; residual (k,), |(lambda^2 M + lambda C + K) phi| over
@@ -73,10 +81,13 @@ class DampedModes:
 def damped_modes(
     network: Network, damping: ContactDamping, *, near: float, count: int = 10
 ) -> DampedModes:
-    """The `count` modes with a frequency nearest to `near`, Hz, of a packing with viscous contacts.
+    """The `count` modes of a packing with viscous contacts that are nearest to `near`, Hz.
 
-    Motions without energy are not among them if `near` lies above zero far enough. InputError where
-    the factorisation would take more than the memory: `decay_rates` of elastic modes then serves.
+    Near is the rate lambda to 2 pi i `near` in the complex plane: a mode that decays fast is far
+    from its own frequency. Motions that do not oscillate, overdamped or without energy, are not
+    among them. No count says that the list is complete: of several modes with one rate, as crystals
+    have, a large packing's list may lack some. InputError where fewer oscillate, and where the
+    factorisation would take more than the memory: `decay_rates` of elastic modes then serves.
 
     >>> import modal
     >>> crystal = modal.fcc(cells=(1, 1, 20))
@@ -85,11 +96,9 @@ def damped_modes(
     array([12.3, 12. , 12. , 11.6])
     """
     problem = Eigenproblem.of(network)
-    if not (0 < near < np.inf and 1 <= count <= problem.size - 2):
-        raise InputError(
-            f"{count} modes near {near:g} Hz: give a frequency above 0, and 1 to "
-            f"{problem.size - 2} modes"
-        )
+    if not 0 < near < np.inf:
+        raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
+    check_count(problem, count, problem.size - 2)
     A = problem.assembled()
     C = _scaled_dashpots(problem, damping)
     refuse_above(
@@ -98,7 +107,38 @@ def damped_modes(
         "complex modes take seconds to hours",
         "take decay_rates of elastic modes",
     )
-    size, shift = problem.size, 2j * np.pi * near
+    shift = 2j * np.pi * near
+    slow = max(STANDS * abs(shift), 10 * np.sqrt(problem.resolution))
+    rate, phi = (_all_rates if problem.size <= FEW else _rates_near)(A, C, shift, count, slow)
+    if len(rate) < count:
+        raise InputError(f"{count} modes asked, but only {len(rate)} oscillate; ask for fewer")
+    nearest = np.argsort(abs(rate - shift))[:count]
+    order = nearest[np.argsort(rate[nearest].imag)]
+    rate, phi = rate[order], phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
+    left = A @ phi + (C @ phi) * rate + phi * rate**2
+    shape = (phi / np.sqrt(problem.mass)[:, None]).T.reshape(count, -1, 6)
+    residual = np.linalg.norm(left, axis=0) / abs(rate) ** 2
+    return DampedModes(rate.imag / (2 * np.pi), -rate.real, shape, residual)
+
+
+def _all_rates(
+    A: sp.csr_matrix, C: sp.csr_matrix, shift: complex, count: int, slow: float
+) -> tuple[Complex, Complex]:
+    """Rates (k,) and motions (size, k) of all modes that oscillate faster than `slow`, 1/s."""
+    size, unit = A.shape[0], abs(shift)
+    companion = np.zeros((2 * size, 2 * size))
+    companion[:size, size:] = unit * np.eye(size)
+    companion[size:, :size], companion[size:, size:] = -A.toarray() / unit, -C.toarray()
+    rate, vector = eig(companion)
+    forwards = rate.imag > slow
+    return rate[forwards], vector[:size, forwards]
+
+
+def _rates_near(
+    A: sp.csr_matrix, C: sp.csr_matrix, shift: complex, count: int, slow: float
+) -> tuple[Complex, Complex]:
+    """The same of those nearest to `shift`, 1/s, `count` or more, as far as there are so many."""
+    size = A.shape[0]
     identity = sp.identity(size, format="csr")
     factor = splu((A + shift * C + shift**2 * identity).tocsc())
 
@@ -114,21 +154,21 @@ def damped_modes(
     # Velocities in units of the shift, as large as displacements.
     start = np.random.default_rng(20170729).standard_normal(2 * size) + 0j
     start[size:] *= abs(shift)
-    rate, vector = eigs(
-        LinearOperator(whole, apply, dtype=complex),
-        k=count,
-        sigma=shift,
-        OPinv=LinearOperator(whole, invert, dtype=complex),
-        v0=start,
-        tol=1e-10,
-    )
-    order = np.argsort(rate.imag)
-    rate, phi = rate[order], vector[:size, order]
-    phi = phi / np.linalg.norm(phi, axis=0)
-    left = A @ phi + (C @ phi) * rate + phi * rate**2
-    shape = (phi / np.sqrt(problem.mass)[:, None]).T.reshape(count, -1, 6)
-    residual = np.linalg.norm(left, axis=0) / abs(rate) ** 2
-    return DampedModes(rate.imag / (2 * np.pi), -rate.real, shape, residual)
+    asked, most = count, 2 * size - 2
+    while True:
+        rate, vector = eigs(
+            LinearOperator(whole, apply, dtype=complex),
+            k=asked,
+            sigma=shift,
+            OPinv=LinearOperator(whole, invert, dtype=complex),
+            v0=start,
+            tol=1e-10,
+        )
+        # Of a pair of conjugate rates the one that turns forwards, which is the nearer one.
+        forwards = rate.imag > slow
+        if forwards.sum() >= count or asked == most:
+            return rate[forwards], vector[:size, forwards]
+        asked = min(2 * asked, most)
 
 
 def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Floats:
