@@ -25,7 +25,7 @@ from modal.formats.provenance import packing_of, require_same_packing
 from modal.modes.mode_set import read_modes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
-from modal.waves.signals import read_signals
+from modal.waves.signals import DIRECTIONS, read_signals
 
 
 def add(commands: Any) -> None:
@@ -87,7 +87,8 @@ def _of_product(
                 f"{options.product}: without the motion of every sphere; make it again with "
                 "wave --particles"
             )
-        return {}, wave_frames(signals.time, moved, options.frames or 50)
+        axis = DIRECTIONS.index(signals.direction)
+        return {}, wave_frames(signals.time, moved, axis, options.frames or 50)
     modes = read_modes(options.product)
     if modes.mode_shape is None or not len(modes.frequency):
         raise InputError(f"{options.product}: without mode shapes; make it again with modes -o")

@@ -95,12 +95,12 @@ def mode_frames(shape: Floats, frequency: float, count: int) -> Iterator[Frame]:
         yield Frame(time, np.cos(phase) * shape[:, :3])
 
 
-def wave_frames(time: Floats, along_z: Floats, count: int) -> Iterator[Frame]:
-    """About `count` of the recorded times of a wave; `along_z` (nt, n), m."""
+def wave_frames(time: Floats, moved: Floats, axis: int, count: int) -> Iterator[Frame]:
+    """About `count` of the recorded times of a wave that `moved` (nt, n), m, along an axis."""
     every = max(1, -(-len(time) // count))
     for k in range(0, len(time), every):
-        displacement = np.zeros((along_z.shape[1], 3))
-        displacement[:, 2] = along_z[k]
+        displacement = np.zeros((moved.shape[1], 3))
+        displacement[:, axis] = moved[k]
         yield Frame(float(time[k]), displacement)
 
 

@@ -132,6 +132,19 @@ def test_wave_becomes_frames_at_its_times(packing):
         np.testing.assert_array_equal(fields["displacement"], columns["displacement"])
 
 
+def test_s_wave_moves_along_its_direction(packing):
+    network, folder = packing
+    name, product = str(folder / "p.network.h5"), folder / "s.signals.h5"
+    wave = ["wave", name, "--duration", "1e-5", "--particles", "--direction", "y"]
+    assert main([*wave, "-o", str(product)]) == 0
+    exported(folder, product, "--frames", 3, "-o", folder / "s.xyz")
+    moved = read_signals(product).particle_displacement
+    time, columns = read_frames(folder / "s.xyz")[-1]
+    np.testing.assert_array_equal(columns["displacement"][:, 1], moved[round(time / 1e-6)])
+    assert not columns["displacement"][:, [0, 2]].any()
+    assert columns["displacement"].any()
+
+
 def test_frames_of_a_mode_are_one_period(packing):
     """Half a period later every displacement is the opposite; the largest is half a radius."""
     network, folder = packing
