@@ -73,13 +73,25 @@ class Measures:
     @cached_property
     def first_peak(self) -> Estimate:
         """dL/dt of the linear wave's first peaks, middle half of the chain, m/s, with its error."""
-        return self._first_peak(self.case.wave)
+        return self._first_peak(self._as_the_run(self.case.wave))
 
     @cached_property
     def yade_first_peak(self) -> Estimate:
         """The same of the YADE run; NaN where there is none."""
         record = self.case.signals
         return Estimate(np.nan) if record is None else self._first_peak(record)
+
+    def _as_the_run(self, wave: Signals) -> Signals:
+        """Motions of the linear wave as far as the run's record goes.
+
+        A peak counts when it exceeds half of the particle's largest: later waves must be as far.
+        """
+        kept = wave.time <= self.passband.end(wave, self.passband.common) * (1 + 1e-9)
+        motions = {
+            name: getattr(wave, name)[kept]
+            for name in ("time", "chain_displacement", "particle_displacement")
+        }
+        return replace(wave, **motions)
 
     def _first_peak(self, record: Signals) -> Estimate:
         """Slope over the chain; the error is the fit's."""
@@ -99,7 +111,7 @@ class Measures:
         distance = network.position[bearing, 2] - network.wall_position[0]
         inside = middle(distance, network.length)
         bearing, distance = bearing[inside], distance[inside]
-        wave = case.wave
+        wave = self._as_the_run(case.wave)
         times = first_peak_times(
             replace(wave, chain_displacement=wave.particle_displacement[:, bearing])
         )
@@ -110,7 +122,8 @@ class Measures:
         speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
         if not speeds:
             return Estimate(np.nan)
-        return Estimate(float(np.mean(speeds)), float(np.std(speeds)))
+        scatter = float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan
+        return Estimate(float(np.mean(speeds)), scatter)
 
     def of_balance(self, name: str) -> float:
         """A number of the energy balance of the YADE run; NaN without one."""

@@ -10,14 +10,16 @@ import numpy as np
 from analysis.rows import PERCENT, Row
 from analysis.study import number
 from analysis.table import Table
+from modal.waves.energy_balance import CLOSED
 
 
-def table_1(rows: list[Row], seeds: list[Row]) -> Table:
+def table_1(rows: list[Row]) -> Table:
     """One row a case, its numbers and their errors: of the estimator and of the choice of chain.
 
-    `sample_error` columns are the standard deviation over the case's packings of other seeds, where
-    there are any.
+    `sample_error` columns are the standard deviation over the case's packings, its own and those of
+    other seeds, where any case has some; by YADE alone or by the linear wave alone, as all have it.
     """
+    seeds = any(row.samples for row in rows)
     first = [
         "v_p_first_peaks_m_per_s",
         *(f"f_low_pass_{p}_khz" for p in PERCENT.values()),
@@ -46,13 +48,10 @@ def table_1(rows: list[Row], seeds: list[Row]) -> Table:
             row.record,
             row.unsettled or "yes",
         ]
-        twins = [row, *(r for r in seeds if r.number == row.number)]
         for name in names:
             line += [_csv(row.value(name)), _csv(row.error(name), 3)]
             if name in scattered and seeds:
-                values = np.array([twin.value(name) for twin in twins])
-                known = values[np.isfinite(values)]
-                line.append(_csv(float(np.std(known, ddof=1)), 3) if len(known) > 1 else "")
+                line.append(_csv(row.samples.get(name, np.nan), 3))
         line += ["yes" if row.flat.get(p) else "no" for p in PERCENT.values()]
         line.append(" ".join(row.absent))
         lines.append(line)
@@ -112,37 +111,55 @@ def table_2_of(found: Sequence[Table]) -> Table:
 
 
 def table_of_energy(rows: list[Row]) -> Table:
-    """Energy books of the YADE runs, and how far each is from the linear wave."""
+    """Energy books of the YADE runs, and how far each is from the linear wave of its springs."""
     header = [
-        "case", "drift", "to friction", "gap to the wall's work", "contacts opened", "slid",
-        "YADE less linear, layers", "passages of the record",
+        "case", "drift", "to friction", "gap to the wall's work", "closed (1e-3)",
+        "contacts opened", "slid", "YADE less linear (layers; FCC: chain)", "passages recorded",
     ]  # fmt: skip
-    names = ("energy_drift", "energy_to_friction", "energy_gap", "contacts_opened", "contacts_slid")
+    books, contacts = ("energy_drift", "energy_to_friction", "energy_gap"), ("opened", "slid")
     lines = []
     for row in rows:
-        if row.record == "yade":
-            cells = [f"{row.value(n):.2g}" if np.isfinite(row.value(n)) else "" for n in names]
-            off = row.value("yade_less_linear_layers")
-            passages = f"{row.value('record_passages'):.2f}"
-            share = f"{100 * off:.2f} %" if np.isfinite(off) else ""
-            lines.append([str(row.number or row.name), *cells, share, passages])
+        if row.record != "yade":
+            continue
+        gap, off = row.value("energy_gap"), row.value("yade_less_linear_layers")
+        closed = ("yes" if abs(gap) <= CLOSED else "no") if np.isfinite(gap) else ""
+        lines.append(
+            [
+                str(row.number or row.name),
+                *(_plain(row.value(name), ".2g") for name in books),
+                closed,
+                *(_plain(row.value(f"contacts_{name}"), ".0f") for name in contacts),
+                _plain(100 * off, ".2f", " %"),
+                _plain(row.value("record_passages"), ".2f"),
+            ]
+        )
     return Table("Energy of the YADE waves", header, lines)
 
 
+def _plain(value: float, form: str, unit: str = "") -> str:
+    return f"{value:{form}}{unit}" if np.isfinite(value) else ""
+
+
 def table_of_scattering(rows: list[Row]) -> Table:
-    """Mean free path at f_low-pass and the Ioffe-Regel frequency, with the width's power."""
+    """The low-pass without a threshold: ridge's width, mean free path, Ioffe-Regel frequency.
+
+    And, of all cases, the orders of the gain's first and fifth maximum: 1/2 and 9/2 where the
+    source wall is free of stress.
+    """
     header = [
-        "case", "e", "Ioffe-Regel frequency, kHz", "over f_low-pass 2 %",
-        "mean free path at f_low-pass, D", "gain maximum 1, order", "gain maximum 5, order",
+        "case", "e", "stress, kPa", "f_low-pass 2 %, linear wave, kHz", "Ioffe-Regel, kHz",
+        "over f_low-pass", "mean free path at f_low-pass, D", "power of the width there", "±",
+        "gain maximum 1, order", "gain maximum 5, order",
     ]  # fmt: skip
     lines = []
     for row in rows:
         limit, two = row.value("ioffe_regel_khz"), row.value("f_low_pass_2_linear_khz")
         orders = row.curves["gain_orders"][0]
-        cells = [limit, limit / two, row.value("free_path_at_f_low_pass_over_d")]
-        places = [float(orders[k]) if len(orders) > k else np.nan for k in (0, 4)]
-        text = [number(value, 3) for value in (row.value("void_ratio"), *cells, *places)]
-        lines.append([str(row.number or row.name), *text])
+        cells = [row.value("void_ratio"), row.stress / 1e3, two, limit, limit / two]
+        cells += [row.value("free_path_at_f_low_pass_over_d"), row.value("ridge_width_power")]
+        cells += [row.error("ridge_width_power")]
+        cells += [float(orders[k]) if len(orders) > k else np.nan for k in (0, 4)]
+        lines.append([str(row.number or row.name), *(number(value, 3) for value in cells)])
     return Table("Scattering, and the order of the gain's maxima", header, lines)
 
 

@@ -18,6 +18,7 @@ from analysis.estimators.low_pass import THRESHOLDS, Edge
 from analysis.estimators.power_law import PowerLaw, power_law
 from analysis.measures import Estimate, Measures
 from modal.formats.hdf5 import InputError
+from modal.modes.mode_set import ModeSet
 
 PERCENT = {0.02: "2", 0.01: "1", 0.03: "3"}
 """Thresholds of the tables, and how their columns call them."""
@@ -29,8 +30,10 @@ class Row:
     """One case: number of the study (None for another packing), name, what it is, its numbers.
 
     `stress` Pa and `mu_comp` of the compression; `record` is `yade`, or `linear` where no run is
-    there; `values` by their column in table1.csv; `flat` says of thresholds whether they stand on a
-    plateau; `curves` are arrays by name; `absent` says which products are not there.
+    there; `values` by their column in table1.csv, with the error of the estimator and of the choice
+    of the chain; `samples` their scatter over packings of other seeds; `flat` says of thresholds
+    whether they stand on a plateau; `curves` are arrays by name; `absent` says which products are
+    not there.
     """
 
     number: int | None
@@ -42,6 +45,7 @@ class Row:
     record: str
     unsettled: str
     values: dict[str, Estimate] = field(default_factory=dict)
+    samples: dict[str, float] = field(default_factory=dict)
     flat: dict[str, bool] = field(default_factory=dict)
     curves: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
@@ -55,6 +59,11 @@ class Row:
     def error(self, name: str) -> float:
         """Its uncertainty; NaN where that is not known."""
         return self.values.get(name, NOTHING).error
+
+    def spread(self, name: str) -> float:
+        """Its uncertainty, or the scatter over packings where that is larger: it has both in it."""
+        known = [e for e in (self.error(name), self.samples.get(name, np.nan)) if np.isfinite(e)]
+        return max(known, default=np.nan)
 
     @property
     def group(self) -> str:
@@ -108,8 +117,8 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "v_p_static_m_per_s": lambda m: m.static,
     "v_p_emt_contacts_m_per_s": lambda m: m.effective[0],
     "v_p_emt_means_m_per_s": lambda m: m.effective[1],
-    "f_max_khz": lambda m: m.f_max / 1e3,
-    "f_1_khz": lambda m: m.resonances[0][0] / 1e3 if len(m.resonances[0]) else np.nan,
+    "f_max_khz": lambda m: natural_frequency(m.f_max, m.case.highest, m.case.modes),
+    "f_1_khz": lambda m: _resonance(m, 1),
     "band_edge_linear_khz": lambda m: m.band_edge / 1e3,
     "band_edge_yade_khz": lambda m: m.yade_band_edge / 1e3,
     "band_edge_theory_khz": lambda m: _of_crystal(m, "low_pass_frequency") / 1e3,
@@ -117,8 +126,8 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "band_edge_modes_khz": lambda m: _modal_edge(m) / 1e3,
     "lambda_edge_linear_over_d": lambda m: m.edge_wavelength[0],
     "lambda_edge_yade_over_d": lambda m: m.edge_wavelength[1],
-    "f_min_khz": lambda m: np.nan if m.case.modes is None else m.case.modes.frequency[0] / 1e3,
-    "f_200_khz": lambda m: _resonance(m, 200) / 1e3,
+    "f_min_khz": lambda m: _lowest(m.case.modes),
+    "f_200_khz": lambda m: _resonance(m, 200) if m.case.is_crystal else NOTHING,
     "resonances": lambda m: float(len(m.resonances[0])) if m.case.modes else np.nan,
     "translations_only_over_edge": lambda m: _translations(m),
     "chi_z_below_10_khz": lambda m: largest_chi(m, 0.0, 1e4, chain=True)[0],
@@ -127,6 +136,7 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "gain_maximum": lambda m: float(np.max(m.gain.gain)),
     "gain_resolution_hz": lambda m: m.gain.resolution,
     "free_path_at_f_low_pass_over_d": lambda m: m.free_path,
+    "ridge_width_power": lambda m: _width_power(m),
     "ioffe_regel_khz": lambda m: np.nan if m.scattering is None else m.scattering.limit / 1e3,
     "energy_drift": lambda m: m.of_balance("drift"),
     "energy_to_friction": lambda m: m.of_balance("friction"),
@@ -152,9 +162,35 @@ def _modal_edge(m: Measures) -> float:
     return found.low_pass_frequency
 
 
-def _resonance(m: Measures, r: int) -> float:
+def natural_frequency(frequency: float, *lists: ModeSet | None) -> Estimate:
+    """A natural frequency in kHz; its error from the residual in the list that holds it.
+
+    |A v - omega^2 v| of a unit vector bounds the distance of omega^2 from an eigenvalue, for A is
+    symmetric: half the relative residual is that of the frequency.
+    """
+    for modes in lists:
+        if modes is not None and frequency in modes.frequency:
+            at = int(np.argmax(modes.frequency == frequency))
+            return Estimate(frequency / 1e3, 5e-4 * frequency * float(modes.residual[at]))
+    return Estimate(frequency / 1e3)
+
+
+def _lowest(modes: ModeSet | None) -> Estimate:
+    return NOTHING if modes is None else natural_frequency(float(modes.frequency[0]), modes)
+
+
+def _resonance(m: Measures, r: int) -> Estimate:
+    """The r-th P resonance in kHz: of its mode, or of the structure factor's ridge."""
     f = m.resonances[0]
-    return float(f[r - 1]) if m.case.is_crystal and len(f) >= r else np.nan
+    return natural_frequency(float(f[r - 1]), m.case.modes) if len(f) >= r else NOTHING
+
+
+def _width_power(m: Measures) -> Estimate:
+    """Power of the frequency that the ridge's width follows about f_low-pass of the linear wave."""
+    if m.scattering is None:
+        return NOTHING
+    law = m.scattering.power(m.band)
+    return Estimate(law.exponent, law.error)
 
 
 def _translations(m: Measures) -> float:
@@ -204,7 +240,7 @@ def _measured(m: Measures) -> Row:
     _curves(m, row)
     row.absent = [
         kind
-        for kind in ("signals", "modes", "density", "structure", "response")
+        for kind in ("signals", "highest.modes", "modes", "density", "structure", "response")
         if not case.has(kind) and not (case.is_crystal and kind in ("density", "structure"))
     ]
     row.notes += case.notes

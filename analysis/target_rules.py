@@ -11,27 +11,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.comparable import of_one_producer
+from analysis.frictions import powers
 from analysis.paper import COORDINATION_AT_1_KPA, RANGES, STATED
-from analysis.rows import Row, groups_of, law_of
+from analysis.rows import Row, law_of
 
 CRYSTALS, RANDOM = range(1, 5), range(5, 33)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a target's rule found: value and error, whether it is met, and why (or why not)."""
+    """What a target's rule found: value and error, whether it is met, and why (or why not).
+
+    `off`: how far the value is from what the paper has, where that is one number.
+    """
 
     value: float
     error: float
     met: bool
     why: str
+    off: str = ""
 
 
 def _absent(what: str) -> Finding:
     return Finding(np.nan, np.nan, False, f"not measured: {what}")
 
 
-def _numbers(cases: Iterable[int]) -> str:
+def numbers_of(cases: Iterable[int]) -> str:
     """Cases as 1-4, 7."""
     found: list[list[int]] = []
     for n in sorted(cases):
@@ -48,9 +54,18 @@ def paper(key: str, case: int) -> float:
 
 
 def near(
-    case: int, name: str, wanted: float, within: float, *, relative: bool = True
+    case: int,
+    name: str,
+    wanted: float,
+    within: float,
+    *,
+    relative: bool = True,
+    plateau: str = "",
 ) -> Callable[[dict[int, Row]], Finding]:
-    """One case's number within so much of a value; `within` in parts of it, or in its unit."""
+    """One case's number within so much of a value; `within` in parts of it, or in its unit.
+
+    With `plateau`, a threshold in per cent, it counts only where that stands on one.
+    """
 
     def find(rows: dict[int, Row]) -> Finding:
         if case not in rows or not np.isfinite(rows[case].value(name)):
@@ -59,10 +74,15 @@ def near(
         value = row.value(name)
         off = value - wanted
         met = abs(off) <= within * (wanted if relative else 1)
-        why = f"off by {100 * off / wanted:+.2f} %" if relative else f"off by {off:+.4f}"
+        by = f"{100 * off / wanted:+.2f} %" if relative else f"{off:+.4f}"
+        why = f"off by {by}"
+        if plateau:
+            why += f", {'YADE' if row.record == 'yade' else 'linear wave: no YADE run'}"
+            if not row.flat.get(plateau, False):
+                met, why = False, f"{why}; on no plateau, where the rule has no answer"
         if row.unsettled:
             met, why = False, f"{why}; state not settled: {row.unsettled}"
-        return Finding(value, row.error(name), met, why)
+        return Finding(value, row.spread(name), met, why, by)
 
     return find
 
@@ -75,7 +95,9 @@ def rounds(case: int, name: str, wanted: float, digits: int) -> Callable[[dict[i
             return _absent(_missing(rows, [case], name))
         value = rows[case].value(name)
         met = round(value, digits) == wanted
-        return Finding(value, rows[case].error(name), met, f"rounds to {value:.{digits}f}")
+        by = f"{100 * (value / wanted - 1):+.2f} %"
+        why = f"rounds to {value:.{digits}f}"
+        return Finding(value, rows[case].spread(name), met, why, by)
 
     return find
 
@@ -84,10 +106,10 @@ def _missing(rows: dict[int, Row], cases: Iterable[int], name: str) -> str:
     """What is not there for a number of these cases."""
     away = [n for n in cases if n not in rows]
     blank = [n for n in cases if n in rows and not np.isfinite(rows[n].value(name))]
-    parts = [f"no packing of case {_numbers(away)}"] if away else []
+    parts = [f"no packing of case {numbers_of(away)}"] if away else []
     kinds = sorted({kind for n in blank for kind in rows[n].absent})
     if blank:
-        text = f"case {_numbers(blank)} does not give it"
+        text = f"case {numbers_of(blank)} does not give it"
         parts.append(text + (f" (absent: {', '.join(kinds)})" if kinds else ""))
     return "; ".join(parts) or "nothing to measure it on"
 
@@ -115,93 +137,61 @@ def all_within(
             worst = min(seen, key=lambda n: seen[n] if np.isinf(high) else -seen[n])
         outside = [n for n, value in seen.items() if not low <= value <= high]
         least, most = min(seen.values()), max(seen.values())
-        why = f"case {_numbers(seen)}: {least:.5g} to {most:.5g}"
+        why = f"case {numbers_of(seen)}: {least:.5g} to {most:.5g}"
         if outside:
-            why += f"; outside: case {_numbers(outside)}"
+            why += f"; outside: case {numbers_of(outside)}"
         if len(seen) < len(cases):
             why += "; " + _missing(rows, cases, name)
         met = not outside and len(seen) == len(cases)
-        return Finding(seen[worst], rows[worst].error(name), met, why)
+        return Finding(seen[worst], rows[worst].spread(name), met, why)
 
     return find
-
-
-def _velocity(rows: Iterable[Row]) -> str:
-    """First peaks of YADE where all of these cases have them, else of the linear wave of all."""
-    rows = list(rows)
-    name = "v_p_first_peaks_yade_m_per_s"
-    if rows and all(np.isfinite(row.value(name)) for row in rows):
-        return name
-    return "v_p_first_peaks_linear_m_per_s"
 
 
 def crystal_exponent(rows: dict[int, Row]) -> Finding:
     """V_P of the crystals by first peaks is the sixth root of the stress, within 0.002."""
     members = [rows[n] for n in CRYSTALS if n in rows]
-    name = _velocity(members)
+    name, producer = of_one_producer(members, "v_p_first_peaks")
     law = law_of(members, "stress_pa", name)
     if len(members) < 2 or not np.isfinite(law.exponent):
         return _absent(_missing(rows, CRYSTALS, name))
-    wanted = 1 / 6
-    met = abs(law.exponent - wanted) <= 0.002 and len(members) == len(CRYSTALS)
-    why = f"over case {_numbers(row.number for row in members)}, {_said(name)}"
-    return Finding(law.exponent, law.error, met, why)
-
-
-def _said(name: str) -> str:
-    return "first peaks of " + ("YADE" if "yade" in name else "the linear wave")
+    off = law.exponent - 1 / 6
+    met = abs(off) <= 0.002 and len(members) == len(CRYSTALS)
+    why = f"over case {numbers_of(row.number for row in members)}, first peaks, {producer}"
+    return Finding(law.exponent, law.error, met, why, f"{off:+.4f}")
 
 
 def random_exponents(rows: dict[int, Row]) -> Finding:
-    """b > 1/6 in each friction, and grows with the void ratio at the lowest stress."""
-    found = []
-    for members in groups_of(r for n, r in rows.items() if n in RANDOM).values():
-        name = _velocity(members)
-        law = law_of(members, "stress_pa", name)
-        if len(members) > 1 and np.isfinite(law.exponent):
-            found.append((members[0].value("void_ratio"), law, len(members)))
-    if not found:
+    """b > 1/6 in each friction, and grows with the void ratio beyond twice its standard error."""
+    random = [row for n, row in rows.items() if n in RANDOM]
+    name, producer = of_one_producer(random, "v_p_first_peaks")
+    found = powers(random, "stress_pa", name)
+    if found is None:
         return _absent(_missing(rows, RANDOM, "v_p_first_peaks_m_per_s"))
-    found.sort(key=lambda entry: entry[0])
-    exponents = [law.exponent for _, law, _ in found]
-    least = int(np.argmin(exponents))
-    grows = all(
-        b > a - 2 * np.hypot(np.nan_to_num(one.error), np.nan_to_num(two.error))
-        for (a, b), (_, one, _), (_, two, _) in zip(
-            zip(exponents[:-1], exponents[1:], strict=True), found[:-1], found[1:], strict=True
-        )
-    )
-    grows = grows and exponents[-1] > exponents[0]
-    whole = len(found) == 7 and all(count == 4 for *_, count in found)
-    text = ", ".join(f"{b:.3f} (e {e:.3f})" for b, (e, *_) in zip(exponents, found, strict=True))
-    why = f"b over e at the lowest stress: {text}; {'grows' if grows else 'does not grow'} with e"
-    if not whole:
-        why += f"; {len(found)} of 7 frictions, not all of them over four stresses"
-    met = min(exponents) > 1 / 6 and grows and whole
-    return Finding(exponents[least], found[least][1].error, met, why)
+    least = int(np.argmin(found.power))
+    met = bool(found.power[least] > 1 / 6) and found.grows and found.whole
+    value, error = float(found.power[least]), float(found.error[least])
+    return Finding(value, error, met, f"{producer}: b = {found}")
 
 
 def slopes(rows: dict[int, Row]) -> Finding:
-    """Slope of log f_low-pass over log V_P for each friction."""
-    found = []
-    for members in groups_of(r for n, r in rows.items() if n in RANDOM).values():
-        name = _velocity(members)
-        producer = "yade" if "yade" in name else "linear"
-        law = law_of(members, name, f"f_low_pass_2_{producer}_khz")
-        if len(members) > 1 and np.isfinite(law.exponent):
-            found.append((members[0].value("void_ratio"), law, len(members)))
-    if not found:
+    """Slope of log f_low-pass over log V_P within each friction, all of them within 1.2 to 1.4."""
+    random = [row for n, row in rows.items() if n in RANDOM]
+    name, _ = of_one_producer(random, "v_p_first_peaks")
+    edge, producer = of_one_producer(random, "f_low_pass_2")
+    if "linear" in edge:
+        name = of_one_producer([], "v_p_first_peaks")[0]
+    found = powers(random, name, edge)
+    if found is None:
         return _absent(_missing(rows, RANDOM, "f_low_pass_2_khz"))
-    found.sort(key=lambda entry: entry[0])
-    slopes = [law.exponent for _, law, _ in found]
-    inside = [1.2 <= slope <= 1.4 for slope in slopes]
-    worst = int(np.argmax(abs(np.array(slopes) - 1.3)))
-    text = ", ".join(f"{b:.2f} (e {e:.3f})" for b, (e, *_) in zip(slopes, found, strict=True))
-    why = f"slope over e at the lowest stress: {text}; {sum(inside)} of {len(found)} inside"
-    whole = len(found) == 7 and all(count == 4 for *_, count in found)
-    if not whole:
-        why += f"; {len(found)} of 7 frictions, not all of them over four stresses"
-    return Finding(slopes[worst], found[worst][1].error, all(inside) and whole, why)
+    inside = (found.power >= 1.2) & (found.power <= 1.4)
+    worst = int(np.argmax(abs(found.power - 1.3)))
+    why = f"{producer}: {inside.sum()} of {len(inside)} inside; slope = {found}"
+    bare = [row.number for row in random if not row.flat.get(f"2_{producer.lower()}", False)]
+    if bare:
+        why += f"; no plateau at 2 % in case {numbers_of(bare)}"
+    met = bool(inside.all()) and found.whole
+    return Finding(float(found.power[worst]), float(found.error[worst]), met, why)
 
 
 def spread_of_highest(rows: dict[int, Row]) -> Finding:
@@ -220,7 +210,7 @@ def spread_of_highest(rows: dict[int, Row]) -> Finding:
     text = ", ".join(f"{value:.2f} at {stress / 1e3:g} kPa" for stress, value in found.items())
     worst = max(found.values())
     met = worst < 3 and len(found) == 4
-    why = f"in %: {text}" + (f"; no packing of case {_numbers(missing)}" if missing else "")
+    why = f"in %: {text}" + (f"; no packing of case {numbers_of(missing)}" if missing else "")
     if worst >= 3:
         why += "; the most crowded sphere of each sample decides f_max"
     return Finding(worst, np.nan, met, why)
@@ -244,7 +234,7 @@ def gain(rows: dict[int, Row]) -> Finding:
     if not seen:
         return _absent(_missing(rows, cases, "gain_maximum"))
     worst = min(seen, key=lambda n: seen[n])
-    why = f"case {_numbers(seen)}: {min(seen.values()):.3g} to {max(seen.values()):.3g}, at "
+    why = f"case {numbers_of(seen)}: {min(seen.values()):.3g} to {max(seen.values()):.3g}, at "
     why += f"{rows[worst].texts.get('gain_height', 'its resolution')}: the resolution decides it"
     if len(seen) < len(cases):
         why += "; " + _missing(rows, cases, "gain_maximum")
@@ -265,7 +255,7 @@ def dem_edge(rows: dict[int, Row]) -> Finding:
         f"{by_rule:+.2f} %; unbiased {edge:.2f} kHz: {by_edge:+.2f} %"
     )
     met = abs(by_rule) <= 1.5 and abs(by_edge) <= 0.5
-    return Finding(ruled, row.error("f_low_pass_2_yade_khz"), met, why)
+    return Finding(ruled, row.spread("f_low_pass_2_yade_khz"), met, why, f"{by_rule:+.2f} %")
 
 
 def wavelengths(percent: str) -> Callable[[dict[int, Row]], Finding]:
@@ -280,16 +270,15 @@ def wavelengths(percent: str) -> Callable[[dict[int, Row]], Finding]:
         wave = [n for n in RANDOM if n in rows and rows[n].record == "linear"]
         bare = [n for n in RANDOM if n in rows and not rows[n].flat.get(percent, False)]
         why = found.why
-        if wave:
-            why += f"; linear wave in case {_numbers(wave)}"
+        why += f"; linear wave in case {numbers_of(wave)}" if wave else "; YADE"
         if bare:
-            why += f"; no plateau at {percent} % in case {_numbers(bare)}"
+            why += f"; no plateau at {percent} % in case {numbers_of(bare)}"
         if percent == "2":
             own = [rows[n].value("lambda_2_own_over_d") for n in RANDOM if n in rows]
             own = [value for value in own if np.isfinite(value)]
             if own:
                 why += f"; relative to each particle's maximum {min(own):.3g} to {max(own):.3g}"
-        return Finding(found.value, found.error, found.met, why)
+        return Finding(found.value, found.error, found.met and not bare, why)
 
     return find
 
@@ -304,4 +293,4 @@ def coordination(mu_comp: float, within: float, states: dict[float, Row]) -> Fin
     met, why = abs(off) <= within and not row.unsettled, f"off by {off:+.3f}"
     if row.unsettled:
         why += f"; state not settled: {row.unsettled}"
-    return Finding(value, row.error("coordination_number"), met, why)
+    return Finding(value, row.spread("coordination_number"), met, why, f"{off:+.3f}")

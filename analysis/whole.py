@@ -17,6 +17,7 @@ from pathlib import Path
 
 from analysis.arrangement import arrange, wanted
 from analysis.case import Case
+from analysis.comparable import scatter_of_samples
 from analysis.figures import compose
 from analysis.figures.picture import Panel
 from analysis.measures import Estimate, Measures
@@ -34,8 +35,9 @@ from analysis.rows import Row, row_of
 from analysis.settled import why_unsettled
 from analysis.status import names_in
 from analysis.study import choices_of, table_2
+from analysis.summary import summary
 from analysis.table import Table
-from analysis.targets import targets
+from analysis.targets import answers, targets, targets_seen
 from analysis.velocities import table_of_biases, table_of_laws, velocities
 from modal.formats.hdf5 import InputError, write_text
 from modal.packing.plausibility import read_remarked
@@ -155,10 +157,14 @@ def study(
         others += [one.row for one in more]
         failed += lost
     at_1_kpa = states_at_1_kpa([folder, *(states or [])])
+    for row in rows:
+        row.samples = scatter_of_samples(row, others)
+        if not row.crystal and row.mu_comp in at_1_kpa:
+            row.values["void_ratio_at_1_kpa"] = at_1_kpa[row.mu_comp].values["void_ratio"]
     output.mkdir(parents=True, exist_ok=True)
-    table_1(rows, others).write_csv(output / "table1.csv")
-    aims = targets(rows, at_1_kpa)
-    aims.write_csv(output / "targets.csv")
+    table_1(rows).write_csv(output / "table1.csv")
+    found_of_targets = answers(rows, at_1_kpa)
+    targets(found_of_targets).write_csv(output / "targets.csv")
     tables = {
         "table2": table_2_of([x.second for x in found if x.second is not None]),
         "velocities": velocities(rows),
@@ -175,8 +181,8 @@ def study(
     figures, absent = arrange(panels, rows, output)
     missing = [n for n in CASES if n not in {row.number for row in rows}]
     sections = [
-        Section("Summary", _summary(rows, aims, missing, failed)),
-        Section("Targets", table_html(aims, words=True)),
+        Section("Summary", summary(rows, found_of_targets, missing, failed)),
+        Section("Targets", table_html(targets_seen(found_of_targets), words=True)),
         Section("Table 1", table_html(table_1_seen(rows))),
         *(Section(table.title, table_html(table)) for table in tables.values() if table.rows),
         Section("Figures", "".join(figures)),
@@ -203,22 +209,3 @@ def study(
 
 def _has_packing(folder: Path, name: str) -> bool:
     return any((folder / f"{name}.{kind}.h5").is_file() for kind in ("network", "sample"))
-
-
-def _summary(rows: list[Row], aims: Table, missing: list[int], failed: list[str]) -> str:
-    """How many cases and targets, what is missing, and the headline numbers."""
-    met = sum(row[5] == "yes" for row in aims.rows)
-    runs = sum(row.record == "yade" for row in rows)
-    lines = [
-        f"{len(rows)} of {len(CASES)} cases are there, {runs} of them with a YADE run.",
-        f"{met} of {len(aims.rows)} targets are met.",
-    ]
-    if missing:
-        lines.append(f"No packing of case {', '.join(map(str, missing))}.")
-    unsettled = [row.name for row in rows if row.unsettled]
-    if unsettled:
-        lines.append(f"Not settled: {', '.join(unsettled)}.")
-    open_ = [row[0] for row in aims.rows if row[5] != "yes"]
-    if open_:
-        lines.append(f"Not met: {', '.join(open_)}; the column why says why.")
-    return list_html(lines + failed)

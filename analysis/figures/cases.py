@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.comparable import of_one_producer
 from analysis.estimators.power_law import power_law
 from analysis.figures.picture import Panel, Picture
 from analysis.paper import FRICTIONS, RANGES, stated
@@ -48,20 +49,13 @@ def _points(panel: Panel, x, members: list[Row], name: str, text: str, style: di
         panel.add("error", np.asarray(x)[known], y[known], error[known], **style)
 
 
-def _own(members: list[Row], kind: str) -> tuple[str, str]:
-    """Column of a velocity or frequency and its producer: YADE where all have it, else linear."""
-    producer = "yade" if all(row.record == "yade" for row in members) else "linear"
-    unit = "m_per_s" if kind.startswith("v_p") else "over_d" if "lambda" in kind else "khz"
-    return f"{kind}_{producer}_{unit}", "YADE" if producer == "yade" else "linear"
-
-
 def velocity_cases(rows: list[Row]) -> Picture:
     """Fig. 6: V_P by first peaks (dL/dt) against void ratio and stress, with fitted exponents."""
     left = Panel("void ratio", "$V_P$, first peaks (m/s)", "(a)")
     right = Panel("stress (kPa)", "$V_P$, first peaks (m/s)", "(b)", xscale="log", yscale="log")
     right.legend = "upper left"
     for name, members, style in _styles(rows):
-        kind, producer = _own(members, "v_p_first_peaks")
+        kind, producer = of_one_producer(members, "v_p_first_peaks")
         law = law_of(members, "stress_pa", kind)
         text = f"{name}, {producer}" + (f": {law}" if np.isfinite(law.exponent) else "")
         stress = np.array([row.stress for row in members])
@@ -120,11 +114,11 @@ def low_pass_cases(rows: list[Row]) -> Picture:
     left = Panel("void ratio", "$f_{low-pass}$, 2 % (kHz)", "(a)", yscale="log")
     right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", "(b)", xscale="log", yscale="log")
     for name, members, style in _styles(rows):
-        kind, producer = _own(members, "f_low_pass_2")
+        kind, producer = of_one_producer(members, "f_low_pass_2")
         stress = np.array([row.stress for row in members]) / 1e3
         _points(left, _column(members, "void_ratio"), members, kind, f"{name}, {producer}", style)
         _points(right, stress, members, kind, "", style)
-        one = _column(members, _own(members, "f_low_pass_1")[0])
+        one = _column(members, of_one_producer(members, "f_low_pass_1")[0])
         text = "1 %" if not any(s.label == "1 %" for s in right.series) else ""
         right.line(stress, one, text, marker="+", ls="none", color="0.4")
     known = [(r, stated("threshold_2", r.number)) for r in rows if stated("threshold_2", r.number)]
@@ -141,8 +135,8 @@ def velocity_low_pass(rows: list[Row]) -> Picture:
     panel = Panel("$V_P$, first peaks (m/s)", "$f_{low-pass}$, 2 % (kHz)", "")
     panel.xscale = panel.yscale = "log"
     for name, members, style in _styles(rows):
-        velocity, producer = _own(members, "v_p_first_peaks")
-        kind = _own(members, "f_low_pass_2")[0]
+        velocity, producer = of_one_producer(members, "v_p_first_peaks")
+        kind = of_one_producer(members, "f_low_pass_2")[0]
         law = law_of(members, velocity, kind)
         text = f"{name}, {producer}"
         text += f": slope {law.exponent:.2f}" if np.isfinite(law.exponent) else ""
@@ -166,10 +160,10 @@ def wavelength_cases(rows: list[Row]) -> Picture:
         for name, members, style in _styles(rows):
             e = _column(members, "void_ratio")
             if name == "FCC":
-                kind, producer = _own(members, "lambda_edge")
+                kind, producer = of_one_producer(members, "lambda_edge", "over_d")
                 panel.line(e, _column(members, kind), f"{name}, band edge, {producer}", **style)
                 continue
-            kind, producer = _own(members, f"lambda_{percent}")
+            kind, producer = of_one_producer(members, f"lambda_{percent}")
             _points(panel, e, members, kind, f"{name}, {producer}", style)
             if percent == "2":
                 text = "of each particle's maximum"
