@@ -50,10 +50,12 @@ if [ ${#packages[@]} -gt 0 ]; then
     if ! command -v apt-get >/dev/null; then
         echo "setup.sh: missing ${packages[*]}; they are Debian packages, install them by hand" >&2
         exit 2
-    elif [ "$(id -u)" = 0 ]; then
-        apt-get update -q && DEBIAN_FRONTEND=noninteractive $install
-    elif sudo -n true 2>/dev/null; then
-        sudo apt-get update -q && sudo DEBIAN_FRONTEND=noninteractive $install
+    elif [ "$(id -u)" = 0 ] || sudo -n true 2>/dev/null; then
+        echo "setup.sh: installing ${packages[*]} from Debian (YADE and its libraries take minutes)"
+        as_root=$([ "$(id -u)" = 0 ] || echo sudo)
+        # What is unpacked is no one's concern; what goes wrong is said on stderr.
+        { $as_root apt-get update && $as_root env DEBIAN_FRONTEND=noninteractive $install; } > /dev/null ||
+            { echo "setup.sh: apt-get could not install ${packages[*]}; see what it says" >&2; exit 2; }
     else
         echo "setup.sh: missing ${packages[*]}; run: sudo apt-get update && sudo $install" >&2
         exit 2
@@ -63,8 +65,10 @@ fi
 # The stamp holds what was installed, so that a second run, or a change of pyproject.toml, is seen.
 stamp=".venv/installed-$extra"
 if ! cmp -s pyproject.toml "$stamp"; then
-    [ -x .venv/bin/python ] || python3 -m venv .venv
-    pip=".venv/bin/python -m pip install --quiet --disable-pip-version-check"
+    echo "setup.sh: installing Python packages in .venv, for $extra (a minute or two)"
+    # pip is the last that a new environment gets: without it that was interrupted.
+    .venv/bin/python -m pip --version > /dev/null 2>&1 || python3 -m venv .venv
+    pip=".venv/bin/python -m pip install --quiet --use-pep517 --disable-pip-version-check"
     # The fast packages are optional: where they cannot be had, the rest is installed without.
     $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
     # Programs that tests compare with are tried; without them these tests are skipped.
