@@ -12,9 +12,8 @@ import numpy as np
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.belonging import cases_of
 from analysis.case import Case, case_name
-from analysis.convergence import limits_table, read_rows, settings_table, twins_table
+from analysis.case_tables import tables
 from analysis.crystal import compare, comparison_table, stress_rows
-from analysis.elastic import table as elastic_table
 from analysis.estimators.power_law import power_law
 from analysis.estimators.trial import trial
 from analysis.figures import FIGURES, draw
@@ -22,14 +21,15 @@ from analysis.figures.picture import read_picture
 from analysis.figures.preparation import ladder_pictures
 from analysis.figures.render import save
 from analysis.measures import Measures
-from analysis.packing_state import measured
+from analysis.packings.convergence import limits_table, read_rows, settings_table, twins_table
+from analysis.packings.elastic import table as elastic_table
+from analysis.packings.samples import table
+from analysis.packings.state import measured
 from analysis.prepare import KINDS, prepare
 from analysis.report import report as write_report
-from analysis.samples import table
 from analysis.status import stale_files, status_table
-from analysis.study import tables
+from analysis.study.whole import study
 from analysis.watch import watch_page
-from analysis.whole import study
 from modal.cli.options import Parser
 from modal.formats.hdf5 import InputError, write_text
 from modal.formats.provenance import packing_of, require_same_packing

@@ -13,8 +13,8 @@ from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.low_pass import RECORD
 from analysis.estimators.structure_factor import StructureFactor, read_structure
+from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import matching_case
-from analysis.settled import MARK, why_unsettled
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Source, packing_of, require_same_packing
 from modal.modes.density import read_density

@@ -1,4 +1,8 @@
-"""Every number and range that the paper states, ours beside it, and how far the two are apart."""
+"""Every number that the paper states of the cases at hand, ours beside it, and how far apart.
+
+A report of any cases has this table; it judges nothing. Which of the numbers the whole study must
+meet, by what rule, is in `analysis.study.targets`.
+"""
 
 from __future__ import annotations
 
@@ -48,20 +52,6 @@ def _translations(m: Measures) -> float:
     return np.nan if only is None else only.frequency[-1] / m.case.lattice.low_pass_frequency
 
 
-def largest_chi(m: Measures, low: float, high: float, chain: bool) -> tuple[float, str]:
-    """Largest chi_z, of the chain as in the paper or of all, and of which modes between two Hz."""
-    sets = [modes for modes in (m.case.modes, m.case.band) if modes is not None]
-    if not sets:
-        return np.nan, ""
-    f = np.concatenate([modes.frequency for modes in sets])
-    chi = np.concatenate([modes.chi_z_chain if chain else modes.chi_z for modes in sets])
-    inside = (f > low) & (f < high)
-    if not inside.any():
-        return np.nan, ""
-    seen = f"{inside.sum()} modes, {f[inside].min() / 1e3:.2f}-{f[inside].max() / 1e3:.2f} kHz"
-    return float(chi[inside].max()), seen
-
-
 SINGLE: tuple[tuple[str, str, Callable[[Measures], float]], ...] = (
     ("particles", "particles", lambda m: float(m.case.network.n_particles)),
     ("length_over_d", "length / D", lambda m: m.case.network.length / m.case.diameter),
@@ -99,7 +89,7 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
                 continue
             rows.append(row)
         for key, which, low, high in CHI:
-            value, seen = largest_chi(m, low, high, which.endswith("chain"))
+            value, seen = m.largest_chi(low, high, which.endswith("chain"))
             head = f"largest chi_z {which}" + (f" ({seen})" if seen else "")
             row = _row(m.case.label, key, head, m.case.paper_case, partial(float, value))
             rows += [row] if row else []

@@ -6,11 +6,11 @@ import shlex
 from pathlib import Path
 
 from analysis.case import EXTRA_KINDS, KINDS
+from analysis.case_tables import tables
 from analysis.figures import FIGURES, compose
 from analysis.figures.render import save
 from analysis.measures import Measures
 from analysis.page import Section, figure_html, list_html, made_by, page, table_html
-from analysis.study import tables
 from analysis.table import Table
 from modal.formats.hdf5 import InputError, sha256, write_text
 from modal.formats.provenance import read_provenance

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.deviations import largest_chi
 from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.low_pass import THRESHOLDS, Edge
 from analysis.estimators.power_law import PowerLaw, power_law
-from analysis.measures import Estimate, Measures
+from analysis.measures import Measures
+from analysis.measures.estimate import Estimate
 from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import ModeSet
 
@@ -130,9 +130,9 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "f_200_khz": lambda m: _resonance(m, 200) if m.case.is_crystal else NOTHING,
     "resonances": lambda m: float(len(m.resonances[0])) if m.case.modes else np.nan,
     "translations_only_over_edge": lambda m: _translations(m),
-    "chi_z_below_10_khz": lambda m: largest_chi(m, 0.0, 1e4, chain=True)[0],
-    "chi_z_above_15_khz": lambda m: largest_chi(m, 1.5e4, np.inf, chain=True)[0],
-    "chi_z_above_15_khz_all": lambda m: largest_chi(m, 1.5e4, np.inf, chain=False)[0],
+    "chi_z_below_10_khz": lambda m: m.largest_chi(0.0, 1e4, chain=True)[0],
+    "chi_z_above_15_khz": lambda m: m.largest_chi(1.5e4, np.inf, chain=True)[0],
+    "chi_z_above_15_khz_all": lambda m: m.largest_chi(1.5e4, np.inf, chain=False)[0],
     "gain_maximum": lambda m: float(np.max(m.gain.gain)),
     "gain_resolution_hz": lambda m: m.gain.resolution,
     "free_path_at_f_low_pass_over_d": lambda m: m.free_path,
@@ -236,7 +236,7 @@ def _measured(m: Measures) -> Row:
             ]
         row.flat[percent] = row.flat[f"{percent}_{own}"]
     row.texts["gain_height"] = m.gain_height
-    row.texts["chi_z_above_15_khz"] = largest_chi(m, 1.5e4, np.inf, chain=True)[1]
+    row.texts["chi_z_above_15_khz"] = m.largest_chi(1.5e4, np.inf, chain=True)[1]
     _curves(m, row)
     row.absent = [
         kind

@@ -28,10 +28,11 @@ from analysis.estimators.low_pass import (
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import MIDDLE, arrival_velocity, first_peak_velocity
 from analysis.table import Table
+from modal.solvers.lanczos import SEED
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
 
-INTERVAL, NOISE, DRAWS, SEED = 4e-7, 0.05, 10, 20170729
+INTERVAL, NOISE, DRAWS = 4e-7, 0.05, 10
 CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.convergence import LADDERS, Ladder, Row, limit, rungs
 from analysis.figures.picture import Panel, Picture
+from analysis.packings.convergence import LADDERS, Ladder, Row, limit, rungs
 
 QUANTITIES = {"e": "void ratio", "Z": "contacts of a sphere", "V_P": "$V_P$ (m/s)"}
 LOGARITHMIC = 8.0

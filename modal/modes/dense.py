@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.effort import of_blocks, refuse_endless_search
-from modal.modes.measured import found_modes, relative_residual, shapes_left_out
+from modal.modes.from_vectors import found_modes, relative_residual, shapes_left_out
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.observables import chi_z, particle_motion, planar_resonances, rotation_share
 from modal.modes.problem import Eigenproblem, frequency_of

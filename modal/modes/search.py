@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.arrays import Bools, Floats
-from modal.modes.measured import found_modes
+from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.solvers.factor import Factor, SingularError, factorise

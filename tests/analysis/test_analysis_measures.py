@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from analysis.case import Case
+from analysis.case_tables import number, table_1, table_of_fits
 from analysis.deviations import deviations
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
-from analysis.measures import Estimate, Measures
+from analysis.measures import Measures
+from analysis.measures.estimate import Estimate
 from analysis.paper import matching_case, stated, stated_range
-from analysis.study import number, table_1, table_of_fits
 from modal.formats.hdf5 import InputError
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from analysis.__main__ import main
-from analysis.convergence import LADDERS, limit, limits_table, read_rows, rungs, twins_table
-from analysis.packing_state import QUANTITIES, measured
+from analysis.packings.convergence import (
+    LADDERS,
+    limit,
+    limits_table,
+    read_rows,
+    rungs,
+    twins_table,
+)
+from analysis.packings.state import QUANTITIES, measured
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 

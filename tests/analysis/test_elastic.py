@@ -5,9 +5,9 @@ import pytest
 
 import modal
 from analysis.__main__ import main
-from analysis.elastic import HEADER, row, standing_velocity, travelling_velocity
 from analysis.estimators.shear_lattice import ShearLattice
 from analysis.estimators.structure_factor import standing_waves
+from analysis.packings.elastic import HEADER, row, standing_velocity, travelling_velocity
 from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
 from modal.theory.fcc import FccLattice

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.__main__ import main
-from analysis.samples import HEADER, table
+from analysis.packings.samples import HEADER, table
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from analysis.__main__ import main
-from analysis.arrangement import OF_CASES
 from analysis.comparable import scatter_of_samples
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures import FIGURES
-from analysis.frictions import powers
-from analysis.measures import Estimate
-from analysis.row_tables import table_1
+from analysis.measures.estimate import Estimate
 from analysis.rows import Row, law_of, natural_frequency, number_of
-from analysis.targets import TARGETS, answers, targets
-from analysis.velocities import exact_biases, velocities
+from analysis.study.arrangement import OF_CASES
+from analysis.study.frictions import powers
+from analysis.study.tables import table_1
+from analysis.study.targets import TARGETS, answers, targets
+from analysis.study.velocity_rules import exact_biases, velocities
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem

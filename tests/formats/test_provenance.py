@@ -18,10 +18,10 @@ from places import ROOT
 
 from analysis.__main__ import main as analysis_main
 from analysis.case import find
+from analysis.case_tables import table_1
 from analysis.measures import Measures
+from analysis.packings.samples import table
 from analysis.report import provenance_table
-from analysis.samples import table
-from analysis.study import table_1
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import (

@@ -7,11 +7,11 @@ import pytest
 from places import ROOT
 
 from analysis.case import Case
+from analysis.case_tables import table_1
 from analysis.deviations import deviations
 from analysis.measures import Measures
-from analysis.samples import HEADER, row
-from analysis.settled import why_unsettled
-from analysis.study import table_1
+from analysis.packings.samples import HEADER, row
+from analysis.packings.settled import why_unsettled
 from modal.packing.contact_law import GLASS
 from modal.packing.examples import fcc
 from modal.packing.sample import read_sample, write_sample

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.rows import Row
-from analysis.table import Table
-from analysis.target_rules import (
+from analysis.study.target_rules import (
     CRYSTALS,
     RANDOM,
     Finding,
@@ -32,6 +31,7 @@ from analysis.target_rules import (
     spread_of_highest,
     wavelengths,
 )
+from analysis.table import Table
 
 HEADER = ("id", "value", "error", "target", "rule", "met", "why")
 

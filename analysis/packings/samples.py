@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from analysis.estimators.layer_lattice import is_fcc
+from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import COORDINATION_AT_1_KPA, matching_case, stated
-from analysis.settled import MARK, why_unsettled
 from analysis.table import Table
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import read_provenance

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.packing_state import QUANTITIES
+from analysis.packings.state import QUANTITIES
 from analysis.table import Table
 from modal.formats.hdf5 import InputError
 from modal.preparation.protocol import NOMINAL_FRACTION

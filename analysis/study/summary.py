@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.case_tables import number
 from analysis.page import list_html
 from analysis.paper import stated
 from analysis.rows import Row
-from analysis.study import number
-from analysis.target_rules import numbers_of
-from analysis.targets import Answer
+from analysis.study.target_rules import numbers_of
+from analysis.study.targets import Answer
 
 HEADLINES = 2, 6, 22, 30
 """Cases whose numbers stand in the summary: the crystal, dense, medium and loose at 100 kPa."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.comparable import of_one_producer
-from analysis.frictions import powers
 from analysis.paper import COORDINATION_AT_1_KPA, RANGES, STATED
 from analysis.rows import Row, law_of
+from analysis.study.frictions import powers
 
 CRYSTALS, RANDOM = range(1, 5), range(5, 33)
 

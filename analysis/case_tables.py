@@ -9,7 +9,8 @@ import numpy as np
 from analysis.deviations import HEADER, deviations
 from analysis.estimators.low_pass import Edge
 from analysis.estimators.power_law import power_law
-from analysis.measures import Estimate, Measures, groups
+from analysis.measures import Measures, groups
+from analysis.measures.estimate import Estimate
 from analysis.table import Table
 from modal.formats.hdf5 import InputError
 

@@ -15,15 +15,21 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from analysis.arrangement import arrange, wanted
 from analysis.case import Case
+from analysis.case_tables import choices_of, table_2
 from analysis.comparable import scatter_of_samples
 from analysis.figures import compose
 from analysis.figures.picture import Panel
-from analysis.measures import Estimate, Measures
+from analysis.measures import Measures
+from analysis.measures.estimate import Estimate
+from analysis.packings.settled import why_unsettled
 from analysis.page import Section, list_html, made_by, page, table_html
 from analysis.report import provenance_table, shown, without_folder
-from analysis.row_tables import (
+from analysis.rows import Row, row_of
+from analysis.status import names_in
+from analysis.study.arrangement import arrange, wanted
+from analysis.study.summary import summary
+from analysis.study.tables import (
     table_1,
     table_1_seen,
     table_2_of,
@@ -31,14 +37,9 @@ from analysis.row_tables import (
     table_of_energy,
     table_of_scattering,
 )
-from analysis.rows import Row, row_of
-from analysis.settled import why_unsettled
-from analysis.status import names_in
-from analysis.study import choices_of, table_2
-from analysis.summary import summary
+from analysis.study.targets import answers, targets, targets_seen
+from analysis.study.velocity_rules import table_of_biases, table_of_laws, velocities
 from analysis.table import Table
-from analysis.targets import answers, targets, targets_seen
-from analysis.velocities import table_of_biases, table_of_laws, velocities
 from modal.formats.hdf5 import InputError, write_text
 from modal.packing.plausibility import read_remarked
 from modal.packing.state import contacts_per_particle, void_ratio

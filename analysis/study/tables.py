@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.case_tables import number
 from analysis.rows import PERCENT, Row
-from analysis.study import number
 from analysis.table import Table
 from modal.waves.energy_balance import CLOSED
 

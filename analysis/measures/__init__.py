@@ -1,0 +1,111 @@
+"""What the paper's Tables 1 and 2 state of a case, measured from its files, with errors.
+
+One idea a module, each standing on the one before: long waves, end of the band, first peaks,
+eigenmodes; here what needs several of them.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from analysis.case import Case
+from analysis.estimators.scattering import Scattering
+from analysis.estimators.transfer import Gain, network_gain
+from analysis.measures.eigenmodes import Eigenmodes
+
+
+class Measures(Eigenmodes):
+    """Measurements of one case, each made when first asked for; its last: scattering, gain, DEM."""
+
+    def __init__(self, case: Case) -> None:
+        super().__init__(case)
+        self.row: Any = None
+        """What `analysis.rows` has measured of it."""
+
+    @cached_property
+    def scattering(self) -> Scattering | None:
+        """Width of the structure factor's ridge over frequency; None without one."""
+        if self.case.structure is None:
+            return None
+        return Scattering.of(self.case.structure, self.long_wave.value, self.case.diameter)
+
+    @cached_property
+    def free_path(self) -> float:
+        """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters."""
+        if self.scattering is None:
+            return np.nan
+        return self.scattering.free_path(self.low_pass[0].value)
+
+    @cached_property
+    def gain(self) -> Gain:
+        """Gain factor from the response file, else of the springs at the same resolution."""
+        found = self.case.response
+        if found is not None:
+            return Gain(found.frequency, found.gain, found.resolution)
+        return network_gain(self.case.network, self.case.passage)
+
+    @cached_property
+    def gain_place(self) -> float:
+        """Frequency of the gain's first maximum, in f_1 = V_P / 2 L."""
+        return self.gain.first_maximum()[0] * 2 * self.passage
+
+    @cached_property
+    def gain_orders(self) -> tuple[np.ndarray, np.ndarray]:
+        """The gain's maxima (k,) as orders of two columns: f = r f_1, both walls held, and r - 1/2.
+
+        Each maximum is looked up among the measured resonances r f_1, which bend with dispersion:
+        the first is the order r at which a standing wave has its frequency, by interpolation; the
+        second what is expected where the source wall is free of stress, 1/2, 3/2, ...
+        """
+        f, (f_r, kappa) = self.gain.maxima(), self.resonances
+        if np.isfinite(self.low_pass[0].value):  # beyond it the walls hear no common wave
+            f = f[f < self.low_pass[0].value]
+        expected = np.arange(len(f)) + 0.5
+        rising = np.isfinite(f_r) & (np.maximum.accumulate(np.nan_to_num(f_r)) == f_r)
+        if rising.sum() < 2:
+            return f / self.first_resonance, expected
+        order = np.append(0.0, kappa[rising] * self.case.network.length / np.pi)
+        return np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan), expected
+
+    @cached_property
+    def gain_height(self) -> str:
+        """The gain at its first maximum with its resolution, and an undamped column's under it."""
+        height = self.gain.first_maximum()[1]
+        if not np.isfinite(height):
+            return ""
+        same = self.gain.undamped(self.passage)
+        return f"{height:.3g} at {self.gain.resolution:.0f} Hz (undamped column: {same:.3g})"
+
+    def of_balance(self, name: str) -> float:
+        """A number of the energy balance of the YADE run; NaN without one."""
+        record = self.case.signals
+        books = None if record is None else record.balance
+        return np.nan if books is None else float(getattr(books, name))
+
+    @cached_property
+    def off_linear(self) -> float:
+        """YADE less the linear wave at its own times, relative L2: layers' means, or a chain's.
+
+        Over the whole record; NaN without a run.
+        """
+        run = self.case.signals
+        if run is None:
+            return np.nan
+        linear = self.case.linear()
+        seen, wanted = run.layer_displacement, linear.layer_displacement
+        if self.case.is_crystal or seen is None or wanted is None:
+            seen, wanted = run.chain_displacement, linear.chain_displacement
+        return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
+
+
+def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
+    """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
+    found: dict[str, list[Measures]] = {}
+    for m in sorted(cases, key=lambda m: m.case.stress):
+        friction = f", mu_comp {m.case.mu_comp:g}" if np.isfinite(m.case.mu_comp) else ""
+        name = "FCC" if m.case.is_crystal else f"random{friction}"
+        found.setdefault(name, []).append(m)
+    return found

@@ -1,0 +1,108 @@
+"""What a case's eigenmodes say: resonances, V_P by them, the highest frequency, chi_z."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from analysis.estimators.damped_transform import mode_dispersion
+from analysis.estimators.resonances import (
+    Standing,
+    fitted_wavenumbers,
+    long_wave_velocity,
+    standing_modes,
+)
+from analysis.measures.estimate import Estimate
+from analysis.measures.first_peaks import FirstPeaks
+from analysis.measures.long_waves import LOW_ORDER
+from modal.modes.highest import highest_modes
+from modal.modes.problem import Eigenproblem
+from modal.packing.rattlers import force_bearing
+
+
+class Eigenmodes(FirstPeaks):
+    """The eigenmodes of one case, where there are any."""
+
+    @cached_property
+    def standing(self) -> Standing | None:
+        """Modes that bear the standing waves of a random packing; None without mode shapes."""
+        modes = self.case.modes
+        if self.case.is_crystal or modes is None or modes.mode_shape is None:
+            return None
+        return standing_modes(modes, self.case.network)
+
+    @cached_property
+    def resonances(self) -> tuple[np.ndarray, np.ndarray]:
+        """f_r (Hz), kappa_r (1/m, Eq. 4): pure modes of a crystal, else those that bear the waves.
+
+        Beyond the modes that can be told, and without their shapes, the structure factor's ridge.
+        """
+        modes, structure = self.case.modes, self.case.structure
+        if modes is not None and modes.resonance_frequency is not None and self.case.is_crystal:
+            return modes.resonance_frequency, modes.resonance_wavenumber
+        own = np.empty(0) if self.standing is None else self.standing.frequency
+        if structure is not None:
+            f = structure.ridge()[0]
+            known = structure.order <= len(own)
+            f[known] = own[structure.order[known] - 1]
+            return f, structure.wavenumber
+        return own, np.pi * np.arange(1, len(own) + 1) / self.case.network.length
+
+    @cached_property
+    def first_resonance(self) -> float:
+        """f_1, Hz, of the first P resonance: of its mode, else V_P / 2 L of the long waves."""
+        f = self.resonances[0]
+        return float(f[0]) if len(f) else 0.5 / self.passage
+
+    @cached_property
+    def modal_first(self) -> float:
+        """V_P, m/s, of the first resonance by Eqs. 3 and 4: 2 L f_1; NaN without modes."""
+        f = self.resonances[0]
+        return 2 * self.case.network.length * float(f[0]) if len(f) else np.nan
+
+    @cached_property
+    def modal(self) -> Estimate:
+        """V_P, m/s, of the modes' wave numbers by Eq. 4, from omega = V kappa (1 + b kappa^2)."""
+        return Estimate(*long_wave_velocity(*self.resonances))
+
+    @cached_property
+    def modal_fitted(self) -> Estimate:
+        """V_P, m/s, of wave numbers that are fitted to the modes' shapes."""
+        modes, network = self.case.modes, self.case.network
+        if modes is None:
+            return Estimate(np.nan)
+        if self.case.is_crystal and modes.resonance_shape is not None:
+            f, distance = self.resonances[0], self.case.lattice.distance
+            return Estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
+        if self.standing is None:
+            return Estimate(np.nan)
+        bearing = force_bearing(network)
+        depth = network.position[bearing, 2] - network.wall_position[0]
+        rows = self.standing.row[:LOW_ORDER]
+        kappa = fitted_wavenumbers(modes.mode_shape[rows][:, bearing, 2], depth, network.length)
+        return Estimate(*long_wave_velocity(self.standing.frequency[:LOW_ORDER], kappa))
+
+    @cached_property
+    def f_max(self) -> float:
+        """Highest natural frequency, Hz: of the files, else by `modal.modes.highest`."""
+        modes, network = self.case.modes, self.case.network
+        if modes is not None and len(modes.frequency) == 6 * network.n_particles:
+            return float(modes.frequency[-1])
+        found = self.case.highest
+        if found is None:
+            found = highest_modes(Eigenproblem.of(network), 1, certify=False)
+        return float(found.frequency[-1])
+
+    def largest_chi(self, low: float, high: float, chain: bool) -> tuple[float, str]:
+        """Largest chi_z between two Hz, of the chain as in the paper or of all; of which modes."""
+        sets = [modes for modes in (self.case.modes, self.case.band) if modes is not None]
+        if not sets:
+            return np.nan, ""
+        f = np.concatenate([modes.frequency for modes in sets])
+        chi = np.concatenate([modes.chi_z_chain if chain else modes.chi_z for modes in sets])
+        inside = (f > low) & (f < high)
+        if not inside.any():
+            return np.nan, ""
+        seen = f"{inside.sum()} modes, {f[inside].min() / 1e3:.2f}-{f[inside].max() / 1e3:.2f} kHz"
+        return float(chi[inside].max()), seen

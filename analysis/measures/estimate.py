@@ -1,0 +1,15 @@
+"""A measured value and its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and its uncertainty, in SI units; NaN where it is unknown."""
+
+    value: float
+    error: float = np.nan

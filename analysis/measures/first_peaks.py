@@ -1,0 +1,79 @@
+"""V_P of a case by the first peaks of its particles, along one chain and along every column."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis.estimators.low_pass import columns_of
+from analysis.estimators.travel_time import (
+    first_peak_times,
+    first_peak_velocity,
+    middle,
+    travel_velocity,
+)
+from analysis.measures.band_end import BandEnd
+from analysis.measures.estimate import Estimate
+from modal.packing.rattlers import force_bearing
+from modal.waves.signals import Signals
+
+
+class FirstPeaks(BandEnd):
+    """First peaks of one case, in as much of the records as the rule for the band takes."""
+
+    @cached_property
+    def first_peak(self) -> Estimate:
+        """dL/dt of the linear wave's first peaks, middle half of the chain, m/s, with its error."""
+        return self._first_peak(self._as_the_run(self.case.wave))
+
+    @cached_property
+    def yade_first_peak(self) -> Estimate:
+        """The same of the YADE run; NaN where there is none."""
+        record = self.case.signals
+        return Estimate(np.nan) if record is None else self._first_peak(record)
+
+    def _as_the_run(self, wave: Signals) -> Signals:
+        """Motions of the linear wave as far as the run's record goes.
+
+        A peak counts when it exceeds half of the particle's largest: later waves must be as far.
+        """
+        kept = wave.time <= self.passband.end(wave, self.passband.common) * (1 + 1e-9)
+        motions = {
+            name: getattr(wave, name)[kept]
+            for name in ("time", "chain_displacement", "particle_displacement")
+        }
+        return replace(wave, **motions)
+
+    def _first_peak(self, record: Signals) -> Estimate:
+        """Slope over the chain; the error is the fit's."""
+        network = self.case.network
+        return Estimate(
+            *first_peak_velocity(record, float(network.wall_position[0]), network.length)
+        )
+
+    @cached_property
+    def columns(self) -> Estimate:
+        """The same along every column of the sample, a sphere wide: mean and scatter of dL/dt.
+
+        On the linear wave, which is recorded on every particle: what one chain is worth.
+        """
+        case, network = self.case, self.case.network
+        bearing = np.flatnonzero(force_bearing(network))
+        distance = network.position[bearing, 2] - network.wall_position[0]
+        inside = middle(distance, network.length)
+        bearing, distance = bearing[inside], distance[inside]
+        wave = self._as_the_run(case.wave)
+        times = first_peak_times(
+            replace(wave, chain_displacement=wave.particle_displacement[:, bearing])
+        )
+        known = np.isfinite(times)
+        bearing, distance, times = bearing[known], distance[known], times[known]
+        column = columns_of(network, bearing)
+        members = [np.flatnonzero(column == c) for c in np.unique(column)]
+        speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
+        if not speeds:
+            return Estimate(np.nan)
+        scatter = float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan
+        return Estimate(float(np.mean(speeds)), scatter)

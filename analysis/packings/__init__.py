@@ -1,0 +1,1 @@
+"""Packings at rest, before any wave: their numbers, whether they are settled, tables of them."""
