@@ -65,13 +65,13 @@ def test_power_law_and_its_error():
 
 
 def test_crystal_from_its_network_alone(crystal):
-    """The linear wave stands in for a run; all columns of a crystal are one."""
+    """The linear wave stands in for a run; the short cell has one column alone."""
     chain = crystal.case.lattice
     assert crystal.long_wave.value == pytest.approx(chain.velocity, rel=2e-3)
     assert crystal.band_edge == pytest.approx(chain.low_pass_frequency, rel=2e-3)
     assert crystal.effective[0] == pytest.approx(chain.velocity, rel=1e-6)
     assert crystal.columns.value == pytest.approx(chain.velocity, rel=0.015)
-    assert crystal.columns.error < 1e-3 * chain.velocity
+    assert np.isnan(crystal.columns.error)  # of one column no scatter is known
     assert np.isnan(crystal.yade_long_wave.value) and np.isnan(crystal.passband.of_yade[0].value)
     low = [plateau.value for plateau in crystal.low_pass]
     order = np.argsort(THRESHOLDS)
