@@ -3,6 +3,9 @@
     yade -n -x -j1 yade_scripts/compress.py              (mu_comp = 0.4, 35,201 spheres)
     yade-batch cases/compressions.table yade_scripts/compress.py
 
+A column `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes; `modal.preparation.sizes`) makes a
+mixture.
+
 Writes products/compression_mu0.4/STRESSPa.sample.h5 and, after every leg, a checkpoint from which a
 killed compression goes on. Environment: WAVE_PRODUCTS. The protocol, its numbers and their reasons
 are those of `modal.preparation.protocol`; see results/samples/compaction.md. Each leg starts from
@@ -45,7 +48,7 @@ def compacted(study):
     started = time.perf_counter()
     n = study.spheres
     build_scene(cloud(study), margin=MARGIN, damping=0.0)
-    O.dt = protocol.time_step(protocol.COMPACTION_STRESS, study.fraction)
+    O.dt = protocol.time_step(protocol.COMPACTION_STRESS, study.fraction, study.smallest)
     drive(protocol.ConstantRate(protocol.COMPACTION_RATE), protocol.REFERENCE, n)
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / O.dt)
@@ -142,8 +145,11 @@ def progress(stage, steps):
 
 def main():
     """Walk on from the checkpoint, or from the cloud, to the highest stress."""
-    study = Study(**{name: getattr(table, name) for name in vars(Study())})
-    folder = products_folder() / f"compression_mu{study.mu_comp:g}"
+    given = {name: getattr(table, name) for name in vars(Study())}
+    # A column of the table holds one word.
+    study = Study(**given | {"sizes": str(table.sizes).replace("_", " ")})
+    mixture = f"_{table.sizes}" if study.sizes else ""
+    folder = products_folder() / f"compression_mu{study.mu_comp:g}{mixture}"
     checkpoint = folder / "checkpoint.sample.h5"
     names = stages(tuple(stress for stress in protocol.STRESSES if stress <= table.highest))
     files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}

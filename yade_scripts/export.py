@@ -5,7 +5,7 @@ from yade import O
 
 from modal.packing.network import Network
 from modal.packing.sample import void_ratio
-from yade_scripts.scene import cell_side, wall_faces
+from yade_scripts.scene import cell_side, sizes, wall_faces
 from yade_scripts.state import canonical_contacts, present_positions
 
 
@@ -25,6 +25,7 @@ def contact_network(n, study, provenance):
     radius = np.array([body.shape.radius for body in bodies])
     # YADE puts the contact point in the middle of the overlap, also at a wall.
     lever = (radius[i] - overlap / 2)[:, None] * normal
+    backwards = (overlap / 2 - radius[np.where(j < 0, 0, j)])[:, None] * normal
     normal_force = np.array([p.normalForce for p in phys])
     shear = np.array([p.shearForce for p in phys])
     pressure = np.linalg.norm(normal_force, axis=1)
@@ -39,7 +40,7 @@ def contact_network(n, study, provenance):
         particle_j=j,
         normal=normal,
         lever_i=lever,
-        lever_j=np.where(pair[:, None], -lever, 0.0),
+        lever_j=np.where(pair[:, None], backwards, 0.0),
         stiffness_normal=np.array([p.kn for p in phys]),
         stiffness_tangential=np.array([p.ks for p in phys]),
         force_normal=pressure,
@@ -53,7 +54,7 @@ def contact_network(n, study, provenance):
         wall_position=walls,
         study=study
         | {
-            "void_ratio": void_ratio(n, radius[0], side, walls[1] - walls[0]),
+            "void_ratio": void_ratio(n, sizes(n), side, walls[1] - walls[0]),
             "coordination_number": float((2 * pair.sum() + (~pair).sum()) / n),
         },
         provenance=provenance,

@@ -38,13 +38,13 @@ def products_folder():
     return Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
 
 
-def place(position, side, walls, friction):
+def place(position, side, walls, friction, radius=RADIUS):
     """Spheres of the study's glass, ids 0 ... n-1, and the walls, ids n (source) and n + 1.
 
-    `position` (n, 3), `side` (2,) of the periodic cell, `walls` (2,): z of the wall faces; m.
-    YADE gives a sphere on a box the effective radius R/2 of two spheres; the wall's Young's
-    modulus E / (sqrt(2) - 1) turns that into the flat wall of the same material, for kn and ks
-    alike.
+    `position` (n, 3), `radius` of all or of each (n,), `side` (2,) of the periodic cell, `walls`
+    (2,): z of the wall faces; m. YADE gives a sphere on a box the effective radius R/2 of two
+    spheres; the wall's Young's modulus E / (sqrt(2) - 1) turns that into the flat wall of the same
+    material, for kn and ks alike.
     """
     angle = math.atan(friction)
     moduli = {"poisson": GLASS.poisson, "density": GLASS.density, "frictionAngle": angle}
@@ -55,8 +55,9 @@ def place(position, side, walls, friction):
     # Along z the cell only has to be too long to matter.
     height = walls[1] - walls[0] + 20 * RADIUS
     O.cell.hSize = [[side[0], 0, 0], [0, side[1], 0], [0, 0, height]]
-    for centre in np.asarray(position).tolist():
-        O.bodies.append(sphere(centre, RADIUS, material=glass))
+    each = np.broadcast_to(radius, len(position)).tolist()
+    for centre, size in zip(np.asarray(position).tolist(), each, strict=True):
+        O.bodies.append(sphere(centre, size, material=glass))
     half = WALL_HALF_THICKNESS
     for z in (walls[0] - half, walls[1] + half):
         centre, extents = (side[0] / 2, side[1] / 2, z), (1.5 * side[0], 1.5 * side[1], half)
@@ -103,6 +104,12 @@ def wall_faces(n):
     """z of the faces of source and receiver wall, m; n is the number of spheres."""
     half = WALL_HALF_THICKNESS
     return O.bodies[n].state.pos[2] + half, O.bodies[n + 1].state.pos[2] - half
+
+
+def sizes(n):
+    """Radius of all spheres, or that of each (n,) where they differ, m."""
+    radius = np.array([O.bodies[k].shape.radius for k in range(n)])
+    return float(radius[0]) if (radius == radius[0]).all() else radius
 
 
 def cell_side():

@@ -4,9 +4,8 @@ import numpy as np
 from yade import Matrix3, O
 from yade.utils import getStress, unbalancedForce
 
-from modal.packing.contact_law import RADIUS
 from modal.packing.sample import void_ratio as void_ratio_of_spheres
-from yade_scripts.scene import cell_side, wall_faces
+from yade_scripts.scene import cell_side, sizes, wall_faces
 
 
 def principal_stresses(n):
@@ -43,7 +42,7 @@ def wall_stresses(n):
 def void_ratio(n):
     """Volume of voids over volume of spheres, wall to wall."""
     (side_x, side_y), (low, high) = cell_side(), wall_faces(n)
-    return void_ratio_of_spheres(n, RADIUS, np.array([side_x, side_y]), high - low)
+    return void_ratio_of_spheres(n, sizes(n), np.array([side_x, side_y]), high - low)
 
 
 def deform(n, rates):

@@ -7,7 +7,15 @@ from modal.formats.hdf5 import InputError
 from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.sample import Sample
-from yade_scripts.scene import NO_TIME, cell_side, find_contacts, place, set_engines, wall_faces
+from yade_scripts.scene import (
+    NO_TIME,
+    cell_side,
+    find_contacts,
+    place,
+    set_engines,
+    sizes,
+    wall_faces,
+)
 
 
 def present_positions(n):
@@ -73,6 +81,9 @@ def read_scene(n, friction, *, moving):
         friction=friction,
         shear=np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)]),
     )
+    radius = sizes(n)
+    if np.ndim(radius):
+        sample.radius, sample.radii = float(radius.mean()), radius
     if moving:
         rate = np.array([O.cell.velGrad[axis, axis] for axis in range(3)])
         sample.velocity = np.array([state.vel for state in states])
@@ -101,11 +112,9 @@ def resume_cell():
 
 def build_scene(sample, *, margin, damping):
     """Build the sample's scene: contacts found, shear forces and velocities as they were."""
-    if sample.radii is not None:
-        raise InputError("the sample has spheres of several sizes; YADE's scenes have equal ones")
     n = len(sample.position)
     O.reset()
-    place(sample.position, sample.side, sample.walls, sample.friction)
+    place(sample.position, sample.side, sample.walls, sample.friction, sample.sizes)
     set_engines(margin=margin, damping=damping)
     rate = np.zeros(3) if sample.strain_rate is None else sample.strain_rate
     O.cell.velGrad = Matrix3(rate[0], 0, 0, 0, rate[1], 0, 0, 0, rate[2])

@@ -42,7 +42,7 @@ def add(commands: Any) -> None:
     pack.add_argument("--friction", type=float, default=0.0, metavar="MU", help="0 to 1; 0")
     pack.add_argument("--tolerance", type=float, help="mean net force over contact force; 1e-3")
     pack.add_argument("--peak", type=float, metavar="PA", help=f"without friction; {PEAK:g}")
-    pack.add_argument("--sizes", nargs="+", metavar="S", help=f"without friction: {KINDS}")
+    pack.add_argument("--sizes", nargs="+", metavar="S", help=f"a mixture: {KINDS}")
     with_friction = pack.add_argument_group("with friction alone")
     study = Study()
     with_friction.add_argument("--width", type=float, metavar="D", help="diameters, for --aspect")
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run or continue a compression; names of the files that hold its states."""
     for stress in options.stress or ():
         check_stress(stress)
-    unused = ("tolerance", "peak", "sizes") if options.friction != 0 else ("width", *WITH_FRICTION)
+    unused = ("tolerance", "peak") if options.friction != 0 else ("width", *WITH_FRICTION)
     for name in unused:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
@@ -98,6 +98,7 @@ def _study_of(options: argparse.Namespace) -> Study:
         spheres=options.spheres,
         width=width,
         seed=options.seed,
+        sizes=" ".join(options.sizes or ()),
         **{name: value for name, value in given.items() if value is not None},
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from modal.loops import slabs_of
 from modal.packing.sample import Sample
 from modal.preparation.contact_forces import TOTALS, WITHOUT_HISTORY, forces_by_loop
-from modal.preparation.near_contacts import contacts_in_reach, still_complete
+from modal.preparation.near_contacts import contacts_in_reach, near_enough, still_complete
 
 SKIN = 0.1
 """Reach of the list of pairs beyond touch, diameters; a compromise of its length and its life."""
@@ -25,9 +25,10 @@ class NearContacts:
         self.radius, self.skin = float(radius.max()), SKIN * float(radius.mean())
         self.made_at, self.made_lengths = position.copy(), lengths.copy()
         reach = 2 * (self.radius + self.skin)
-        self.ends, self.shift = contacts_in_reach(position, lengths, reach)
+        contacts = contacts_in_reach(position, lengths, reach)
         if radius.min() < self.radius:
-            self._leave_out_small_ones(position, lengths, radius)
+            contacts = near_enough(contacts, position, lengths, radius, self.skin)
+        self.ends, self.shift = contacts
         self.slabs = slabs_of(self.ends, len(position))
 
     def holds(self, position: np.ndarray, lengths: np.ndarray) -> bool:
@@ -36,17 +37,6 @@ class NearContacts:
         moved = position - self.made_at * stretch
         largest = np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
         return still_complete(self.skin / self.radius, stretch, largest, self.radius)
-
-    def _leave_out_small_ones(
-        self, position: np.ndarray, lengths: np.ndarray, radius: np.ndarray
-    ) -> None:
-        """Pairs that only larger spheres could reach across; walls are few."""
-        i, j = self.ends.T
-        branch = position[j] - position[i]
-        branch[:, :2] += self.shift * lengths[:2]
-        reach = radius[i] + radius[j] + 2 * self.skin
-        near = (j < 0) | ((branch**2).sum(axis=1) <= reach**2)
-        self.ends, self.shift = self.ends[near].copy(), self.shift[near].copy()
 
 
 class CentralForces:

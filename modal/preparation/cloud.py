@@ -20,13 +20,67 @@ def cloud(study: Study) -> Sample:
 
     Numbered along z, neighbours lie close together in memory.
     """
-    diameter = 2 * RADIUS
+    diameter, radii = 2 * RADIUS, study.radii
     length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
+    if radii is not None:
+        length *= float(((2 * radii / diameter) ** 3).mean())
     scale = (NOMINAL_FRACTION / CLOUD) ** (1 / 3)
     side, length = scale * study.width * diameter, scale * length
-    places = random_places(study.spheres, side / diameter, length / diameter, study.seed)
     sides, walls = np.array([side, side]), np.array([0.0, length])
-    return Sample(diameter * places, sides, walls, study.mu_comp)
+    cell = side / diameter, length / diameter, study.seed
+    if radii is None:
+        places = random_places(study.spheres, *cell)
+        return Sample(diameter * places, sides, walls, study.mu_comp)
+    places, order = places_of_sizes(2 * radii / diameter, *cell)
+    return Sample(diameter * places, sides, walls, study.mu_comp, radii=radii[order])
+
+
+def places_of_sizes(
+    diameters: np.ndarray, side: float, length: float, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (n, 3) of spheres of several `diameters` (n,), and which sphere is where (n,).
+
+    Placed at random one by one where they fit, the largest first; sorted along z. All lengths are
+    in one unit.
+    """
+    random, largest = np.random.default_rng(seed), float(diameters.max())
+    cells = [max(1, int(extent / largest)) for extent in (side, side, length)]
+    if min(cells) < 3:
+        raise InputError(
+            f"{len(diameters)} spheres at this width: the cell is narrower than three of the "
+            "largest; take more spheres, or sizes that differ less"
+        )
+    bins: dict[tuple[int, ...], list[tuple[np.ndarray, float]]] = {}
+    around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1)]
+    order = np.argsort(-diameters, kind="stable")
+    places = np.empty((len(diameters), 3))
+    for number, size in enumerate(diameters[order]):
+        for _ in range(ROUNDS):
+            point = random.random(3) * (side, side, length - size) + (0, 0, size / 2)
+            own = tuple((point / (side, side, length) * cells).astype(int).tolist())
+            near = [
+                other
+                for a, b, c in around
+                for other in bins.get(
+                    ((own[0] + a) % cells[0], (own[1] + b) % cells[1], own[2] + c), ()
+                )
+            ]
+            if all(_apart(point - place, side) > (size + other) / 2 for place, other in near):
+                bins.setdefault(own, []).append((point, size))
+                places[number] = point
+                break
+        else:
+            raise InputError(
+                f"{len(diameters)} spheres do not fit into the cloud; take another width"
+            )
+    upwards = np.argsort(places[:, 2], kind="stable")
+    return places[upwards], order[upwards]
+
+
+def _apart(branch: np.ndarray, side: float) -> float:
+    """Distance of the nearest images, periodic across z."""
+    x, y, z = branch.tolist()
+    return math.hypot(x - side * round(x / side), y - side * round(y / side), z)
 
 
 def random_places(spheres: int, side: float, length: float, seed: int) -> np.ndarray:

@@ -52,7 +52,7 @@ def compacted(study: Study) -> Sample:
     """The cloud compacted to LOOSE and put to rest."""
     started = time.perf_counter()
     motion = Dynamics(cloud(study))
-    dt = protocol.time_step(protocol.COMPACTION_STRESS, study.fraction)
+    dt = protocol.time_step(protocol.COMPACTION_STRESS, study.fraction, study.smallest)
     pace = Pace(motion, ConstantRate(protocol.COMPACTION_RATE))
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / dt)

@@ -6,8 +6,8 @@ cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by 
 without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
 `modal.stiffness.pre_stress` with finite increments. Without friction there is no history.
 
-`radius` (n,) is that of each sphere, m. With history all must be equal: one lever arm then serves
-both ends of a contact.
+`radius` (n,) is that of each sphere, m. The lever arms of a contact end in the middle of its
+overlap; of equal spheres they are equal, and what makes them differ adds zeros.
 
 The law of a contact is written once, for numbers and for arrays: the loop over contacts, compiled
 by numba, and numpy, which is about ten times slower and the loop's oracle, both call it.
@@ -59,13 +59,15 @@ for _of_law in (
 
 
 @elementwise
-def increment(normal, lever, apart, turning, dt, gained):
+def increment(normal, lever, longer, apart, turning, second, dt, gained):
     """How far the contact points part along the contact in a step, m.
 
-    apart, m/s: velocity of the second sphere less that of the first; turning, rad/s: the sum of
-    their spins; gained, m: what the periods between them have gained.
+    lever, m, of the first sphere, and by how much that of the second is `longer`; apart, m/s:
+    velocity of the second less that of the first; turning, rad/s: the sum of their spins, and that
+    of the `second`; gained, m: what the periods between them have gained.
     """
     moved = plus(apart, lever, cross(normal, turning))
+    moved = plus(moved, longer, cross(normal, second))
     moved = dt * moved[0] + gained[0], dt * moved[1] + gained[1], dt * moved[2]
     return plus(moved, -dot(moved, normal), normal)
 
@@ -98,7 +100,7 @@ def _forces_of_slab(
     touching = sliding = 0
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
-        overlap, effective = 0.0, 0.0
+        overlap, effective, longer = 0.0, 0.0, 0.0
         size = radius[i]
         if j >= 0:
             bx = position[j, 0] - position[i, 0]
@@ -113,7 +115,7 @@ def _forces_of_slab(
             reach = size + radius[j]
             if 0.0 < square < reach * reach:
                 distance = np.sqrt(square)
-                overlap = reach - distance
+                overlap, longer = reach - distance, radius[j] - size
                 # In this order the half of a radius comes out to the last bit.
                 effective = size * (radius[j] / reach)
                 inverse = 1 / distance
@@ -134,12 +136,13 @@ def _forces_of_slab(
         if shear is not None:
             n, lever = (nx, ny, nz), size - overlap / 2
             apart = -motion[i, 0], -motion[i, 1], -motion[i, 2]
-            turning = motion[i, 3], motion[i, 4], motion[i, 5]
+            turning, second = (motion[i, 3], motion[i, 4], motion[i, 5]), (0.0, 0.0, 0.0)
             if j >= 0:
                 apart = plus(apart, 1.0, (motion[j, 0], motion[j, 1], motion[j, 2]))
-                turning = plus(turning, 1.0, (motion[j, 3], motion[j, 4], motion[j, 5]))
+                second = motion[j, 3], motion[j, 4], motion[j, 5]
+                turning = plus(turning, 1.0, second)
             gained = a * change[0], b * change[1]
-            slip = increment(n, lever, apart, turning, dt, gained)
+            slip = increment(n, lever, longer, apart, turning, second, dt, gained)
             before = normal[c, 0], normal[c, 1], normal[c, 2]
             s = turned((shear[c, 0], shear[c, 1], shear[c, 2]), before, n, turning, dt)
             s = plus(s, stiffness_tangential(overlap, effective, law), slip)
@@ -152,14 +155,14 @@ def _forces_of_slab(
             shear[c, 0], shear[c, 1], shear[c, 2] = s
             fx, fy, fz = fx + s[0], fy + s[1], fz + s[2]
             mx, my, mz = cross(n, s)
-            mx, my, mz = lever * mx, lever * my, lever * mz
-            load[i, 3] += mx
-            load[i, 4] += my
-            load[i, 5] += mz
+            load[i, 3] += lever * mx
+            load[i, 4] += lever * my
+            load[i, 5] += lever * mz
             if j >= 0:
-                load[j, 3] += mx
-                load[j, 4] += my
-                load[j, 5] += mz
+                lever += longer
+                load[j, 3] += lever * mx
+                load[j, 4] += lever * my
+                load[j, 5] += lever * mz
             all_contact += np.sqrt(fx * fx + fy * fy + fz * fz)
         load[i, 0] += fx
         load[i, 1] += fy
@@ -229,9 +232,10 @@ def forces_by_arrays(
     load[:] = 0
     if shear is not None:
         lever, second = radius[i] - overlap / 2, np.where(pair, motion[j].T, 0.0)
+        longer = np.where(pair, radius[j] - radius[i], 0.0)
         apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
         gained = np.where(pair, (shift[near] * change).T, 0.0)
-        slip = increment(n, lever, apart, turning, dt, gained)
+        slip = increment(n, lever, longer, apart, turning, second[3:], dt, gained)
         s = turned(shear[near].T, normal[near].T, n, turning, dt)
         s = np.array(plus(s, stiffness_tangential(overlap, effective, law), slip))
         limit = friction * pressed
@@ -240,10 +244,11 @@ def forces_by_arrays(
         normal[:], shear[:] = 0, 0
         normal[near], shear[near] = n.T, s.T
         force, contact = force + s, np.sqrt(dot(force + s, force + s)).sum()
-        torque = lever * np.array(cross(n, s))
+        moment = np.array(cross(n, s))
+        torque, other = lever * moment, ((lever + longer) * moment)[:, pair]
         for axis in range(3):
             load[:, 3 + axis] = np.bincount(i, torque[axis], count)
-            load[:, 3 + axis] += np.bincount(j[pair], torque[axis, pair], count)
+            load[:, 3 + axis] += np.bincount(j[pair], other[axis], count)
     for axis in range(3):
         load[:, axis] = np.bincount(i, force[axis], count)
         load[:, axis] -= np.bincount(j[pair], force[axis, pair], count)

@@ -31,8 +31,8 @@ def _advance_some(
 ):  # fmt: skip
     largest = 0.0
     slower, faster = 1 - damping, 1 + damping
-    of_force, of_torque = 1 / masses[0], 1 / masses[1]
     for i in range(first, last):
+        of_force, of_torque = 1 / masses[i, 0], 1 / masses[i, 1]
         apart = 0.0
         for axis in range(3):
             x, v = position[i, axis], velocity[i, axis]
@@ -71,7 +71,7 @@ def advance_by_arrays(
     position, velocity, load, before, rates, dt, damping, masses, sought_at, stretch
 ):  # fmt: skip
     """The same as the compiled loop; the fallback, and its oracle."""
-    pull = load / np.repeat(masses, 3)
+    pull = load / np.repeat(masses, 3, axis=1)
     beside = velocity.copy()
     beside[:, :3] -= before * position
     pull *= 1 - damping * np.sign(pull * (beside + 0.5 * dt * pull))
@@ -93,7 +93,8 @@ class Dynamics:
     """A sample in motion; every attribute is that after the last step.
 
     contacts: see `MovingContacts`; velocity (n, 6), m/s and rad/s; rates (3,), 1/s, of the cell;
-    damping, the share of each force that local damping takes. `step` takes the time step, s.
+    damping, the share of each force that local damping takes; masses (n, 2), kg and kg m^2. `step`
+    takes the time step, s.
     """
 
     def __init__(self, sample: Sample, damping: float = 0.0, skin: float = SKIN) -> None:
@@ -106,7 +107,8 @@ class Dynamics:
         if sample.angular_velocity is not None:
             self.velocity[:, 3:] = sample.angular_velocity
         self.rates = np.zeros(3) if sample.strain_rate is None else sample.strain_rate.copy()
-        self.masses = np.array(sample.material.sphere(sample.radius))
+        self.masses = np.empty((n, 2))
+        self.masses[:, 0], self.masses[:, 1] = sample.material.sphere(sample.sizes)
         self._stretch = np.ones(3)
         self._far = False
         self._note_sought()
@@ -132,12 +134,13 @@ class Dynamics:
         )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
-        if not largest < radius**2:
+        if not largest < contacts.smallest**2:
             raise InputError(
                 f"a sphere moves by more than its radius in one step of {dt:.3g} s: the motion is "
                 "unstable; take a smaller fraction"
             )
-        self._far = not still_complete(contacts.skin, self._stretch, np.sqrt(largest), radius)
+        moved = np.sqrt(largest)
+        self._far = not still_complete(contacts.skin, self._stretch, moved, contacts.largest)
 
     def find_forces(self, dt: float) -> None:
         """Forces at the present places, where a step `dt` has led; 0 opens and closes only."""
@@ -172,7 +175,7 @@ class Dynamics:
         """Volume of voids over volume of spheres, wall to wall."""
         contacts = self.contacts
         length = float(contacts.walls[1] - contacts.walls[0])
-        return void_ratio(len(self.velocity), self._bare.radius, contacts.side, length)
+        return void_ratio(len(self.velocity), self._bare.sizes, contacts.side, length)
 
     def coordination_number(self) -> float:
         """Mean number of contacts of a sphere, walls included."""
@@ -181,7 +184,7 @@ class Dynamics:
 
     def kinetic_energy(self) -> float:
         """Of all spheres, turning included, J."""
-        return float(0.5 * ((self.velocity**2).sum(axis=0) @ np.repeat(self.masses, 3)))
+        return float(0.5 * (self.velocity**2 * np.repeat(self.masses, 3, axis=1)).sum())
 
     def sample(self, *, moving: bool) -> Sample:
         """The sample as it is now; with its velocities and strain rate if it is `moving`.

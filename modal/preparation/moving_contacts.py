@@ -11,15 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.loops import slabs_of
 from modal.packing.neighbours import tangents
 from modal.packing.sample import Sample
 from modal.preparation.contact_forces import TOTALS, forces_by_loop
-from modal.preparation.near_contacts import contacts_in_reach
+from modal.preparation.near_contacts import contacts_in_reach, near_enough
 
 SKIN = 0.02
-"""Reach of the list of pairs beyond touch, diameters: it holds while no sphere has gone by half."""
+"""Reach of the list of pairs beyond touch, diameters of the largest sphere: it holds while no
+sphere has gone by half."""
 
 
 def _numbers(i: np.ndarray, j: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -45,8 +45,8 @@ class MovingContacts:
     (n,), N/m, the sum of its kn; mean_force, N; the numbers touching and sliding; virial (3,), N m,
     the principal stresses times the volume; mean_contact, N, of normal and shear force together.
     position (n, 3), m, is not brought back into the lateral cell; side (2,) and walls (2,), m, may
-    be strained in place. `friction` limits the shear forces, the sample's own by
-    default; `skin` is the reach of the list, diameters.
+    be strained in place; largest, smallest, m, of the radii. `friction` limits the shear forces,
+    the sample's own by default; `skin` is the reach of the list, diameters.
     """
 
     def __init__(
@@ -63,13 +63,9 @@ class MovingContacts:
         self.side = np.array(sample.side, float)
         self.walls = np.array(sample.walls, float)
         self.skin = skin
-        if sample.radii is not None:
-            raise InputError(
-                "the sample has spheres of several sizes: with friction, and to rest, only equal "
-                "ones are known; pack them without friction"
-            )
         self._moduli = sample.material.moduli
-        self._radius = np.full(n, sample.radius)
+        self._radius = np.full(n, sample.sizes)
+        self.largest, self.smallest = float(self._radius.max()), float(self._radius.min())
         self.position = sample.position.copy()
         self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
         self._ends = np.column_stack([network.particle_i, network.particle_j])
@@ -84,8 +80,11 @@ class MovingContacts:
         inside, turns = self._wrapped()
         inside[:, 2] -= self.walls[0]
         lengths = np.array([*self.side, self.walls[1] - self.walls[0]])
-        reach = 2 * self._sample.radius * (1 + self.skin)
+        reach = 2 * self.largest * (1 + self.skin)
         ends, shift = contacts_in_reach(inside, lengths, reach)
+        if self.smallest < self.largest:
+            skin = self.largest * self.skin
+            ends, shift = near_enough((ends, shift), inside, lengths, self._radius, skin)
         # Periods between the places as they are, which are not brought back into the cell.
         pair = ends[:, 1] >= 0
         shift[pair] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
@@ -111,7 +110,7 @@ class MovingContacts:
     def move(self, motion: np.ndarray) -> None:
         """Move the spheres by `motion` (n, 6), m and rad, by less than `SKIN` diameters at once."""
         self.position += motion[:, :3]
-        if abs(self.position - self._sought_at).max() > 0.5 * self.skin * self._sample.radius:
+        if abs(self.position - self._sought_at).max() > 0.5 * self.skin * self.largest:
             self.seek()
         self.touch(motion, 1.0)
 

@@ -12,6 +12,8 @@ from modal.pairs import pairs_by_cells, suit_cells
 def still_complete(skin: float, stretch: np.ndarray, moved: float, radius: float) -> bool:
     """Whether a list with a reach of 1 + skin diameters has all contacts that can touch.
 
+    Of spheres of several sizes `radius` is the largest, and the list goes that skin beyond each
+    pair's own touch, which holds longer than of two of the largest.
     stretch (3,) of the cell since it was made; moved, m, the largest displacement of a sphere
     beside that stretch. Two spheres beyond the reach then are (D + skin D) s - 2 u apart or more,
     and a sphere and a wall half as far.
@@ -36,6 +38,26 @@ def contacts_in_reach(
     place = np.searchsorted(ends[:, 0], at.astype(ends.dtype))
     ends = np.insert(ends, place, np.column_stack([at, code]), axis=0)
     return ends, np.insert(shift, place, 0, axis=0)
+
+
+def near_enough(
+    contacts: tuple[np.ndarray, np.ndarray],
+    position: np.ndarray,
+    lengths: np.ndarray,
+    radius: np.ndarray,
+    skin: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The `contacts` in reach of the largest spheres without what only these could reach across.
+
+    Kept are pairs within the sum of their radii (n,) and twice the `skin`, m; walls are few.
+    """
+    ends, shift = contacts
+    i, j = ends.T
+    branch = position[j] - position[i]
+    branch[:, :2] += shift * lengths[:2]
+    reach = radius[i] + radius[j] + 2 * skin
+    near = (j < 0) | ((branch**2).sum(axis=1) <= reach**2)
+    return ends[near].copy(), shift[near].copy()
 
 
 def pairs_in_reach(

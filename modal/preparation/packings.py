@@ -9,7 +9,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from modal.arguments import checked
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.sample import read_sample
 from modal.preparation import compress
@@ -46,7 +45,7 @@ def random_packing(
     the width. Without `friction` the energy is minimised, a second for 500 spheres; with it, up to
     1, a cloud is compressed as `modal.preparation.protocol` says, some minutes. Equal numbers give
     equal packings. Spheres are equal unless `sizes` says ("lognormal", spread of ln R) or ("two",
-    ratio of radii, share of the large ones by volume), without friction. A warning says where a
+    ratio of radii, share of the large ones by volume). A warning says where a
     packing with friction has not settled; InputError, where one without does not come to rest, or
     where there is no such packing.
 
@@ -56,10 +55,10 @@ def random_packing(
     """
     if friction == 0:
         return random_sample(spheres, stress, seed, aspect, sizes=sizes).network()
-    if sizes is not None:
-        raise InputError("sizes: mixtures are packed without friction alone; leave one of them out")
     check_stress(stress)
-    study = Study(mu_comp=friction, spheres=spheres, width=width_of(spheres, aspect), seed=seed)
+    words = " ".join(map(str, sizes or ()))
+    width = width_of(spheres, aspect)
+    study = Study(mu_comp=friction, spheres=spheres, width=width, seed=seed, sizes=words)
     walk = [lower for lower in STRESSES if lower < stress] + [stress]
     with TemporaryDirectory() as folder:
         files = compress.walk(Path(folder), study, walk, "modal.random_packing", lambda text: None)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.sample import Sample, read_sample
+from modal.preparation.sizes import radii_of
 
 HIGHEST = 0.6037
 """Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz
@@ -167,7 +169,8 @@ class Study:
     """What tells one compression from another; the defaults are the study's own at friction 0.4.
 
     width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
-    `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state.
+    `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
+    sizes: words as `modal.preparation.sizes` has them, none for equal spheres.
     """
 
     mu_comp: float = 0.4
@@ -181,9 +184,12 @@ class Study:
     hot_stress: float = HOT
     damping: float = DAMPING
     residual: float = SETTLED[1]
+    sizes: str = ""
 
     def __post_init__(self) -> None:
         for name, kind in Study.__annotations__.items():
+            if kind == "str":
+                continue
             setattr(self, name, int(getattr(self, name)) if kind == "int" else _number(self, name))
         if not (0 < self.mu_comp <= 1 and self.spheres >= 100 and self.width >= 4):
             raise InputError(
@@ -191,6 +197,8 @@ class Study:
                 "compression needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least "
                 "4 diameters"
             )
+        if self.sizes:
+            radii_of(self.spheres, self.sizes.split(), self.seed)  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(
                 f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
@@ -209,9 +217,21 @@ class Study:
             )
 
     @property
-    def attributes(self) -> dict[str, float | int]:
+    def radii(self) -> np.ndarray | None:
+        """Shape (n,), m: the radius of each sphere, or None where all are equal."""
+        return radii_of(self.spheres, self.sizes.split(), self.seed) if self.sizes else None
+
+    @cached_property
+    def smallest(self) -> float:
+        """Radius of the smallest sphere, m, whose vibration is the fastest."""
+        return RADIUS if self.radii is None else float(self.radii.min())
+
+    @property
+    def attributes(self) -> dict[str, float | int | str]:
         """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
-        return vars(self) | {"protocol": 2}
+        own = {name: getattr(self, name) for name in Study.__annotations__}
+        # Equal spheres say nothing of sizes, as earlier files do not.
+        return {name: value for name, value in own.items() if value != ""} | {"protocol": 2}
 
     def provenance(self, command: str, **programs: str) -> Provenance:
         """What a state is made from: the study alone; `programs` with their versions."""
@@ -219,7 +239,8 @@ class Study:
 
     def refuse_other(self, found: dict[str, Any], path: object) -> None:
         """InputError if a checkpoint's attributes are those of another study."""
-        for name, value in self.attributes.items():
+        found = {"sizes": ""} | found  # which files of equal spheres leave out
+        for name, value in ({"sizes": self.sizes} | self.attributes).items():
             if found.get(name) != value:
                 raise InputError(
                     f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
@@ -271,7 +292,7 @@ class Stage:
     def time_step(self) -> float:
         """Stable at the target and at the present stress, s."""
         stress = max(self.control.target, ABOVE * self.control.stress.mean())
-        return time_step(stress, self.study.fraction)
+        return time_step(stress, self.study.fraction, self.study.smallest)
 
     def settled(self, unbalanced: float) -> bool:
         """Whether stresses and balance (residual over contact force) are as near as wanted."""

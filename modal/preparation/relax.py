@@ -81,7 +81,7 @@ def balance_of(sample: Sample, network: Network) -> tuple[np.ndarray, Balance]:
     if network.n_contacts == 0:
         return load, Balance(0.0, 0.0, 0.0, 0, 0)
     mean = network.known("force_normal", "balance").mean()
-    size = _size(load, 1 / sample.radius)
+    size = _size(load, 1 / _each(sample))
     used = friction_used(network, sample.friction)
     return load, Balance(
         residual=float(size.mean() / mean),
@@ -112,19 +112,20 @@ def relax(
             "give a positive one"
         )
     contacts = MovingContacts(sample, RESERVE * sample.friction)
-    length, radius = float(sample.walls[1] - sample.walls[0]), sample.radius
+    length, radius = float(sample.walls[1] - sample.walls[0]), _each(sample)
+    diameter = 2 * sample.radius
     if contacts.touching == 0:
         raise InputError("the sample has no contacts; compress it before it is brought to rest")
     overlap = float(np.median(sample.contacts().overlap))
     attainable = float(10 * np.finfo(float).eps * length / overlap)
     goal = max(tolerance, attainable)
-    drag = DRAG * 2 * radius / length
+    drag = DRAG * diameter / length
     # Rotations as arcs, so that one mass serves all six: m R^2 for an inertia of 2/5 m R^2.
-    arm = np.array([1.0] * 3 + [radius] * 3)
+    arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
     lightness = np.array([1.0] * 3 + [2.5] * 3)
     velocity = np.zeros((len(sample.position), 6))
     height = sample.position[:, 2] - sample.position[:, 2].min()
-    layer = (height / (2 * radius)).astype(int)
+    layer = (height / diameter).astype(int)
     in_layer = np.maximum(np.bincount(layer), 1)
     for step in range(max_steps + 1):
         if contacts.touching == 0:
@@ -176,6 +177,11 @@ def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Balance]:
     return rested, state
 
 
-def _size(vector: np.ndarray, arm: float) -> np.ndarray:
-    """Shape (n,): length of each sphere's row (n, 6), its rotational part times `arm`."""
+def _each(sample: Sample) -> np.ndarray:
+    """Shape (n,), m: the radius of each sphere."""
+    return np.full(len(sample.position), sample.sizes)
+
+
+def _size(vector: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Shape (n,): length of each sphere's row (n, 6), its rotational part times `arm` (n,)."""
     return np.sqrt((vector[:, :3] ** 2).sum(axis=1) + (vector[:, 3:] ** 2).sum(axis=1) * arm**2)

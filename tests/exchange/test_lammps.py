@@ -55,6 +55,10 @@ WALLS = {
 LAMMPS of 2021 makes it 1 + nu stiffer at walls."""
 
 
+SMOOTH = f"{SAME} tangential linear_nohistory 0 0"
+"""A wall that keeps no shear, which LAMMPS would forget when a moving wall takes its place."""
+
+
 def data_file(network: Network, path: Path, speed: float = 0.5) -> None:
     """Spheres at random velocities, so that contacts shear while they are followed."""
     random = np.random.default_rng(5)
@@ -222,11 +226,11 @@ def test_small_wave_is_that_of_the_imported_packing(tmp_path, law):
     made = random_sample(120, 1e6, 4, 2.0, 1e-9, ("lognormal", 0.2)).network()
     data_file(made, tmp_path / "start.data", speed=0.1)
     low, high = made.wall_position.tolist()
-    wall = f"fix wall all wall/gran {WALLS[law]} zplane"
+    wall = f"fix wall all wall/gran {SMOOTH} zplane"
     heights = {}
     for moved in (True, False):
         swaying = f"wiggle z {amplitude!r} {period!r}" if moved else ""
-        script = script_of(made, law).replace("run 200", REST)
+        script = script_of(made, law).replace("run 200", REST).replace(WALLS[law], SMOOTH)
         script += f"""unfix wall
 {wall.replace("fix wall", "fix low")} {low!r} NULL {swaying}
 {wall.replace("fix wall", "fix high")} NULL {high!r}
@@ -266,7 +270,7 @@ run {steps}
         return float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
 
     springs, full, own = error("none"), error("full"), error("law")
-    assert own < 5e-4
+    assert own < 1e-4
     # The growing circle alone is in no other tangent.
-    assert springs > (2 if law == "mindlin/force" else 4) * own
-    assert law == "mindlin/force" or full > 4 * own
+    assert springs > 10 * own
+    assert law == "mindlin/force" or full > 10 * own

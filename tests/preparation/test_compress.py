@@ -16,6 +16,7 @@ from modal.__main__ import main
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import summary
 from modal.preparation import compress, protocol
+from modal.preparation.cloud import cloud
 from modal.preparation.protocol import Study
 
 SMALL = ["pack", "--friction", "0.4", "--spheres", "100", "--aspect", "1.3"]
@@ -32,6 +33,38 @@ def walked(tmp_path_factory):
     folder = tmp_path_factory.mktemp("walk")
     assert pack(folder, "--stress", "1e4", "1e5", "--json") == 0
     return folder
+
+
+def test_cloud_of_a_mixture_has_no_contact_and_its_own_sizes():
+    """All pairs and images; the solid fraction of the cloud; the walk's step by the smallest."""
+    study = Study(spheres=150, width=5.0, seed=3, sizes="two 2 0.5")
+    sample = cloud(study)
+    assert np.array_equal(np.sort(sample.radii), np.sort(study.radii))
+    assert len(sample.contacts().particle_i) == 0
+    branch = sample.position[:, None] - sample.position
+    branch[..., :2] -= sample.side * np.round(branch[..., :2] / sample.side)
+    gap = np.linalg.norm(branch, axis=2) - np.add.outer(sample.radii, sample.radii)
+    assert gap[~np.eye(150, dtype=bool)].min() > 0
+    volume = sample.side.prod() * np.ptp(sample.walls)
+    solid = (4 / 3 * np.pi * sample.radii**3).sum() / volume
+    assert solid == pytest.approx(protocol.CLOUD, rel=1e-12)
+    stage = protocol.Stage("approach", study)
+    equal = protocol.Stage("approach", Study(spheres=150, width=5.0, seed=3))
+    ratio = study.smallest / equal.study.smallest
+    assert ratio < 0.9 and stage.time_step() == pytest.approx(ratio * equal.time_step())
+
+
+def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, capsys):
+    """The first leg of a walk, and the same folder asked for other sizes."""
+    study = Study(spheres=100, width=4.5, sizes="lognormal 0.2")
+    sample = compress.compacted(study)
+    assert np.ptp(sample.radii) > 0 and sample.study["sizes"] == "lognormal 0.2"
+    write_sample(tmp_path / "checkpoint.sample.h5", sample)
+    command = [*SMALL[:5], "--width", "4.5", "-o", str(tmp_path), "--stress", "1e4"]
+    for sizes in ([], ["--sizes", "two", "2", "0.5"]):
+        assert main([*command, *sizes]) == 2
+        error = capsys.readouterr().err
+        assert "it belongs to another study" in error and error.count("\n") == 1
 
 
 def test_states_have_their_stress_and_say_whether_they_are_settled(walked):

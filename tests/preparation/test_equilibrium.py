@@ -55,6 +55,25 @@ def test_rest_is_reached_and_stress_kept(packed):
     assert network.force_normal.mean() == pytest.approx(before.force_normal.mean(), rel=1e-2)
 
 
+def test_mixture_comes_to_rest_with_friction():
+    """Radii 1:2, shaken so that contacts shear: net forces and torques from the network alone."""
+    mixed = random_sample(120, 1e6, aspect=1.5, tolerance=1e-3, sizes=("two", 2, 0.5))
+    mixed = replace(mixed, friction=0.3)
+    shake = np.random.default_rng(3).standard_normal((120, 6)) * np.median(mixed.network().overlap)
+    shake[:, 3:] /= mixed.radius
+    rested, state = relax(moved(mixed, 0.02 * shake))
+    assert state.at_rest
+    network = rested.network()
+    assert np.array_equal(network.radius, mixed.radii)
+    load = net_forces(network)
+    load[:, 3:] /= network.radius[:, None]
+    size = np.sqrt((load**2).sum(axis=1))
+    assert size.mean() < 1e-8 * network.force_normal.mean()
+    assert (
+        np.linalg.norm(network.force_tangential, axis=1).max() > 1e-3 * network.force_normal.mean()
+    )
+
+
 def test_contacts_slide_until_friction_holds_them(packed):
     """With a friction that the shaken packing's shear forces exceed in several contacts."""
     shake = np.random.default_rng(31).standard_normal((len(packed.position), 6)) * 0.02
