@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import sys
 import time
 from contextlib import suppress
@@ -29,6 +30,19 @@ def memory_at_hand() -> float:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (OSError, ValueError):
         return np.inf
+
+
+def peak_memory() -> int:
+    """Peak resident memory of this process so far, bytes.
+
+    Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
+    """
+    with suppress(OSError), open("/proc/self/status") as file:  # Linux
+        for line in file:
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak * (1 if sys.platform == "darwin" else 1024)
 
 
 def refuse_endless(

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from modal.formats.hdf5 import InputError
+from modal.workload import peak_memory
 
 ROOT = Path(__file__).resolve().parents[2]
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -124,21 +125,6 @@ def _megabytes(maxrss: int) -> float:
     return maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 
-def peak_memory() -> float:
-    """Peak resident memory of this process, MB.
-
-    Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
-    """
-    try:
-        status = Path("/proc/self/status").read_text().splitlines()
-        line = next(line for line in status if line.startswith("VmHWM:"))
-        return int(line.split()[1]) * 1024 / 1e6
-    except (OSError, StopIteration):
-        import resource
-
-        return _megabytes(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-
-
 def main(argv: list[str]) -> int:
     """Prepare, run, print one line of JSON."""
     module, name = argv[0].split(":")
@@ -149,7 +135,7 @@ def main(argv: list[str]) -> int:
     start = time.process_time()
     value = action()
     seconds = time.process_time() - start
-    print(json.dumps({"value": value, "seconds": seconds, "peak_mb": peak_memory()}))
+    print(json.dumps({"value": value, "seconds": seconds, "peak_mb": peak_memory() / 1e6}))
     return 0
 
 

@@ -11,7 +11,7 @@ from modal.cli.terminal import COST, Groups
 from modal.display import quantity
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
-from modal.packing.reading import read_packing
+from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import contacts_per_particle, profile, summary, write_profile
 
 GROUPS = {
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "length_m": network.length,
         "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
         **summary(network, network.noted("mu_wave")),
-        **plausibility(network),
+        **plausibility(network, sought=is_sample(options.network)),
         "degrees_of_freedom": 6 * network.n_particles,
         "floppy_modes": floppy.total,
         "floppy_modes_by_kind": floppy.by_kind(),

@@ -6,7 +6,6 @@ import argparse
 import importlib
 import json
 import os
-import resource
 import sys
 import time
 from pathlib import Path
@@ -16,6 +15,7 @@ from modal.cli.options import SHORT, Parser, say
 from modal.cli.terminal import page
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
+from modal.workload import peak_memory
 
 COMMANDS = {
     "pack": "pack",
@@ -93,8 +93,7 @@ def main(argv: list[str] | None = None) -> int:
     for remark in options.remarks:
         say(remark)
     result["seconds"] = time.perf_counter() - start
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    result["peak_memory_bytes"] = peak * (1 if sys.platform == "darwin" else 1024)
+    result["peak_memory_bytes"] = peak_memory()
     if options.json:
         text = json.dumps(result)
     else:

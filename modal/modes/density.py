@@ -28,8 +28,7 @@ from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
-from modal.stiffness.contact_loops import component_sums
-from modal.stiffness.operator import ContactOperator
+from modal.stiffness.operator import ContactOperator, component_sums
 from modal.workload import refuse_endless
 
 if TYPE_CHECKING:
@@ -245,30 +244,23 @@ def _moments(
     One product gives two moments: tr P_c T_j T_k = tr T_j P_c T_k, and
     2 T_j T_k = T_(j+k) + T_|j-k|. InputError where the spectrum is not within 0 to `top`.
     """
-    moments = np.empty((6, count + 2))
+    moments, sums = np.empty((6, count + 2)), np.empty((2, 6))
     before, now = start.copy(), np.empty_like(start)
     operator.combine(start, now, 2 / top, own=-1.0)
-    moments[:, 0], moments[:, 1] = by_component(before, now)
     for k in progress(count // 2, label):
-        # Here now = T_(k+1) r and before = T_k r.
-        if k > 0:
-            squares, products = by_component(before, now)
-            moments[:, 2 * k] = 2 * squares - moments[:, 0]
-            moments[:, 2 * k + 1] = 2 * products - moments[:, 1]
-        operator.combine(now, before, 4 / top, own=-2.0, kept=-1.0)
+        # Here now = T_(k+1) r and before = T_k r, which makes room for T_(k+2) r.
+        operator.combine(now, before, 4 / top, own=-2.0, kept=-1.0, sums=sums)
+        if k == 0:
+            moments[:, :2] = sums.T
+        else:
+            moments[:, 2 * k : 2 * k + 2] = 2 * sums.T - moments[:, :2]
         before, now = now, before
     last = 2 * (count // 2)
-    moments[:, last] = 2 * by_component(before, now)[0] - moments[:, 0]
+    moments[:, last] = 2 * component_sums(before, now)[0] - moments[:, 0]
     first, largest = moments[:, 0].sum(), moments[:, last].sum()
     if not abs(largest) <= largest_growth(operator, last) * first:
         raise InputError(NEGATIVE)
     return moments[:, :count]
-
-
-def by_component(a: Floats, b: Floats) -> Floats:
-    """Shape (2, 6): sums of a a, and of a b, over all particles, of motions a and b (6n,)."""
-    shape = (-1, 6)
-    return component_sums(a.reshape(shape), b.reshape(shape))
 
 
 def write_density(

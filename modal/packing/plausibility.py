@@ -17,7 +17,7 @@ from modal.formats.arrays import Floats
 from modal.packing.consistency import branches, density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
-from modal.packing.reading import read_packing
+from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import net_forces
 
 LAWS = {"Hertz": 2 / 3, "linear": 1.0}
@@ -38,13 +38,14 @@ SOLIDS = (100.0, 25_000.0)
 """kg/m^3, of a median sphere: foam to osmium."""
 
 
-def plausibility(network: Network) -> dict[str, Any]:
+def plausibility(network: Network, *, sought: bool = False) -> dict[str, Any]:
     """Numbers that show whether a network is plausible, and remarks on what is unusual.
 
     The numbers: which data are absent, how many contacts pull, the contact law, the balance of
     forces, the densities. A list of three numbers holds the least, the median and the largest
     value. Numbers whose data are absent are left out; the balance needs shear forces. `remarks` is
-    a list of texts, one for each unusual observation.
+    a list of texts, one for each unusual observation. `sought` says that the contacts were sought
+    among the positions just now, as those of a sample are: then they are not sought once more.
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
@@ -54,7 +55,8 @@ def plausibility(network: Network) -> dict[str, Any]:
     if np.ptp(density) > UNIFORM * density.min():
         remarks.append(f"densities from {density.min():.4g} to {density.max():.4g} kg/m^3")
     if network.n_contacts:
-        _touching(network, remarks)
+        if not sought:
+            _touching(network, remarks)
         told |= _stiffnesses(network, remarks) | _forces(network, remarks)
     return told | {"remarks": remarks}
 
@@ -62,7 +64,7 @@ def plausibility(network: Network) -> dict[str, Any]:
 def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:
     """The packing of a file, as `modal.packing.reading.read_packing`; `say` is told each remark."""
     network = read_packing(path)
-    for remark in plausibility(network)["remarks"]:
+    for remark in plausibility(network, sought=is_sample(path))["remarks"]:
         say(f"{path}: {remark}")
     return network
 

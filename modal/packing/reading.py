@@ -15,6 +15,11 @@ CONTACTS_BYTES = 1200.0
 """Memory for each sphere while the contacts of a sample are found and checked, measured."""
 
 
+def is_sample(path: str | Path) -> bool:
+    """Whether a file is a sample, whose contacts are sought when it is read."""
+    return str(path).endswith(".sample.h5")
+
+
 @checked
 def read_packing(path: str | Path) -> Network:
     """A packing from a file: a contact network (`*.network.h5`) or a sample (`*.sample.h5`).
@@ -29,7 +34,7 @@ def read_packing(path: str | Path) -> Network:
         ...
     modal.formats.hdf5.InputError: nowhere.network.h5: no such file; check the name
     """
-    if not str(path).endswith(".sample.h5"):
+    if not is_sample(path):
         return read_network(path)
     sample = read_sample(path)
     refuse_above_memory(

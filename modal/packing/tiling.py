@@ -1,8 +1,8 @@
 """Larger packings by repetition of one that is periodic sideways.
 
 A plane wave in the copies is that of the small packing, so that a test of size needs no larger DEM
-run. `RUN` consecutive particles of the first copy are followed by the same of the second, and so
-on: what is sorted along z stays nearly so, and neighbours stay near each other in memory.
+run. The copies are numbered along z, those of one particle one after the other: so the loops over
+contacts, which go along z, go through memory once and straight ahead.
 """
 
 from __future__ import annotations
@@ -17,23 +17,20 @@ from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 
-RUN = 256
-"""Particles of one copy that follow each other: a layer of a packing some 15 diameters wide."""
+
+def order_along_z(position: Floats) -> Ints:
+    """Shape (n,): the particles at `position` (n, 3) along z; equally high ones as they come."""
+    return np.argsort(position[:, 2], kind="stable")
 
 
-def tiled(n: int, copies: int) -> tuple[Ints, Ints]:
+def tiled(order: Ints, copies: int) -> tuple[Ints, Ints]:
     """Original (n copies,) and copy (n copies,) of each particle of the repeated packing."""
-    number = np.arange(n * copies)
-    first = number // (RUN * copies) * RUN
-    run = np.minimum(RUN, n - first)
-    copy, within = np.divmod(number - first * copies, run)
-    return first + within, copy
+    return np.repeat(order, copies), np.tile(np.arange(copies), len(order))
 
 
-def number_of(particle: Ints, copy: Ints, n: int, copies: int) -> Ints:
+def number_of(particle: Ints, copy: Ints, order: Ints, copies: int) -> Ints:
     """The number in the repeated packing of a copy of a particle; the inverse of `tiled`."""
-    first = particle // RUN * RUN
-    return first * copies + copy * np.minimum(RUN, n - first) + particle - first
+    return np.argsort(order)[particle] * copies + copy
 
 
 def _cells(times_x: int, times_y: int) -> Ints:
@@ -52,9 +49,9 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
             f"cannot repeat {times_x} by {times_y}: the network must be periodic along the axis"
         )
     cell = _cells(times_x, times_y)
-    i, j, shift, row = _copied_contacts(network, times_x, times_y)
-    n = network.n_particles
-    source, copy = tiled(n, copies)
+    order = order_along_z(network.position)
+    i, j, shift, row = _copied_contacts(network, order, times_x, times_y)
+    source, copy = tiled(order, copies)
     contacts = network.with_contacts(row)
     return replace(
         contacts,
@@ -70,9 +67,11 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
     )
 
 
-def _copied_contacts(network: Network, times_x: int, times_y: int) -> tuple[Ints, Ints, Ints, Ints]:
+def _copied_contacts(
+    network: Network, order: Ints, times_x: int, times_y: int
+) -> tuple[Ints, Ints, Ints, Ints]:
     """Ends i and j, periods (k, 3) and original (k,) of the contacts, copy by copy."""
-    m, n, copies = network.n_contacts, network.n_particles, times_x * times_y
+    m, copies = network.n_contacts, times_x * times_y
     shifts = network.known("cell_shift", "telling which copies touch")
     i, j = np.empty((2, m * copies), np.int64)
     shift, row = np.empty((m * copies, 3), np.int8), np.tile(np.arange(m, dtype=np.int32), copies)
@@ -81,8 +80,8 @@ def _copied_contacts(network: Network, times_x: int, times_y: int) -> tuple[Ints
         part = slice(own * m, (own + 1) * m)
         there = cell + shifts
         shift[part], inside = np.divmod(there, (times_x, times_y, 1))
-        other = number_of(partner, inside[:, 0] * times_y + inside[:, 1], n, copies)
-        i[part] = number_of(network.particle_i, np.array(own), n, copies)
+        other = number_of(partner, inside[:, 0] * times_y + inside[:, 1], order, copies)
+        i[part] = number_of(network.particle_i, np.array(own), order, copies)
         j[part] = np.where(wall, network.particle_j, other)
     return i, j, shift, row
 
@@ -97,7 +96,8 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
     if sample.velocity is not None or sample.strain_rate is not None:
         raise InputError("the sample is in motion; bring it to rest first (relax)")
     wanted = np.array([times_x, times_y])
-    source, copy = tiled(len(sample.position), times_x * times_y)
+    along_z = order_along_z(sample.position)
+    source, copy = tiled(along_z, times_x * times_y)
     position = sample.position[source]
     offset: Floats = _cells(times_x, times_y)[:, :2] * sample.side
     for axis in range(2):
@@ -108,7 +108,7 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
         return large
     # Shear forces stand in the order of the contacts, along tangents that follow from the normals.
     network = sample.network()
-    i, j, shift, row = _copied_contacts(network, times_x, times_y)
+    i, j, shift, row = _copied_contacts(network, along_z, times_x, times_y)
     # A copy may have its two ends numbered the other way.
     turned = (j >= 0) & (i > j)
     i[turned], j[turned] = j[turned], i[turned]

@@ -1,19 +1,13 @@
 """The loops over contacts that multiply by K: springs, and what pre-stress adds to them.
 
 Each contact gathers the motion of its two bodies, stretches its springs and scatters the forces.
-Contacts are sorted along z by their lower sphere, whatever the numbers of the spheres: both bodies
-are then still in the cache from the contacts before. Slabs of them share the cores (`modal.loops`).
+What a recurrence adds to them, multiples of both vectors, is made for each sphere just before its
+first contact: every vector goes through memory once.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-
-from modal.formats.arrays import Floats, Ints
 from modal.loops import (
-    SLABS,
     compiled,
     compiled_part,
     cross,
@@ -23,81 +17,7 @@ from modal.loops import (
     numba,
     plus,
     prange,
-    slabs_of,
 )
-from modal.packing.network import Network
-from modal.stiffness.pre_stress import centre_distance, forces_of
-
-ACROSS = 16
-"""Diameters: a wider packing is worked through in columns so wide, whose layers a cache holds."""
-CENTRAL = 16 * np.finfo(float).eps
-"""Part of a lever across its normal that is round-off, relative to the longest lever."""
-
-
-@dataclass(frozen=True)
-class PackedContacts:
-    """Contacts in the order of the loops, m of them; lengths in m, stiffnesses in N/m.
-
-    rows (m, 8): normal, kn - kt, kt, -N / l, and how far the two levers reach along the normal, the
-    second one backwards; ends (m, 2) int32, walls negative; slabs (s + 1,): where each begins, and
-    m. aside (m, 6): the parts of both levers across the normal, None where all levers lie along it.
-    shear (m, 4): the tangential force on j, N, and 1 / l, for the full tangent, else None.
-    """
-
-    rows: Floats
-    ends: Ints
-    slabs: Ints
-    aside: Floats | None
-    shear: Floats | None
-
-    @classmethod
-    def of(cls, network: Network, pre_stress: str) -> PackedContacts:
-        """The contacts of a network; `pre_stress` as in `modal.stiffness.pre_stress`."""
-        order, slabs = _order_along_z(network)
-        ends = np.column_stack([network.particle_i, network.particle_j])
-        rows = np.zeros((len(order), 8))
-        normal = network.normal
-        rows[:, 0:3] = normal[order]
-        rows[:, 3] = (network.stiffness_normal - network.stiffness_tangential)[order]
-        rows[:, 4] = network.stiffness_tangential[order]
-        pressed, sheared = forces_of(network, pre_stress)
-        if pressed is not None:
-            per_distance = 1 / centre_distance(network)[order]
-            rows[:, 5] = -pressed[order] * per_distance
-        aside = None
-        for k, (lever, sign) in enumerate(((network.lever_i, 1.0), (network.lever_j, -1.0))):
-            along = np.einsum("ci,ci->c", lever, normal)
-            rows[:, 6 + k] = sign * along[order]
-            off = lever - along[:, None] * normal
-            if abs(off).max(initial=0.0) > CENTRAL * abs(along).max(initial=0.0):
-                aside = np.zeros((len(order), 6)) if aside is None else aside
-                aside[:, 3 * k : 3 * k + 3] = off[order]
-        shear = None
-        if sheared is not None:
-            shear = np.column_stack([-sheared[order], per_distance])
-        return cls(rows, ends[order].astype(np.int32), slabs, aside, shear)
-
-
-def _order_along_z(network: Network) -> tuple[Ints, Ints]:
-    """Contacts (m,) slab by slab along z, and where the slabs begin, (s + 1,)."""
-    n, z = network.n_particles, network.position[:, 2]
-    rank = np.empty(n, np.int32)
-    rank[np.argsort(z, kind="stable")] = np.arange(n, dtype=np.int32)
-    first = rank[network.particle_i]
-    second = np.where(network.with_wall, first, rank[network.partner])
-    lower = np.minimum(first, second)
-    order = np.argsort(lower, kind="stable")
-    slabs = slabs_of(np.column_stack([lower, np.maximum(first, second)])[order], n)
-    # In a wide packing a layer fills more than a cache: it is cut into columns.
-    width = ACROSS * 2 * network.radius.mean()
-    at = network.position[:, :2] - network.position[:, :2].min(axis=0)
-    columns = np.maximum(np.rint(at.max(axis=0) / width), 1)
-    if columns.prod() > 1:
-        place = np.minimum(at * (columns / at.max(axis=0)), columns - 1).astype(np.int32)
-        column = (place[:, 0] * int(columns[1]) + place[:, 1])[network.particle_i[order]]
-        slab = np.repeat(np.arange(len(slabs) - 1), np.diff(slabs))
-        order = order[np.lexsort((column, slab))]
-    return order, slabs
 
 
 @elementwise
@@ -219,52 +139,50 @@ def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
                     y[j, 5, v] -= qj * torque[2]
 
 
-def _add_by_slabs(x, y, single, factor, rows, ends, slabs, aside, shear, scale):
-    """y += factor S K S x for x and y of shape (n, dof, k); `single` is not None where k is 1.
+def _mix(first, last, x, y, single, own, kept, fresh, sums, slab):
+    width = x.shape[2] if single is None else 1
+    for at in range(first, last):
+        i = fresh[at]
+        for d in range(x.shape[1]):
+            for v in range(width):
+                if sums is not None:
+                    sums[slab, 0, d] += y[i, d, v] * y[i, d, v]
+                    sums[slab, 1, d] += y[i, d, v] * x[i, d, v]
+                # A `kept` of 0 also clears a NaN.
+                y[i, d, v] = own * x[i, d, v] + (kept * y[i, d, v] if kept != 0 else 0.0)
 
-    S is diagonal: `scale` (n, 2) holds its value for the translations of a particle and that for
-    its rotations. The contacts as in `PackedContacts`.
+
+def _combine_by_slabs(
+    x, y, single, factor, own, kept, rows, ends, slabs, pieces, fresh, aside, shear, scale, sums
+):
+    """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
+
+    `single` is not None where k is 1. S is diagonal: `scale` (n, 2) holds its value for the
+    translations of a particle and that for its rotations. The contacts as in `PackedContacts`.
+    `sums` (s + 1, 2, dof), where it is not None: to each slab's row are added, by component, the
+    sums of y y and of y x over its fresh spheres, y as it came.
     """
+    mixing = own != 0 or kept != 1 or sums is not None
     count = len(slabs) - 1
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
-            first, last = slabs[2 * half + odd], slabs[2 * half + odd + 1]
-            _springs(first, last, x, y, single, factor, rows, ends, aside, scale)
-            if shear is not None:
-                _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
-
-
-def _mix(x, y, own, kept):
-    """y = own x + kept y for x and y of shape (size,); a `kept` of 0 also clears a NaN."""
-    for block in prange(SLABS):
-        part = range(block * len(x) // SLABS, (block + 1) * len(x) // SLABS)
-        if kept == 0:
-            for k in part:
-                y[k] = own * x[k]
-        else:
-            for k in part:
-                y[k] = own * x[k] + kept * y[k]
-
-
-def _component_sums(a, b):
-    sums = np.zeros((SLABS, 2, 6))
-    for block in prange(SLABS):
-        for k in range(block * len(a) // SLABS, (block + 1) * len(a) // SLABS):
-            for c in range(6):
-                sums[block, 0, c] += a[k, c] * a[k, c]
-                sums[block, 1, c] += a[k, c] * b[k, c]
-    return sums.sum(axis=0)
-
-
-def component_sums(a: Floats, b: Floats) -> Floats:
-    """Shape (2, 6): sums over n of a a, and of a b, for each component of a and b (n, 6)."""
-    return np.stack([np.einsum("nc,nc->c", a, of) for of in (a, b)])
+            slab = 2 * half + odd
+            for piece in range(slabs[slab], slabs[slab + 1]):
+                first, last = pieces[piece, 0], pieces[piece + 1, 0]
+                if mixing:
+                    here, there = pieces[piece, 1], pieces[piece + 1, 1]
+                    _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
+                _springs(first, last, x, y, single, factor, rows, ends, aside, scale)
+                if shear is not None:
+                    _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
+    if mixing:
+        _mix(pieces[-1, 1], len(fresh), x, y, single, own, kept, fresh, sums, count)
 
 
 if numba is not None:
     _OF = fingerprint()
     _springs = compiled_part(_springs, _OF, fastmath=True)
     _turning_shear = compiled_part(_turning_shear, _OF, fastmath=True)
-    add_by_slabs = compiled(_add_by_slabs, 0, _OF, fastmath=True)
-    mix = compiled(_mix, 0, _OF)
-    component_sums = compiled(_component_sums, 0, _OF)
+    # Without fastmath, which would lose the NaN that a `kept` of 0 clears.
+    _mix = compiled_part(_mix, _OF)
+    combine_by_slabs = compiled(_combine_by_slabs, 0, _OF, fastmath=True)

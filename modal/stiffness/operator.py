@@ -15,8 +15,8 @@ from modal.formats.hdf5 import InputError
 from modal.loops import numba
 from modal.packing.network import Network
 from modal.stiffness import contact_loops
-from modal.stiffness.contact_loops import PackedContacts
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.packed_contacts import PackedContacts
 from modal.stiffness.pre_stress import SYMMETRIC, TANGENTS
 
 
@@ -61,11 +61,20 @@ class ContactOperator(LinearOperator):
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
 
     def combine(
-        self, u: Array, out: Array, factor: float, own: float = 0.0, kept: float = 0.0
+        self,
+        u: Array,
+        out: Array,
+        factor: float,
+        own: float = 0.0,
+        kept: float = 0.0,
+        *,
+        sums: Floats | None = None,
     ) -> Array:
         """out = factor K u + own u + kept out in place; u and out of shape (6n,) or (6n, k).
 
-        Both real, or `out` complex. Arrays in C order need no copies.
+        Both real, or `out` complex. Arrays in C order need no copies. Into `sums` (2, 6) are
+        written, for each component, the sums over the particles of out out and of out u, `out` as
+        it came: single real vectors (6n,) alone.
         """
         for name, array in (("u", u), ("out", out)):
             if array.shape[0] != self.shape[0] or array.shape != u.shape:
@@ -73,6 +82,8 @@ class ContactOperator(LinearOperator):
         if np.iscomplexobj(u) and not np.iscomplexobj(out):
             raise ValueError("out is real and u complex; the result needs a complex array")
         if self._matrix is not None:
+            if sums is not None:
+                sums[:] = component_sums(out, u, self.dof)
             out[...] = kept * out if kept else 0.0
             out += factor * (self._matrix @ u)
             if own:
@@ -83,21 +94,32 @@ class ContactOperator(LinearOperator):
         else:
             source = np.ascontiguousarray(u, dtype=float)
             target = np.ascontiguousarray(out, dtype=float)
-            self._combine(source, target, factor, own, kept)
+            self._combine(source, target, factor, own, kept, sums)
             if target is not out:
                 out[...] = target
         return out
 
-    def _combine(self, u: Floats, out: Floats, factor: float, own: float, kept: float) -> None:
+    def _combine(
+        self,
+        u: Floats,
+        out: Floats,
+        factor: float,
+        own: float,
+        kept: float,
+        sums: Floats | None,
+    ) -> None:
         """The same for real arrays in C order, by the compiled loops."""
-        if (own, kept) != (0.0, 1.0):
-            contact_loops.mix(u.ravel(), out.ravel(), float(own), float(kept))
         width = u.size // self.shape[0]
         on, shape = self._contacts, (-1, self.dof, width)
-        contact_loops.add_by_slabs(
-            *(u.reshape(shape), out.reshape(shape), True if width == 1 else None, float(factor)),
-            *(on.rows, on.ends, on.slabs, on.aside, on.shear, self._scale),
+        of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof))
+        contact_loops.combine_by_slabs(
+            *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
+            *(float(factor), float(own), float(kept)),
+            *(on.rows, on.ends, on.slabs, on.pieces, on.fresh, on.aside, on.shear),
+            *(self._scale, of_slabs),
         )
+        if sums is not None:
+            sums[:] = of_slabs.sum(axis=0)
 
     def accumulate(self, u: Array, out: Array, factor: float = 1.0) -> Array:
         """out += factor K u in place; arguments as for `combine`."""
@@ -118,3 +140,9 @@ class ContactOperator(LinearOperator):
                 "matrix"
             )
         return self
+
+
+def component_sums(a: Floats, b: Floats, dof: int = 6) -> Floats:
+    """Shape (2, dof): sums over the particles of a a, and of a b, for motions a, b (dof n,)."""
+    first, second = a.reshape(-1, dof), b.reshape(-1, dof)
+    return np.stack([np.einsum("nc,nc->c", first, of) for of in (first, second)])

@@ -3,7 +3,11 @@
 import doctest
 import io
 import re
+import subprocess
+import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from modal import progress as module
@@ -69,3 +73,23 @@ def test_memory_of_a_system_without_proc(monkeypatch):
 
     monkeypatch.setattr(workload, "open", refuse, raising=False)
     assert free <= workload.memory_at_hand() < 1e15
+
+
+def test_peak_memory_is_that_of_the_process_alone(monkeypatch):
+    """Not of the process that started it, which Linux hands on; elsewhere what the system tells."""
+    if not Path("/proc/self/status").exists():
+        pytest.skip("only Linux tells a process's own peak")
+    held = np.ones(60_000_000)  # 480 MB
+    code = "from modal.workload import peak_memory; print(peak_memory())"
+    # Forked, as a shell does it: the child's first pages are those of its parent.
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=lambda: None
+    )
+    assert 1e7 < int(done.stdout) < held.nbytes <= workload.peak_memory()
+
+    def refuse(path, *_):
+        raise FileNotFoundError(path)
+
+    own = workload.peak_memory()
+    monkeypatch.setattr(workload, "open", refuse, raising=False)
+    assert workload.peak_memory() >= 0.9 * own

@@ -12,10 +12,10 @@ import pytest
 from modal import loops
 from modal.packing import examples as gallery
 from modal.packing.network import Network
-from modal.stiffness import contact_loops
-from modal.stiffness.contact_loops import PackedContacts
+from modal.stiffness import packed_contacts
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.packed_contacts import PackedContacts
 from modal.stiffness.pre_stress import PRE_STRESS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,7 +88,7 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
     if slabs > 1:
         # Cut into slabs, but still without threads, whose loop takes seconds to compile.
         cut = PackedContacts.of
-        monkeypatch.setattr(contact_loops, "slabs_of", in_slabs)
+        monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
         assert len(cut(foreign, pre_stress).slabs) > 8
     x = np.random.default_rng(4).standard_normal(6 * network.n_particles)
     found = ContactOperator(foreign, pre_stress=pre_stress) @ x
@@ -133,10 +133,12 @@ def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     """The order changes within the slabs only, and each contact is there once."""
     network = gallery.fcc(cells=(8, 8, 6))
     whole = PackedContacts.of(network, "none")
-    monkeypatch.setattr(contact_loops, "ACROSS", 2)
+    monkeypatch.setattr(packed_contacts, "ACROSS", 2)
     cut = PackedContacts.of(network, "none")
     assert not np.array_equal(cut.ends, whole.ends)
-    for first, last in zip(whole.slabs[:-1], whole.slabs[1:], strict=True):
+    assert np.array_equal(cut.slabs, whole.slabs)
+    bounds = whole.pieces[whole.slabs, 0]
+    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
         rows = (np.column_stack([of.ends, of.rows])[first:last] for of in (whole, cut))
         ordered = [part[np.lexsort(part.T)] for part in rows]
         assert np.array_equal(*ordered)

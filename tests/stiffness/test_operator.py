@@ -11,7 +11,7 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.tiling import repeat
 from modal.packing.validation import validate
-from modal.stiffness import operator
+from modal.stiffness import operator, packed_contacts
 from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.pre_stress import PRE_STRESS, contact_tangent
@@ -199,3 +199,27 @@ def test_a_repeated_sample_is_the_larger_crystal():
     assert square == pytest.approx(direct, rel=1e-9, abs=1e-9 * direct[-1])
     with pytest.raises(InputError, match="periodic"):
         repeat(gallery.column(3), 2, 1)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("own", "kept"), [(-2.0, -1.0), (0.0, 1.0), (3.0, 0.0), (0.0, 0.0)])
+def test_sums_by_component_are_those_of_the_vectors_as_they_came(own, kept, compiled, monkeypatch):
+    """Beside the product they cost no pass; some spheres without contacts, in pieces of seven."""
+    monkeypatch.setattr(packed_contacts, "PIECE", 7)
+    if not compiled:
+        monkeypatch.setattr(operator, "numba", None)
+    network = random_springs(7, particles=40, contacts=30)
+    assert len(np.unique(network.particle_i)) < 40
+    applied = ContactOperator(network)
+    rng = np.random.default_rng(8)
+    u, out = rng.standard_normal((2, applied.shape[0]))
+    a, b = out.reshape(-1, 6).copy(), u.reshape(-1, 6)
+    plain = applied.combine(u, out.copy(), 2.0, own, kept)
+    sums = np.full((2, 6), np.nan)
+    combined = applied.combine(u, out, 2.0, own, kept, sums=sums)
+    assert np.array_equal(combined, plain)
+    K = stiffness_matrix(network)
+    bound = 2 * round_off(network, "none", u[:, None])[:, 0] + EPS * (3 * abs(u) + abs(plain))
+    wanted = 2 * (K @ u) + own * u + kept * a.ravel()
+    assert (abs(combined - wanted) <= 3 * bound).all()
+    assert sums == pytest.approx(np.stack([(a * a).sum(axis=0), (a * b).sum(axis=0)]), rel=1e-13)

@@ -1,0 +1,122 @@
+"""Contacts in the order in which the loops of `modal.stiffness.contact_loops` go through them.
+
+They are sorted along z by their lower sphere, whatever the numbers of the spheres: both bodies of a
+contact are then still in the cache from the contacts before. Slabs of them share the cores
+(`modal.loops`), and pieces of a slab say which spheres are met there for the first time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.formats.arrays import Floats, Ints
+from modal.loops import slabs_of
+from modal.packing.network import Network
+from modal.stiffness.pre_stress import centre_distance, forces_of
+
+ACROSS = 64
+"""Diameters: a wider packing is worked through in columns so wide, whose layers a cache holds."""
+PIECE = 256
+"""Contacts of a piece: with all that they touch, a few pieces fit into the cache next to a core."""
+CENTRAL = 16 * np.finfo(float).eps
+"""Part of a lever across its normal that is round-off, relative to the longest lever."""
+
+
+@dataclass(frozen=True)
+class PackedContacts:
+    """Contacts in the order of the loops, m of them; lengths in m, stiffnesses in N/m.
+
+    rows (m, 8): normal, kn - kt, kt, -N / l, and how far the two levers reach along the normal, the
+    second one backwards; ends (m, 2) int32, walls negative. aside (m, 6): the parts of both levers
+    across the normal, None where all levers lie along it. shear (m, 4): the tangential force on j,
+    N, and 1 / l, for the full tangent, else None.
+
+    slabs (s + 1,): the piece with which each begins, and their number p. pieces (p + 1, 2): the
+    first contact of each, and its first sphere in `fresh` (n,) int32, the spheres by the piece that
+    touches them first, those without contacts behind them all.
+    """
+
+    rows: Floats
+    ends: Ints
+    slabs: Ints
+    pieces: Ints
+    fresh: Ints
+    aside: Floats | None
+    shear: Floats | None
+
+    @classmethod
+    def of(cls, network: Network, pre_stress: str) -> PackedContacts:
+        """The contacts of a network; `pre_stress` as in `modal.stiffness.pre_stress`."""
+        order, slabs = _order_along_z(network)
+        ends = np.column_stack([network.particle_i[order], network.particle_j[order]])
+        ends = ends.astype(np.int32)
+        rows = np.zeros((len(order), 8))
+        normal = network.normal
+        rows[:, 0:3] = normal[order]
+        rows[:, 3] = (network.stiffness_normal - network.stiffness_tangential)[order]
+        rows[:, 4] = network.stiffness_tangential[order]
+        pressed, sheared = forces_of(network, pre_stress)
+        if pressed is not None:
+            per_distance = 1 / centre_distance(network)[order]
+            rows[:, 5] = -pressed[order] * per_distance
+        aside = None
+        for k, (lever, sign) in enumerate(((network.lever_i, 1.0), (network.lever_j, -1.0))):
+            along = np.einsum("ci,ci->c", lever, normal)
+            rows[:, 6 + k] = sign * along[order]
+            off = lever - along[:, None] * normal
+            if abs(off).max(initial=0.0) > CENTRAL * abs(along).max(initial=0.0):
+                aside = np.zeros((len(order), 6)) if aside is None else aside
+                aside[:, 3 * k : 3 * k + 3] = off[order]
+        shear = None
+        if sheared is not None:
+            shear = np.column_stack([-sheared[order], per_distance])
+        return cls(rows, ends, *_pieces(ends, slabs, network.n_particles), aside, shear)
+
+
+def _order_along_z(network: Network) -> tuple[Ints, Ints]:
+    """Contacts (m,) slab by slab along z, and where the slabs begin, (s + 1,)."""
+    n, z = network.n_particles, network.position[:, 2]
+    rank = np.empty(n, np.int32)
+    rank[np.argsort(z, kind="stable")] = np.arange(n, dtype=np.int32)
+    first = rank[network.particle_i]
+    second = np.where(network.with_wall, first, rank[network.partner])
+    lower = np.minimum(first, second)
+    order = np.argsort(lower, kind="stable")
+    slabs = slabs_of(np.column_stack([lower, np.maximum(first, second)])[order], n)
+    # In a wide packing a layer fills more than a cache: it is cut into columns.
+    width = ACROSS * 2 * network.radius.mean()
+    at = network.position[:, :2] - network.position[:, :2].min(axis=0)
+    columns = np.maximum(np.rint(at.max(axis=0) / width), 1)
+    if columns.prod() > 1:
+        place = np.minimum(at * (columns / at.max(axis=0)), columns - 1).astype(np.int32)
+        column = (place[:, 0] * int(columns[1]) + place[:, 1])[network.particle_i[order]]
+        slab = np.repeat(np.arange(len(slabs) - 1), np.diff(slabs))
+        order = order[np.lexsort((column, slab))]
+    return order, slabs
+
+
+def _pieces(ends: Ints, slabs: Ints, n: int) -> tuple[Ints, Ints, Ints]:
+    """`slabs` in pieces, pieces and fresh spheres as in `PackedContacts`.
+
+    `ends` (m, 2) of the contacts in their order, `slabs` (s + 1,) the first contact of each.
+    """
+    starts = [np.arange(a, b, PIECE) for a, b in zip(slabs[:-1], slabs[1:], strict=True)]
+    first = np.concatenate([*starts, slabs[-1:]])
+    in_slabs, count = np.searchsorted(first, slabs), len(first) - 1
+    # The even slabs come before the odd ones.
+    odd = np.repeat(np.arange(len(slabs) - 1) % 2, np.diff(in_slabs))
+    turn = np.append(np.argsort(odd, kind="stable"), count)
+    when = np.argsort(turn)[:-1]
+    earliest = np.full(n, count)
+    for end in ends.T:
+        pair = end >= 0
+        np.minimum.at(earliest, end[pair], np.repeat(when, np.diff(first))[pair])
+    piece = turn[earliest]
+    fresh = np.argsort(piece, kind="stable").astype(np.int32)
+    return (
+        in_slabs,
+        np.column_stack([first, np.searchsorted(piece[fresh], np.arange(count + 1))]),
+        fresh,
+    )
