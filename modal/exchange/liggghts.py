@@ -15,8 +15,8 @@ import numpy as np
 
 from modal.exchange.bodies import Cell, Contacts, LawOf, Spheres, nearest, touching_pairs
 from modal.exchange.dump import frame_of
+from modal.exchange.dump_spheres import cell_of, index_of, once, spheres_of
 from modal.exchange.found import Found, network_of
-from modal.exchange.lammps import cell_of, index_of, once, spheres_of
 from modal.exchange.lammps_law import effective_shear, effective_young, material_of
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ProgramLaw, Units
 from modal.exchange.rows import fault, read_lines
