@@ -1,8 +1,8 @@
 """The page itself: positions and motions as small whole numbers, and what draws them.
 
-`page.html` draws with three.js and uPlot, which lie beside it in one file and go into the page, so
-that it opens anywhere. Displacements are 16 bits a component, in steps of 1/32,767 of the largest:
-35,201 spheres at 100 times are 9 MB of text.
+`packing.js` and `player.js` draw with three.js and uPlot, which lie beside them in one file and go
+into the page, so that it opens anywhere. Displacements are 16 bits a component, in steps of
+1/32,767 of the largest: 35,201 spheres at 100 times are 9 MB of text, their contacts 2 MB.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from modal.display import quantity
-from modal.exchange.picture import VISIBLE, sphere_stress
+from modal.exchange.picture import VISIBLE, contact_lines, sphere_stress
 from modal.formats.hdf5 import InputError, open_h5, write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.mode_set import SCHEMA as MODES
@@ -34,6 +34,7 @@ MOTION = 7_500_000
 FRAMES = 100, 400
 """Times of a wave: as many as fit into `MOTION`, within these limits."""
 SHOWN_SIGNALS = 16
+PRODUCERS = {"yade": "a wave simulated by YADE", "linear": "the linear wave of its springs"}
 SPECTRUM = 2.5
 """Highest frequency of the spectra over that of the pulse."""
 
@@ -90,14 +91,37 @@ def _of_packing(network: Network) -> dict[str, Any]:
         "step": step.tolist(),
         "position": coded(np.round((network.position - low) / step), "<u2"),
         "radius": coded(network.radius, "<f4"),
+        "mean_radius": float(network.radius.mean()),
         "visible": VISIBLE * float(network.radius.mean()),
     }
+    if network.force_normal is not None:
+        shown["contacts"] = _of_contacts(network, network.force_normal)
     if network.force_normal is not None and network.force_tangential is not None:
         pressure = sphere_stress(network)[:, :3].mean(axis=1)
-        top = float(np.percentile(pressure, 99)) or 1.0
-        shown["pressure"] = coded(np.clip(pressure / top * 255, 0, 255), "u1")
+        shown["pressure"], top = _from_zero(pressure)
         shown["pressure_ends"] = ["0", quantity(top, "Pa", 3)]
     return shown
+
+
+def _of_contacts(network: Network, force: np.ndarray) -> dict[str, Any]:
+    """Contacts as lines from sphere to sphere, or to the wall (-1), and their normal forces."""
+    ends = contact_lines(network).ends
+    across = ends[:, 1] - ends[:, 0]
+    step = float(abs(across).max(initial=0.0)) / STEPS or 1.0
+    return {
+        "first": coded(network.particle_i, "<i4"),
+        "second": coded(np.maximum(network.particle_j, -1), "<i4"),
+        "across": coded(np.round(across / step), "<i2"),
+        "step": step,
+        "force": _from_zero(force)[0],
+    }
+
+
+def _from_zero(values: np.ndarray) -> tuple[str, float]:
+    """Values in 255 steps from zero to their 99th percentile, which is returned too; coded."""
+    top = float(np.percentile(values, 99)) if len(values) else 0.0
+    top = top if top > 0 else 1.0
+    return coded(np.clip(values / top * 255, 0, 255), "u1"), top
 
 
 def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) -> dict[str, Any]:
@@ -124,7 +148,7 @@ def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) 
     return {
         "kind": "wave",
         "told": (
-            f"{network.n_particles:,} spheres; a wave by {signals.producer}, pulse of "
+            f"{network.n_particles:,} spheres; {PRODUCERS[signals.producer]}, pulse of "
             f"{quantity(signals.input_frequency, 'Hz')}, {quantity(2 * signals.amplitude, 'm')} "
             f"high; {len(at)} of {most} recorded times. Coloured by displacement along z."
         ),
@@ -212,6 +236,8 @@ def _filled(title: str, data: dict[str, Any]) -> str:
         "title": title.replace("&", "&amp;").replace("<", "&lt;"),
         "uplot": folder.joinpath("uplot.min.css").read_text(),
         "libraries": folder.joinpath("libraries.min.js").read_text(),
+        "packing": folder.joinpath("packing.js").read_text(),
+        "player": folder.joinpath("player.js").read_text(),
         # A text in it cannot end the script element.
         "data": json.dumps(data).replace("</", "<\\/"),
     }

@@ -80,14 +80,32 @@ def test_the_page_holds_the_modes(folder):
     assert all(max(map(abs, m["layers"])) > 0.9 for m in plane)
 
 
+def test_the_page_holds_the_contacts_and_their_forces(folder):
+    """Each line joins the two centres, or a centre and the wall; widths are as the forces."""
+    path, network, _, _ = folder
+    contacts = data_of((path / "modes.html").read_text())["contacts"]
+    first, second = (decoded(contacts[name], "<i4") for name in ("first", "second"))
+    across = decoded(contacts["across"], "<i2").reshape(-1, 3) * contacts["step"]
+    wall = second == -1
+    assert len(first) == network.n_contacts and (wall == network.with_wall).all()
+    reach = network.position[first] + across - network.position[second]
+    periods = np.where(network.cell_periodic, network.cell_size, 1.0)
+    off = reach - np.round(reach / periods) * np.where(network.cell_periodic, periods, 0.0)
+    assert abs(off[~wall]).max() <= 0.501 * contacts["step"]
+    ends = (network.position[first] + across)[wall, 2]
+    assert np.isclose(ends[:, None], network.wall_position, atol=contacts["step"]).any(axis=1).all()
+    force = network.force_normal / np.percentile(network.force_normal, 99)
+    assert abs(decoded(contacts["force"], "u1") / 255 - np.minimum(force, 1)).max() <= 1 / 255
+
+
 def test_a_full_size_page_stays_below_15_megabytes(folder):
-    """Bytes: 2 a sphere and time, 14 a sphere; in base64 a third more; the libraries."""
+    """Bytes: 2 a sphere and time, 14 a sphere, 15 a contact; in base64 a third more; the rest."""
     from analysis.watch.page import FRAMES, MOTION
 
-    n, rest = 35_201, (folder[0] / "signals.html").stat().st_size
+    n, contacts, rest = 35_201, 119_507, (folder[0] / "signals.html").stat().st_size
     times = max(MOTION // (2 * n), FRAMES[0])
     assert times >= 100
-    assert (2 * n * times + 14 * n) * 4 / 3 + rest < 15e6
+    assert (2 * n * times + 14 * n + 15 * contacts) * 4 / 3 + rest < 15e6
 
 
 def test_nothing_comes_from_a_network(folder):
@@ -116,7 +134,7 @@ def test_mistakes_are_one_line(folder, arguments, words, capsys):
     assert not (folder[0] / "no.html").exists()
 
 
-@pytest.mark.parametrize("name", ["signals", "modes"])
+@pytest.mark.parametrize("name", ["signals", "modes", "modes#forces"])
 def test_a_browser_plays_it(folder, name, tmp_path):
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
@@ -126,7 +144,8 @@ def test_a_browser_plays_it(folder, name, tmp_path):
     options += ["--enable-unsafe-swiftshader", "--window-size=900,700", "--disable-extensions"]
     options += ["--virtual-time-budget=1500", "--enable-logging=stderr", "--dump-dom"]
     options += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
-    page = (folder[0] / f"{name}.html").as_uri()
+    name, _, forces = name.partition("#")
+    page = (folder[0] / f"{name}.html").as_uri() + f"#{forces}" * bool(forces)
     done = subprocess.run([browser, *options, page], capture_output=True, text=True, timeout=240)
     # Every message of the page's console is a line with this word.
     assert "CONSOLE" not in done.stderr, done.stderr
@@ -139,5 +158,9 @@ def test_a_browser_plays_it(folder, name, tmp_path):
     # which a mode lacks twice in its period.
     view = pixels[90:380]
     assert (view.max(axis=2) < 180).sum() > 1000
+    # Lines of contacts are the only brown: red over blue by a quarter, yet dark.
+    red, _, blue = view.transpose(2, 0, 1)
+    brown = ((red > 1.25 * blue) & (red < 90)).sum()
+    assert brown > 1000 if forces else brown == 0 or name == "signals"
     if name == "signals":
         assert (np.ptp(view, axis=2) > 60).sum() > 200
