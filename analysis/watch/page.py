@@ -148,10 +148,12 @@ def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) 
     return {
         "kind": "wave",
         "told": (
-            f"{network.n_particles:,} spheres; {PRODUCERS[signals.producer]}, pulse of "
-            f"{quantity(signals.input_frequency, 'Hz')}, {quantity(2 * signals.amplitude, 'm')} "
-            f"high; {len(at)} of {most} recorded times. Coloured by displacement along z."
+            f"{network.n_particles:,} spheres; {PRODUCERS.get(signals.producer, 'a wave')}, "
+            f"pulse of {quantity(signals.input_frequency, 'Hz')}, "
+            f"{quantity(2 * signals.amplitude, 'm')} high; {len(at)} of {most} recorded times. "
+            f"Coloured by displacement along {signals.direction}."
         ),
+        "along": signals.direction,
         "time": _short(1e6 * signals.time[at]),
         "displacement": quantised(moved[at], largest),
         "real": largest,

@@ -5,6 +5,7 @@ const FRAMES_A_SECOND = 30;
 const PERIOD = 90; // drawn frames of a mode's period at normal speed
 const moved = decoded(data.displacement, Int16Array);
 const isWave = data.kind === "wave";
+const pushed = isWave ? turned("xyz".indexOf(data.along)) : 0; // where the source wall moves to
 const pressure = data.pressure ? decoded(data.pressure, Uint8Array) : null;
 const fields = isWave ? ["displacement"] : ["displacement z", "displacement x", "displacement y", "displacement size"];
 if (pressure) fields.push("pressure of contacts");
@@ -35,7 +36,7 @@ function layOut() {
     const at = 4 * s;
     if (isWave) {
       const u = ((1 - share) * moved[before * n + s] + share * moved[after * n + s]) / 32767;
-      motion[at] = motion[at + 3] = u; // along the packing's z
+      motion[at + pushed] = motion[at + 3] = u;
     } else {
       for (let a = 0; a < 3; a++) motion[at + turned(a)] = (phase * shape[3 * s + a]) / 32767;
       motion[at + 3] = part === undefined
@@ -84,8 +85,8 @@ let left = null;
 function plots() {
   if (isWave) {
     const signal = data.signals[which];
-    left = plot(by("left"), ["signal", "time, µs", "u_z, nm"], [data.signal_time, signal.displacement], false, true);
-    plot(by("right"), ["its spectrum", "frequency, kHz", "|U_z|, nm µs"], [data.spectrum_frequency, signal.spectrum], false, false);
+    left = plot(by("left"), ["signal", "time, µs", `u_${data.along}, nm`], [data.signal_time, signal.displacement], false, true);
+    plot(by("right"), ["its spectrum", "frequency, kHz", `|U_${data.along}|, nm µs`], [data.spectrum_frequency, signal.spectrum], false, false);
   } else {
     const modes = data.modes;
     left = plot(by("left"), ["share of motion along z", "frequency, kHz", "chi_z"],
