@@ -54,7 +54,8 @@ while [ $# -gt 0 ]; do
     shift
 done
 [ ${#cases[@]} -gt 0 ] || cases=(2)
-[ -n "$jobs" ] || jobs=$([ -n "$slurm" ] && echo 20 || nproc)
+# nproc takes OMP_NUM_THREADS for the number of cores.
+[ -n "$jobs" ] || jobs=$([ -n "$slurm" ] && echo 20 || env -u OMP_NUM_THREADS nproc)
 ./setup.sh --extra "${slurm:-workflow}" --without-yade
 python=.venv/bin/python
 export PYTHONPATH=$PWD/workflow:$PWD
@@ -82,7 +83,7 @@ if [ -z "$only" ]; then
     mkdir -p "$products"
     # Snakemake itself takes a disk without any space badly.
     head -c 100000 /dev/zero 2> /dev/null > "$products/.space.$$" && rm "$products/.space.$$" ||
-        { rm -f "$products/.space.$$"; fail "$products: cannot be written; is the disk full?"; }
+        { rm -f "$products/.space.$$"; fail "$products: cannot be written; free space on its disk, or give it back its permissions"; }
     exec 9> "$products/.driver"
     flock -n 9 || { echo "another run is at work in $products: waiting for it"; flock 9; }
     # A kill leaves jobs behind: what they make counts, and nothing is made twice.

@@ -9,6 +9,7 @@ table=$1 key=$2 script=$3 folder=$4 log=$5 product=${6:-}
 fail() { echo "error: $*" >> "$log"; exit 2; }
 mkdir -p "$folder" "$(dirname "$log")"
 : > "$log"
+exec 2>> "$log"
 batch=${YADE:+$YADE-batch}; batch=${batch:-yade-batch}
 command -v "$batch" > /dev/null ||
     fail "$batch is not in PATH: install YADE, load its module, or name it by the variable YADE"

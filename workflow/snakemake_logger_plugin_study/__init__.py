@@ -7,9 +7,13 @@ what to do about it, else 1, and the reason.
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import logging
 import os
 import re
 import resource
+import shutil
 import sys
 import time
 from collections import Counter
@@ -25,12 +29,18 @@ SILENT = {"all"}
 """Rules that make nothing."""
 SHOWN = 200
 """Characters of a reason."""
+ROOM = 10_000
+"""Bytes on a disk that is not full."""
+FULL = "no space is left on the disk: free some, then run the same command; what is made is kept"
+STOPPED = "Will exit after finishing currently running jobs"
+WAITS = "told to end: waits for the jobs that are at work; the same command goes on later"
 HEAD = re.compile(r"\w*(Error|Exception)( in (file|rule) .*)?:?$|Error validating config file")
 PREFIX = re.compile(r"^\w*(Error|Exception): ")
 KNOWN = (
     *("At least one job", "Exiting because", "Shutting down", "Command '"),
     *(
         "Missing metadata for file",
+        "Ignore corrupted or currently written metadata",
         "MinJobAge",
         "No SLURM account",
         "Unable to guess SLURM account",
@@ -53,10 +63,13 @@ class LogHandler(LogHandlerBase):
         self.planned: Counter[str] = Counter()
         self.expected: dict[str, float] = {}
         self.of_yade: set[str] = set()
+        self.said: set[str] = set()
         self.done = self.cores = 0
         self.closed = self.elsewhere = False
         self.spent = self.foreseen = 0.0
         self.started = time.monotonic()
+        # Snakemake keeps a log of its own; that it cannot be written is no reason for a traceback.
+        logging.raiseExceptions = False
 
     def emit(self, record: LogRecord) -> None:
         """One event of the run."""
@@ -77,7 +90,11 @@ class LogHandler(LogHandlerBase):
         elif event == LogEvent.JOB_FINISHED:
             self.finish(self.jobs.get(said["job_id"]))
         elif event == LogEvent.JOB_ERROR:
-            _complain(said)
+            self.fail(said)
+        elif record.getMessage().startswith(STOPPED):
+            if WAITS not in self.said:
+                _note(1, WAITS)
+            self.say(WAITS)
         elif event in (None, LogEvent.ERROR) and record.levelno >= WARNING:
             self.warn(record)
 
@@ -111,7 +128,21 @@ class LogHandler(LogHandlerBase):
         lines = [line.strip() for line in record.getMessage().splitlines() if line.strip()]
         texts = [PREFIX.sub("", line) for line in lines if not HEAD.match(line)]
         if texts and not texts[0].startswith(KNOWN):
-            print(f"run_cases.sh: {texts[0][:SHOWN]}", file=sys.stderr, flush=True)
+            self.say(FULL if os.strerror(errno.ENOSPC) in texts[0] else texts[0][:SHOWN])
+
+    def fail(self, job: dict[str, Any]) -> None:
+        """One line for a job that failed: the product, why, and where to read more."""
+        product, logs = _name(job["output"]), [Path(path) for path in job["log"]]
+        reason, mendable = _reason_of(logs)
+        self.say(f"{product}: {reason}" + (f" ({logs[0]})" if logs else ""))
+        self.said.add(reason)
+        _note(2 if mendable else 1, f"{product}: {reason}")
+
+    def say(self, text: str) -> None:
+        """What went wrong, on stderr, if it was not said before."""
+        if text not in self.said:
+            print(f"run_cases.sh: {text}", file=sys.stderr, flush=True)
+        self.said.add(text)
 
     def close(self) -> None:
         """At the end: the plan of a dry run, or how busy the cores were."""
@@ -141,19 +172,23 @@ class LogHandler(LogHandlerBase):
         super().close()
 
 
-def _complain(said: dict[str, Any]) -> None:
-    """One line: the product that is missing, why, and where to read more."""
-    product = _name(said["output"])
-    paths = [Path(path) for path in said["log"]]
-    text = "".join(path.read_text(errors="replace") for path in paths if path.is_file())
+def _reason_of(logs: list[Path]) -> tuple[str, bool]:
+    """Why a job failed, from its logs; and whether that says what to do."""
+    text = "".join(path.read_text(errors="replace") for path in logs if path.is_file())
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    reason = (errors or lines or ["no word"])[-1][:SHOWN]
-    where = f" ({paths[0]})" if paths else ""
-    print(f"run_cases.sh: {product}: {reason}{where}", file=sys.stderr, flush=True)
-    if "STUDY_FAILED" in os.environ:
-        with open(os.environ["STUDY_FAILED"], "a") as file:
-            print(2 if errors else 1, f"{product}: {reason}", file=file)
+    if errors:
+        return errors[-1][:SHOWN], True
+    folders = [path.parent for path in logs if path.parent.exists()]
+    if any(shutil.disk_usage(folder).free < ROOM for folder in folders):
+        return FULL, True
+    return (lines or ["no word"])[-1][:SHOWN], False
+
+
+def _note(status: int, text: str) -> None:
+    """Write what failed for run_cases.sh; where even this has no room, all can be mended."""
+    with contextlib.suppress(KeyError, OSError), open(os.environ["STUDY_FAILED"], "a") as file:
+        print(status, text, file=file)
 
 
 def _name(outputs: Any) -> str:
