@@ -31,6 +31,7 @@ from analysis.status import stale_files, status_table
 from analysis.study.whole import study
 from analysis.watch import watch_page
 from modal.cli.options import Parser
+from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError, write_text
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing.network_file import read_network
@@ -139,31 +140,31 @@ def _parser() -> argparse.ArgumentParser:
 
 def _compare(cases: list[Case], output: Path, figures: bool) -> None:
     for case in cases:
-        print(f"\n{case.name}  stress {case.network.study.get('stress', float('nan')):g} Pa")
+        put(f"\n{case.name}  stress {case.network.study.get('stress', float('nan')):g} Pa")
         paths = _crystal(case, output) if case.is_crystal else _random(case, output)
         for kind in ("modes", "translations.modes", "signals"):
             if not case.has(kind):
-                print(f"note: {case.path(kind)} is absent; what needs it is left empty")
+                put(f"note: {case.path(kind)} is absent; what needs it is left empty")
         if figures:
             paths += _figures(COMPARED, [Measures(case)], output, f"{case.name}.")
-        print("\n".join(str(path) for path in paths))
+        put("\n".join(str(path) for path in paths))
     crystals = [case for case in cases if case.is_crystal and np.isfinite(case.stress)]
     if len(crystals) > 1:
         columns = stress_rows(crystals)
         for name in ("theory", "modal", "yade"):
             law = power_law(columns["stress_Pa"], columns[f"velocity_{name}_m_per_s"])
             if np.isfinite(law.exponent):
-                print(f"exponent of V_P against stress, {name}: {law.exponent:.5f} (paper: 1/6)")
+                put(f"exponent of V_P against stress, {name}: {law.exponent:.5f} (paper: 1/6)")
         if figures:
             measured = [Measures(case) for case in crystals]
             paths = _figures(("stress_dependence",), measured, output, "")
-            print("\n".join(str(path) for path in paths))
+            put("\n".join(str(path) for path in paths))
 
 
 def _crystal(case: Case, output: Path) -> list[Path]:
     """Theory, modes, linear wave and YADE side by side."""
     found = comparison_table(compare(case))
-    print(found.text())
+    put(found.text())
     return found.write(output / f"{case.name}.comparison")
 
 
@@ -173,7 +174,7 @@ def _random(case: Case, output: Path) -> list[Path]:
     paths = []
     for name in ("table1", "paper"):
         if name in found:
-            print(f"{found[name].title}\n{found[name].text()}")
+            put(f"{found[name].title}\n{found[name].text()}")
             paths += found[name].write(output / f"{case.name}.{name}")
     return paths
 
@@ -187,7 +188,7 @@ def _figures(
         try:
             paths += draw(name, cases, output / f"{prefix}{name}")
         except InputError as error:
-            print(f"note: no figure {name}: {error}")
+            put(f"note: no figure {name}: {error}")
     return paths
 
 
@@ -200,13 +201,13 @@ def _figure(name: str, cases: list[Measures], output: Path) -> None:
         paths = draw(name, cases, output / ".".join([*(m.case.name for m in cases), name]))
     else:
         raise InputError("no case given; name at least one, or the CSV file of a figure")
-    print("\n".join(str(path) for path in paths))
+    put("\n".join(str(path) for path in paths))
 
 
 def _report(cases: list[Measures], output: Path, argv: list[str]) -> None:
     for table_ in tables(cases).values():
-        print(f"{table_.title}\n{table_.text()}\n")
-    print(write_report(cases, output, ["python", "-m", "analysis", *argv])[0])
+        put(f"{table_.title}\n{table_.text()}\n")
+    put(write_report(cases, output, ["python", "-m", "analysis", *argv])[0])
 
 
 def _study(arguments: argparse.Namespace, argv: list[str]) -> None:
@@ -227,7 +228,7 @@ def _study(arguments: argparse.Namespace, argv: list[str]) -> None:
         )
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
-    print(page)
+    put(page)
 
 
 def _agreement(arguments: argparse.Namespace) -> None:
@@ -255,11 +256,11 @@ def _convergence(arguments: argparse.Namespace) -> None:
     paths = [path for name, of in tables.items() for path in of(rows).write(output / name)]
     for name, picture in ladder_pictures(rows).items():
         paths += save(picture, output / name)
-    print("\n".join(str(path) for path in paths))
+    put("\n".join(str(path) for path in paths))
 
 
 def _show(text: str, output: str | None) -> None:
-    print(text, end="")
+    put(text, end="")
     if output:
         write_text(output, text)
 
@@ -275,9 +276,9 @@ def main(argv: list[str] | None = None) -> int:
             tables_ = Path(arguments.cases)
             if arguments.stale:
                 names = [case_name(text) for text in arguments.stale]
-                print("".join(f"{path}\n" for path in stale_files(folder, tables_, names)), end="")
+                put("".join(f"{path}\n" for path in stale_files(folder, tables_, names)), end="")
             else:
-                print(status_table(folder, tables_))
+                put(status_table(folder, tables_))
             return 0
         if arguments.command == "agreement":
             _agreement(arguments)
@@ -292,7 +293,7 @@ def main(argv: list[str] | None = None) -> int:
             asked = (arguments.packing, arguments.frames, arguments.modes)
             for note in watch_page(arguments.product, arguments.output, *asked):
                 print(f"note: {note}", file=sys.stderr)
-            print(arguments.output)
+            put(arguments.output)
             return 0
         if arguments.command == "packing":
             _show(json.dumps(measured(arguments.sample)) + "\n", arguments.output)
@@ -310,7 +311,7 @@ def main(argv: list[str] | None = None) -> int:
         cases = cases_of(arguments.case, arguments.products)
         if arguments.command == "prepare":
             for case in cases:
-                print("".join(f"{path}\n" for path in prepare(case, arguments.kind)), end="")
+                put("".join(f"{path}\n" for path in prepare(case, arguments.kind)), end="")
             return 0
         for case in cases:
             case.check()
@@ -325,7 +326,7 @@ def main(argv: list[str] | None = None) -> int:
                 _figure(arguments.name, [Measures(case) for case in cases], output)
         except OSError as error:
             raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
-        print("".join(f"note: {note}\n" for case in cases for note in case.notes), end="")
+        put("".join(f"note: {note}\n" for case in cases for note in case.notes), end="")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -40,6 +40,7 @@ from analysis.study.tables import (
 from analysis.study.targets import answers, targets, targets_seen
 from analysis.study.velocity_rules import table_of_biases, table_of_laws, velocities
 from analysis.table import Table
+from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError, write_text
 from modal.packing.plausibility import read_remarked
 from modal.packing.state import contacts_per_particle, void_ratio
@@ -100,7 +101,7 @@ def _collect(
     for name, result in zip(names, results, strict=True):
         try:
             found.append(result())
-            print(f"{name}: measured", flush=True)
+            put(f"{name}: measured")
         except InputError as error:
             failed.append(f"{name}: {error}")
     return found, failed

@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import os
 import sys
 import time
 from pathlib import Path
 from types import ModuleType
 
 from modal.cli.options import SHORT, Parser, say
-from modal.cli.terminal import page
+from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
 from modal.workload import peak_memory
@@ -98,9 +97,5 @@ def main(argv: list[str] | None = None) -> int:
         text = json.dumps(result)
     else:
         text = page(result, command.shown(result) if hasattr(command, "shown") else None)
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        # The reader, `head` for one, has seen enough; what is written at exit goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    put(text)
     return SHORT if result.get("missing") or not result.get("at_rest", True) else 0

@@ -7,6 +7,8 @@ Nothing is said here about single commands: the end of a result's name tells its
 from __future__ import annotations
 
 import math
+import os
+import sys
 from typing import Any
 
 from modal.display import quantities, quantity, table
@@ -36,6 +38,15 @@ COST = ("seconds", "peak_memory_bytes")
 """Results that stand in the last line."""
 
 Groups = dict[str, dict[str, Any]]
+
+
+def put(text: str, end: str = "\n") -> None:
+    """Print; once the reader, `head` for one, has seen enough, nowhere, and the work goes on."""
+    try:
+        print(text, end=end, flush=True)
+    except BrokenPipeError:
+        # Also what Python still writes at its exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def page(result: dict[str, Any], groups: Groups | None = None) -> str:

@@ -74,6 +74,9 @@ def random_sample(
 ) -> Sample:
     """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
 
+    Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
+    hundred spheres but for a contact that opens for it and what then moves.
+
     InputError where it does not come to rest at the peak pressure, or at this stress.
     """
     check_stress(stress)

@@ -1,9 +1,13 @@
 """The command line of analysis, in-process: products in, table and figures out, errors."""
 
 import csv
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from analysis.__main__ import COMPARED, EXAMPLES, _parser, main
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
@@ -132,3 +136,20 @@ def test_help_ends_in_an_example_that_parses(name, capsys):
     last = capsys.readouterr().out.rstrip().splitlines()[-1]
     assert last == f"example: python -m analysis {EXAMPLES[name]}"
     assert _parser().parse_args(EXAMPLES[name].split()).command == name
+
+
+def test_a_reader_that_has_seen_enough_stops_nothing(products, tmp_path):
+    """As `python -m analysis compare 2 | head`: no traceback, and the table is written."""
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "analysis", "compare", "2", "--no-figures"]
+    done = subprocess.run(
+        [*command, "--products", str(products), "-o", str(tmp_path)],
+        cwd=ROOT,
+        stdout=write,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "case02.comparison.csv").exists()
