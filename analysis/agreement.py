@@ -26,9 +26,11 @@ from modal.waves.source import Pulse
 
 OTHER_RUNS = {
     "reverse": "run with the wall's motion reversed",
+    "tenth": "run with a tenth of the amplitude",
     "small": "run with a smaller amplitude",
     "small_reverse": "run with the smaller amplitude reversed",
     "no_slip": "run with sliding suppressed",
+    "half_step": "run with half the time step, recorded at the first run's times too",
 }
 """Further runs of the same sample that split the difference."""
 
@@ -44,6 +46,11 @@ class Motion:
     chain: np.ndarray
     layers: np.ndarray | None
     particles: np.ndarray | None
+
+    def at(self, rows: np.ndarray) -> Motion:
+        """At some of the times: indices (k,)."""
+        fields = (self.chain, self.layers, self.particles)
+        return Motion(*(None if field is None else field[rows] for field in fields))
 
     def combine(self, other: Motion, own: float, others: float) -> Motion:
         """own self + others other, field by field."""
@@ -119,18 +126,25 @@ class Agreement:
         self.layer_position = self._layers.position[self._near]
 
     def measured(self, run: Signals) -> Motion:
-        """What a YADE run recorded, per amplitude; it must share the times of the first run."""
-        if len(run.time) != len(self.run.time) or abs(run.time - self.run.time).max() > 1e-12:
-            raise InputError("the runs were recorded at different times; repeat them alike")
+        """What a YADE run recorded at the first run's times, per amplitude.
+
+        It must have all of them, and may have others.
+        """
         if not np.array_equal(run.chain_particle, self.run.chain_particle):
             raise InputError("the runs recorded different chains; they are of different samples")
-        return self._motion(run.chain_displacement, run, 1 / run.amplitude)
+        wanted = self.run.time - 1e-3 * self.run.time_step
+        near = np.minimum(np.searchsorted(run.time, wanted), len(run.time) - 1)
+        if (abs(run.time[near] - self.run.time) > 1e-6 * self.run.time_step).any():
+            raise InputError("the runs were recorded at different times; repeat them alike")
+        return self._motion(run.chain_displacement, run, 1 / run.amplitude).at(near)
 
     def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
         """The linear wave at the run's times, with its time step or exact in time."""
         pulse = Pulse(1.0, self.run.input_frequency)
         duration, interval = float(self.run.time[-1]), self.run.time_step * self.every
-        settings: dict[str, Any] = {"motion": pulse, "pre_stress": pre_stress, "particles": True}
+        every_one = self.run.particle_displacement is not None
+        settings: dict[str, Any] = {"motion": pulse, "pre_stress": pre_stress}
+        settings["particles"] = every_one  # at full size some GB, where nothing is held against it
         if exact_in_time:
             wave = propagate(self.network, duration, interval=interval, **settings).signals
         else:
@@ -139,7 +153,15 @@ class Agreement:
             )
         if len(wave.time) != len(self.run.time):
             raise InputError("the run ends between two records; its times are not usable")
-        return self._motion(wave.particle_displacement[:, self.run.chain_particle], wave, 1.0)
+        if every_one:
+            chain = wave.particle_displacement[:, self.run.chain_particle]
+        elif np.array_equal(wave.chain_particle, self.run.chain_particle):
+            chain = wave.chain_displacement
+        else:
+            raise InputError(
+                "the run's chain is not the network's own; record every particle (WAVE_PARTICLES=1)"
+            )
+        return self._motion(chain, wave, 1.0)
 
     def _motion(self, chain: np.ndarray, signals: Signals, factor: float) -> Motion:
         everything, layers = signals.particle_displacement, signals.layer_displacement
@@ -156,9 +178,11 @@ def split_by_cause(
     pair: Agreement,
     *,
     reverse: Signals | None = None,
+    tenth: Signals | None = None,
     small: Signals | None = None,
     small_reverse: Signals | None = None,
     no_slip: Signals | None = None,
+    half_step: Signals | None = None,
 ) -> list[Difference]:
     """The difference of a run to its linear wave, whole and by cause.
 
@@ -170,6 +194,8 @@ def split_by_cause(
     rows.append(compare("time step (linear leapfrog to exact)", full, exact))
     rows.append(compare("pre-stress, all of it (linear)", pair.linear("none"), full))
     rows.append(compare("pre-stress of shear forces (linear)", pair.linear("normal"), full))
+    if half_step is not None:
+        rows.append(compare("time step (YADE, half of it)", found, pair.measured(half_step)))
     if no_slip is not None:
         held = pair.measured(no_slip)
         rows.append(compare("opened and slipped contacts (YADE, friction)", found, held))
@@ -178,6 +204,10 @@ def split_by_cause(
         odd = found.combine(pair.measured(reverse), 0.5, 0.5)
         rows.append(compare("even part: quadratic terms and drift (YADE)", found, odd))
         rows.append(compare("odd part to linear", odd, full))
+    if tenth is not None:
+        less = pair.measured(tenth)
+        rows.append(compare("non-linearity (YADE, a tenth of the amplitude)", found, less))
+        rows.append(compare("a tenth of the amplitude to linear", less, full))
     if small is not None:
         little = pair.measured(small)
         rows.append(compare("non-linearity (YADE, two amplitudes)", found, little))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.agreement import OTHER_RUNS
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.low_pass import RECORD
@@ -28,9 +29,13 @@ from modal.waves.source import Pulse
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
+OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", *OTHER_RUNS))
+"""Further YADE runs of a case: its pulse at 100 kHz where its own is another, and those that split
+its difference to the linear wave."""
 EXTRA_KINDS = (
     *("sample", "highest.modes", "band.modes"),
     *("linear.signals", "structure", "density", "response"),
+    *OTHER_WAVES,
 )
 """Read where they are there: compact sample, highest modes, those of a band, what names say."""
 
@@ -243,6 +248,16 @@ class Case:
     def record(self) -> Signals:
         """What YADE recorded, or the linear wave where it has not run."""
         return self.signals or self.wave
+
+    def record_of(self, frequency: float) -> Signals:
+        """The record of a pulse of this frequency, Hz: by YADE where it has run, else linear."""
+        if self.record.input_frequency == frequency:
+            return self.record
+        kind = f"{frequency / 1e3:g}kHz.signals"
+        if self.has(kind):
+            return read_signals(self.product(kind))
+        motion = Pulse(self._motion.amplitude, frequency)
+        return propagate(self.network, self.passage, motion=motion, interval=self.interval).signals
 
     @property
     def _motion(self) -> Pulse:

@@ -94,22 +94,23 @@ def table_1(cases: list[Measures]) -> Table:
 
 
 def table_2(cases: list[Measures]) -> Table:
-    """f_r and kappa_r of the resonances r = 1 ... 10 of every case that has them.
+    """f_r and kappa_r of the resonances r = 1 ... 10 of every case that has any.
 
-    Of a random case also the mode with the largest share of the standing wave, and that share.
+    Of a random packing also the share of the standing wave that the mode bears. Where that is empty
+    no mode bears it, and f_r is the ridge of the structure factor, whose lines are 1 kHz wide.
     """
-    found = [m for m in cases if len(m.resonances[0]) >= RESONANCES]
+    found = [m for m in cases if len(m.resonances[0])]
     header, columns = ["r"], [[str(r + 1) for r in range(RESONANCES if found else 0)]]
     for m in found:
         (f, kappa), label = m.resonances, m.case.label
         header += [f"f_r, kHz, {label}", f"kappa_r, rad/m, {label}"]
-        columns += [[number(v) for v in values[:RESONANCES]] for values in (f / 1e3, kappa)]
-        if m.standing is not None and len(m.standing.row) >= RESONANCES:
-            header += [f"f of its mode, kHz, {label}", f"share of the mode, {label}"]
-            columns.append([number(v / 1e3) for v in m.standing.frequency[:RESONANCES]])
-            columns.append([f"{v:.2f}" for v in m.standing.share[:RESONANCES]])
-    title = "Table 2: resonant frequencies and wave numbers"
-    return Table(title, header, [list(row) for row in zip(*columns, strict=True)])
+        columns += [[number(v) for v in f / 1e3], [number(v) for v in kappa]]
+        if not m.case.is_crystal:
+            header.append(f"share of the mode, {label}")
+            share = [] if m.standing is None else m.standing.share
+            columns.append([f"{v:.2f}" for v in share])
+    rows = [[(c[r : r + 1] or [""])[0] for c in columns] for r in range(len(columns[0]))]
+    return Table("Table 2: resonant frequencies and wave numbers", header, rows)
 
 
 def choices_of(m: Measures) -> list[list[str]]:

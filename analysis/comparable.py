@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from analysis.paper import FRICTIONS
 from analysis.rows import PERCENT, Row
 
 UNITS = {
@@ -17,7 +18,7 @@ UNITS = {
 
 
 def of_one_producer(members: Iterable[Row], quantity: str, unit: str = "") -> tuple[str, str]:
-    """Column of a quantity and its producer: YADE's where all have it, else the linear wave's.
+    """Column of a quantity and its producer: YADE's where all have a run, else the linear wave's.
 
     Never some of one and some of the other, which differ where contacts slide. `unit` is that of
     `UNITS`.
@@ -26,9 +27,8 @@ def of_one_producer(members: Iterable[Row], quantity: str, unit: str = "") -> tu
     ('f_low_pass_2_linear_khz', 'linear')
     """
     members, unit = list(members), unit or UNITS[quantity]
-    column = f"{quantity}_yade_{unit}"
-    if members and all(np.isfinite(row.value(column)) for row in members):
-        return column, "YADE"
+    if members and all(row.record == "yade" for row in members):
+        return f"{quantity}_yade_{unit}", "YADE"
     return f"{quantity}_linear_{unit}", "linear"
 
 
@@ -46,4 +46,35 @@ def scatter_of_samples(row: Row, seeds: Iterable[Row]) -> dict[str, float]:
         known = values[np.isfinite(values)]
         if len(known) > 1:
             found[name] = float(np.std(known, ddof=1))
+    return found
+
+
+def of_three_packings(rows: Iterable[Row]) -> list[Row]:
+    """The crystals and the packings of the lowest and the highest friction, where all three are.
+
+    They are what the paper compares in Fig. 8.
+    """
+    found = []
+    for group in _by_stress(rows).values():
+        three = [
+            row for row in group if row.crystal or row.mu_comp in (FRICTIONS[0], FRICTIONS[-1])
+        ]
+        found += three if len(three) == 3 else []
+    return found
+
+
+def spread_of_highest(rows: Iterable[Row]) -> dict[float, float]:
+    """Largest over smallest f_max at each stress, Pa, less 1, in %; of two packings or more."""
+    found = {}
+    for stress, group in _by_stress(rows).items():
+        top = [row.value("f_max_khz") for row in group if np.isfinite(row.value("f_max_khz"))]
+        if len(top) > 1:
+            found[stress] = 100 * (max(top) / min(top) - 1)
+    return found
+
+
+def _by_stress(rows: Iterable[Row]) -> dict[float, list[Row]]:
+    found: dict[float, list[Row]] = {}
+    for row in sorted(rows, key=lambda row: row.stress):
+        found.setdefault(float(f"{row.stress:.3g}"), []).append(row)
     return found

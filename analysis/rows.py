@@ -295,10 +295,11 @@ def _curves(m: Measures, row: Row) -> None:
     gain = m.gain
     row.curves["gain"] = (gain.frequency, gain.gain)
     row.curves["gain_orders"] = m.gain_orders
+    row.curves["free_held"] = (m.free_held,)
     row.curves["first"] = (np.array([m.first_resonance]),)
     row.curves["resonances"] = m.resonances
     if m.scattering is not None:
-        row.curves["ridge"] = (m.scattering.frequency, m.scattering.width)
+        row.curves["ridge"] = m.scattering.of_waves()
     if m.case.density is not None:
         f, density, below = m.case.density
         every = slice(None, None, max(1, len(f) // 400))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.case import EXTRA_KINDS, KINDS, Case
+from analysis.case import EXTRA_KINDS, KINDS, OTHER_WAVES, Case
 from analysis.estimators import structure_factor
 from modal.formats.hdf5 import InputError, open_h5
 from modal.formats.provenance import (
@@ -94,6 +94,8 @@ def _changes(case: Case, kind: str, row: dict[str, Any]) -> list[str]:
         with open_h5(case.path(kind), form.SCHEMA, form.VERSION):
             made = read_provenance(case.path(kind))
         known = {name: OTHER_NAMES.get(name, name) for name in made.settings or {}}
+        if kind in OTHER_WAVES:  # what sets them apart stands in the workflow, not in a table
+            known = {}
         shared = {name: row[column] for name, column in known.items() if column in row}
         old = {name: made.settings[name] for name in shared} if made.settings else {}
         changed = differing_settings(Provenance(settings=old), shared)

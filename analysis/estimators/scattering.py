@@ -62,6 +62,21 @@ class Scattering:
         pair = [beyond[0] - 1, beyond[0]]
         return float(np.exp(np.interp(0, np.log(excess[pair]), np.log(f[pair]))))
 
+    def of_waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Frequency, Hz, width, Hz, and mean free path, D, up to the Ioffe-Regel frequency.
+
+        Or up to where the width falls back to half of its largest: what stands out is then no ridge
+        but a single line of its noise.
+        """
+        known = np.isfinite(self.width)
+        f, width = self.frequency[known], self.width[known]
+        lost = width < 0.5 * np.maximum.accumulate(width)
+        f, width = (v[: np.argmax(lost) if lost.any() else None] for v in (f, width))
+        beyond = np.flatnonzero(np.pi * width >= f)
+        kept = slice(0, beyond[0] + 1 if len(beyond) else None)
+        f, width = f[kept], width[kept]
+        return f, width, self.velocity / (2 * np.pi * width) / self.diameter
+
     def power(self, frequency: float) -> PowerLaw:
         """The width as a power of the frequency, about a frequency in Hz."""
         low, high = (part * frequency for part in AROUND)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from analysis.figures import beyond, modes, packing, spectra, velocities, waves
 from analysis.figures import cases as of_cases
-from analysis.figures import modes, packing, spectra, velocities, waves
 from analysis.figures.picture import Picture
 from analysis.figures.render import save
 from analysis.measures import Measures
@@ -52,9 +52,9 @@ FIGURES: dict[str, Entry] = {
     "velocity_low_pass": Entry("17", of_cases.velocity_low_pass, of_rows=True),
     "wavelength_cases": Entry("18", of_cases.wavelength_cases, of_rows=True),
     "gain": Entry("19", spectra.gain),
-    "gain_orders": Entry("", of_cases.gain_orders, of_rows=True),
-    "scattering": Entry("", of_cases.scattering, of_rows=True),
-    "density_excess": Entry("", of_cases.density_excess, of_rows=True),
+    "gain_orders": Entry("", beyond.gain_orders, of_rows=True),
+    "scattering": Entry("", beyond.scattering, of_rows=True),
+    "density_excess": Entry("", beyond.density_excess, of_rows=True),
     "low_pass_chains": Entry("", waves.low_pass_chains),
     "structure": Entry("", spectra.structure),
     "stress_dependence": Entry("", velocities.stress_dependence, crystals_only=True),

@@ -11,6 +11,8 @@ from modal.formats.hdf5 import InputError
 from modal.packing.rattlers import firmly_held
 
 BINS = 90
+TOP = 0.03
+"""Highest density that is drawn, 1/kHz; the crystal's narrow peaks go on beyond it."""
 
 
 def natural_frequencies(cases: list[Measures]) -> Picture:
@@ -23,7 +25,7 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
         case, dof = m.case, 6 * m.case.network.n_particles
         left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
         right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)", legend="upper right")
-        right.ylim = (0, 0.02)
+        right.ylim = (0, TOP)
         if case.is_crystal and case.modes is not None and len(case.modes.frequency) == dof:
             _spectrum(left, right, case.modes.frequency, case.label, color="k", lw=0.9)
             if case.translations is not None:
@@ -34,7 +36,9 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
             f, density, below = case.density
             loose = case.mu_comp > 0.2
             look = {"color": "#c05000" if loose else "#0060a8", "ls": "-." if loose else "--"}
-            left.line(below / dof, f / 1e3, case.label, **look)
+            # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
+            share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
+            left.line(share, height, case.label, **look)
             right.line(f / 1e3, 1e3 * density / dof, case.label, **look)
         else:
             continue

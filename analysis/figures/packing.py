@@ -34,12 +34,17 @@ def samples(cases: list[Measures]) -> Picture:
     return Picture(share_limits(panels, "x"), shape=(11, 0.4 + 1.6 * len(panels)))
 
 
+LINES = {1e5: "-", 2e5: "--"}
+"""Of the study's pulses, by their frequency, Hz."""
+
+
 def source(cases: list[Measures]) -> Picture:
     """Fig. 2: displacement of the source wall and its spectrum, for each pulse among the cases."""
     left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
     right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
     pulses = sorted({(m.case.wave.input_frequency, m.case.wave.amplitude) for m in cases})
-    for (input_frequency, amplitude), style in zip(pulses, ("-", "--", ":"), strict=False):
+    for input_frequency, amplitude in pulses:
+        style = LINES.get(input_frequency, ":")
         time = np.linspace(0, 2e-5, 401)
         inside = time * input_frequency < 1
         u = amplitude * (1 - np.cos(2 * np.pi * input_frequency * time)) * inside

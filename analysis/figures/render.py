@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -20,6 +21,8 @@ from modal.formats.hdf5 import write_whole
 
 STYLE = Path(__file__).with_name("paper.mplstyle")
 COLOURS = 256
+OUTSIDE = "outside"
+"""A panel's legend that stands beside it, where its entries would cover points."""
 
 
 def draw_panel(ax: Axes, panel: Panel) -> None:
@@ -40,7 +43,10 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     if any(series.kind in ("map", "spheres") for series in panel.series):
         ax.grid(False)
     if any(series.label for series in panel.series):
-        ax.legend(loc=panel.legend, ncols=panel.legend_columns)  # type: ignore[call-overload]
+        place: dict[str, Any] = {"loc": panel.legend}
+        if panel.legend == OUTSIDE:
+            place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
+        ax.legend(ncols=panel.legend_columns, **place)
     for axis, scale in ((ax.xaxis, panel.xscale), (ax.yaxis, panel.yscale)):
         if scale == "log":
             _plain_numbers(axis)

@@ -22,9 +22,11 @@ def dispersion(cases: list[Measures]) -> Picture:
     panels = []
     for m in cases:
         case, record = m.case, m.case.record
-        if not case.is_crystal:  # the layers of the linear wave; a chain's scatter hides the ridge
-            record = case.wave
-            record = _of_layers(record)
+        title = f"{case.label}, {producer_name(record)}"
+        if not case.is_crystal:  # the means of layers; a chain's scatter hides the ridge
+            if record.layer_displacement is None:
+                record, title = case.wave, f"{case.label}, linear wave"
+            record, title = _of_layers(record), f"{title}, layers"
         f, k, amplitude = fk_map(record)
         top = 1.1 * m.band_edge if case.is_crystal else 2.2 * m.band
         widest = np.pi / disp.layer_distance(record)
@@ -38,7 +40,7 @@ def dispersion(cases: list[Measures]) -> Picture:
         shade = np.where(lost, 0.0, shade / np.maximum(own, 1e-30))
         shade = 20 * np.log10(np.maximum(shade, 1e-2))
         panel = Panel(
-            r"wave number $\kappa$ (rad/m)", "frequency (kHz)", case.label, legend="lower right",
+            r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right",
             colour_label="amplitude, each frequency (dB)", xlim=(0, float(widest)),
             ylim=(0, top / 1e3),
         )  # fmt: skip
@@ -53,7 +55,7 @@ def dispersion(cases: list[Measures]) -> Picture:
             panel.line(kappa[:98], ridge, text, color="#c05000", ls="--", lw=2)
         else:
             wave = m.coherent
-            text = "coherent wave of the layers"
+            text = "coherent linear wave of the layers"
             kept = wave.frequency <= _leaves(m)
             kappa, f_c = wave.wavenumber[kept], wave.frequency[kept] / 1e3
             panel.line(kappa, f_c, text, color="#c05000", ls="--", lw=2)
@@ -68,7 +70,7 @@ def dispersion(cases: list[Measures]) -> Picture:
         f_r, k_r = m.resonances
         every = slice(None, None, max(1, len(f_r) // 20)) if case.is_crystal else slice(None)
         if len(f_r):
-            text = "resonances" if case.is_crystal else "modes (structure factor)"
+            text = "resonances" if case.is_crystal else "resonances: modes, then their ridge"
             style = {"marker": "o", "ls": "none", "mfc": "w", "color": "#0060a8", "ms": 4}
             panel.line(k_r[every], f_r[every] / 1e3, text, **style)
         panels.append(panel)
@@ -105,7 +107,7 @@ def structure(cases: list[Measures]) -> Picture:
         found = m.case.structure
         if found is None:
             continue
-        peak, width = found.ridge()
+        peak = found.ridge()[0]
         f, top = found.frequency, 1.2 * np.nanmax(peak)
         rows = np.flatnonzero(f < top)
         rows = rows[:: max(1, len(rows) // 200)]
@@ -125,10 +127,10 @@ def structure(cases: list[Measures]) -> Picture:
         narrow = Panel(
             "frequency (kHz)", "full width (kHz)", m.case.label, xscale="log", yscale="log"
         )
-        seen = width > found.resolution / 2
-        narrow.line(
-            peak[seen] / 1e3, width[seen] / 1e3, "structure factor", marker="o", mfc="w", color="k"
-        )
+        text, style = "structure factor", {"marker": "o", "mfc": "w", "color": "k"}
+        if m.scattering is not None:
+            f_ridge, own, _ = m.scattering.of_waves()
+            narrow.line(f_ridge / 1e3, own / 1e3, text, **style)
         wave = m.coherent
         rate = wave.attenuation * wave.group_velocity / np.pi
         seen = (rate > 0) & (wave.frequency > 0.1 * m.band)

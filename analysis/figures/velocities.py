@@ -43,9 +43,15 @@ def velocity_frequency(cases: list[Measures]) -> Picture:
             phase, group = mode_velocities(f_r[keep], kappa[keep])
             every = slice(None, None, max(1, len(phase) // 25))
             style = {"ls": "none", "mfc": "none", "color": "#0060a8", "ms": 5}
-            panel.line(f_r[keep][every] / 1e3, phase[every], "phase, modes", marker="o", **style)
-            panel.line(f_r[keep][every] / 1e3, group[every], "group, modes", marker="v", **style)
-        panel.add("hline", [0], [m.first_peak.value], None, "first peaks", color="#c05000", ls="--")
+            panel.line(
+                f_r[keep][every] / 1e3, phase[every], "phase, modes (Eq. 4)", marker="o", **style
+            )
+            panel.line(
+                f_r[keep][every] / 1e3, group[every], "group, modes (Eq. 4)", marker="v", **style
+            )
+        panel.add(
+            "hline", [0], [m.first_peak.value], None, "dL/dt, first peaks", color="#c05000", ls="--"
+        )
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 

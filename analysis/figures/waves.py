@@ -74,9 +74,19 @@ def _curve(panel: Panel, record: Signals, n: int, end: float, label: str, **styl
     panel.line(1e3 * record.time[keep], 1e9 * u, label, **style)
 
 
+DISTANCES = np.array([10.0, 50.0, 100.0])
+"""From the source wall, D, of the particles that are shown (Fig. 3)."""
+
+
+def distances(case: Case) -> np.ndarray:
+    """`DISTANCES`, D; of a sample that is too short for them, the same parts of the length."""
+    length = case.network.length / case.diameter
+    return DISTANCES * min(1.0, length / 140)
+
+
 def signals(cases: list[Measures]) -> Picture:
     """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
-    panels = [_signal(m.case, wanted) for m in cases for wanted in (10, 50, 100)]
+    panels = [_signal(m.case, wanted) for m in cases for wanted in distances(m.case)]
     for first in range(3):
         share_limits(panels[first::3])
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
@@ -87,11 +97,11 @@ LOOKS = {1e4: ("0.6", "-"), 1e5: ("k", "-"), 1e6: ("#0060a8", "--"), 1e7: ("#c05
 
 
 def signals_stress(cases: list[Measures]) -> Picture:
-    """Fig. 4: displacement at 50 D from the source wall, a panel for each friction."""
+    """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction."""
     panels = []
     for m in sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.mu_comp, m.case.stress)):
-        case, record = m.case, m.case.record
-        n, depth = _nearest(case, record, 50)
+        case, record = m.case, m.case.record_of(1e5)
+        n, depth = _nearest(case, record, distances(case)[1])
         near = min(LOOKS, key=lambda s: abs(np.log(s / case.stress)) if case.stress > 0 else s)
         colour, line = LOOKS[near]
         group = "FCC" if case.is_crystal else rf"$\mu_{{comp}}$ = {case.mu_comp:g}"
@@ -100,10 +110,8 @@ def signals_stress(cases: list[Measures]) -> Picture:
         panel.xlim = (0, 1e3 * end)
         u = 1e9 * record.chain_displacement[:, n]
         panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
-        text = (
-            f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {depth:.0f} D, "
-            f"pulse {record.input_frequency / 1e3:g} kHz, {producer_name(record)}"
-        )
+        text = f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {depth:.0f} D, "
+        text += producer_name(record)
         _curve(panel, record, n, end, text, color=colour, ls=line)
         panels.append(panel)
     panels = share_limits(merged(panels))
@@ -146,6 +154,8 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
         order = np.argsort(distance)
         distance, amplitude = distance[order], amplitude[:, order]
         top = (0.8 if case.is_crystal else 0.4) * band.highest
+        found = [edge.value for edge in edges[:2] if np.isfinite(edge.value)]
+        top = min(max([top, *(1.4 * value for value in found)]), band.highest)  # the legend's room
         rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
         shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
         panel = Panel(
@@ -162,6 +172,9 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
         ):
             panel.line(1e3 * distance, row / 1e3, f"{text} threshold", color="#c05000", ls=style)
             value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
+            if not np.isfinite(edge.value):
+                panel.line([np.nan], [np.nan], f"{text}: no answer", color="#0060a8", ls=style)
+                continue
             place = [edge.value / 1e3] * 2
             panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
         paper = stated("threshold_2", case.paper_case)
@@ -193,17 +206,11 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
             middle, medians = _slabs(distance, curve, case.network.length)
             panel.line(1e3 * middle, medians / 1e3, text, **style)
         ends = 1e3 * np.array(band.stretch) * case.network.length
-        for values, text, colour in ((band.of_columns[:, 0], "all columns", "#0060a8"),):
-            low, high = np.nanpercentile(values, (16, 84)) if np.isfinite(values).any() else (0, 0)
-            panel.add(
-                "band",
-                ends,
-                [low / 1e3] * 2,
-                [high / 1e3] * 2,
-                f"{text}, 16-84 %",
-                color=colour,
-                alpha=0.4,
-            )
+        values = band.of_columns[:, 0]
+        if np.isfinite(values).any():
+            low, high = np.nanpercentile(values, (16, 84)) / 1e3
+            look = {"color": "#0060a8", "alpha": 0.4}
+            panel.add("band", ends, [low] * 2, [high] * 2, "all columns, 16-84 %", **look)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 
@@ -211,8 +218,8 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
 def _slabs(
     distance: np.ndarray, values: np.ndarray, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Middle, m, and median of the values of each fortieth of the length."""
-    edges = np.linspace(0, length, 41)
+    """Middle, m, and median of the values of each fortieth of the length, or of three particles."""
+    edges = np.linspace(0, length, 1 + max(1, min(40, len(distance) // 3)))
     groups = [
         values[(distance >= a) & (distance < b)] for a, b in zip(edges[:-1], edges[1:], strict=True)
     ]

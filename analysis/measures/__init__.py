@@ -60,15 +60,29 @@ class Measures(Eigenmodes):
         the first is the order r at which a standing wave has its frequency, by interpolation; the
         second what is expected where the source wall is free of stress, 1/2, 3/2, ...
         """
-        f, (f_r, kappa) = self.gain.maxima(), self.resonances
+        f = self.gain.maxima()
         if np.isfinite(self.low_pass[0].value):  # beyond it the walls hear no common wave
             f = f[f < self.low_pass[0].value]
-        expected = np.arange(len(f)) + 0.5
+        return self._orders(f), np.arange(len(f)) + 0.5
+
+    @cached_property
+    def free_held(self) -> np.ndarray:
+        """Orders (k,) of the exact modes of a crystal whose source end is free; empty for others.
+
+        There the stress at the source wall is zero while the receiver's is not: the gain's maxima.
+        """
+        if not self.case.is_crystal:
+            return np.empty(0)
+        return self._orders(self.case.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi))
+
+    def _orders(self, f: np.ndarray) -> np.ndarray:
+        """Orders of frequencies (k,), Hz, among the measured resonances, by interpolation."""
+        f_r, kappa = self.resonances
         rising = np.isfinite(f_r) & (np.maximum.accumulate(np.nan_to_num(f_r)) == f_r)
         if rising.sum() < 2:
-            return f / self.first_resonance, expected
+            return f / self.first_resonance
         order = np.append(0.0, kappa[rising] * self.case.network.length / np.pi)
-        return np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan), expected
+        return np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan)
 
     @cached_property
     def gain_height(self) -> str:

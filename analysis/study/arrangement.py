@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.figures import cases
+from analysis.figures import beyond, cases
 from analysis.figures.picture import Panel, Picture, merged, share_limits
 from analysis.figures.render import save
 from analysis.page import figure_html
@@ -58,10 +58,10 @@ OF_ROWS: tuple[tuple[str, Callable[[list[Row]], Picture], str], ...] = (
     ("fig17_velocity_low_pass", cases.velocity_low_pass, "Figure 17: low-pass frequency over V_P"),
     ("fig18_wavelength", cases.wavelength_cases, "Figure 18: low-pass wavelength"),
     ("fig19_gain", cases.gain_cases, "Figure 19: gain factor"),
-    ("beyond_gain", cases.gain_orders, "Beyond the paper: the gain's maxima, (r - 1/2) f_1"),
-    ("beyond_scattering", cases.scattering, "Beyond the paper: scattering, without a threshold"),
-    ("beyond_density", cases.density_excess, "Beyond the paper: D(f) / f^2 over Z"),
-    ("beyond_rules", cases.low_pass_rules, "Beyond the paper: f_low-pass by each rule"),
+    ("beyond_gain", beyond.gain_orders, "Beyond the paper: the gain's maxima, (r - 1/2) f_1"),
+    ("beyond_scattering", beyond.scattering, "Beyond the paper: scattering, without a threshold"),
+    ("beyond_density", beyond.density_excess, "Beyond the paper: D(f) / f^2 over Z"),
+    ("beyond_rules", beyond.low_pass_rules, "Beyond the paper: f_low-pass by each rule"),
 )
 PULSES = 1, 3
 """Cases of the two pulses of Fig. 2, 100 and 200 kHz."""

@@ -57,6 +57,41 @@ def test_causes_are_told_apart():
     assert named["time step"].median > 0
 
 
+def test_a_tenth_and_half_the_step_are_told_apart():
+    """The quadratic term is a tenth as large; the step's error is that of the linear scheme."""
+    run = made_up_run(1.0)
+    finer = leapfrog(NETWORK, 6e-5, 5e-8, motion=Pulse(1.0), pre_stress="full", particles=True)
+    shape = finer.particle_displacement
+    quadratic = QUADRATIC * shape**2 / abs(shape).max()
+    finer = replace(
+        finer,
+        chain_displacement=(shape + quadratic)[:, finer.chain_particle],
+        particle_displacement=shape + quadratic,
+        layer_displacement=None,
+        amplitude=1.0,
+    )
+    assert len(finer.time) > 2 * len(run.time)  # ten records for each of the first run's
+    pair = Agreement(NETWORK, run)
+    rows = split_by_cause(pair, tenth=made_up_run(0.1), half_step=finer)
+    named = {row.cause: row for row in rows}
+    all_of_it = named["YADE to linear, all causes"].particles
+    assert named["a tenth of the amplitude to linear"].particles == pytest.approx(
+        all_of_it / 10, rel=0.01
+    )
+    # Leapfrog's error goes with the square of the step: half of it leaves a quarter.
+    exact = named["time step (linear leapfrog to exact)"].particles
+    assert named["time step (YADE, half of it)"].particles == pytest.approx(0.75 * exact, rel=0.1)
+
+
+def test_a_run_without_particles_is_compared_by_its_chain_and_layers():
+    """The same figures of chain and layers, and none of particles, at a fraction of the memory."""
+    run = leapfrog(NETWORK, 6e-5, 1e-7, motion=Pulse(1.0), every=5, pre_stress="full")
+    assert run.particle_displacement is None and run.layer_displacement is not None
+    row = split_by_cause(Agreement(NETWORK, replace(run, amplitude=1.0)))[0]
+    assert row.chain == pytest.approx(0, abs=1e-12) and row.layers == pytest.approx(0, abs=1e-12)
+    assert row.particles is None
+
+
 def test_within_leaves_out_what_is_far():
     run = made_up_run(1.0)
     near = Agreement(NETWORK, run, within=0.5 * NETWORK.length)

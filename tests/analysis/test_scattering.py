@@ -91,3 +91,27 @@ def test_maxima_of_the_crystals_gain_are_half_orders(tmp_path):
     at, expected = Measures(Case("case02", tmp_path)).gain_orders
     assert len(at) > 8
     assert at[:8] == pytest.approx(expected[:8], rel=0.025)
+
+
+def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source(tmp_path):
+    """The stress at the source vanishes where the column with a free source end swings by itself.
+
+    Exactly so without a window; that of 0.38 f_1 moves the maxima by its square over the orders'
+    curvature, a thousandth of f_1 (the grid of the gain is 0.1 f_1).
+    """
+    write_network(tmp_path / "case02.network.h5", fcc(cells=(1, 1, 100)))
+    m = Measures(Case("case02", tmp_path))
+    free = m.case.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi)
+    found = m.gain.maxima()
+    assert len(found) > 11
+    assert abs(found[:12] - free[:12]).max() < 2e-3 * m.first_resonance
+    assert m.gain_orders[0][:12] == pytest.approx(m.free_held[:12], abs=2e-3)
+
+
+def test_ridge_ends_at_the_limit():
+    """Widths beyond pi times the width = f are those of no wave: one point past it, no more."""
+    f = np.geomspace(1e3, 4e4, 40)
+    ridge = Scattering(f, 1e3 * (f / 1e4) ** 3, 500.0, 2.5e-3)
+    shown, width, path = ridge.of_waves()
+    assert shown[-2] < ridge.limit <= shown[-1]
+    assert path == pytest.approx(500 / (2 * np.pi * width) / 2.5e-3)

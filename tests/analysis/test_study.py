@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from analysis.__main__ import main
+from analysis.case_tables import table_2
 from analysis.comparable import scatter_of_samples
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from analysis.estimators.resonances import Standing
 from analysis.figures import FIGURES
 from analysis.measures.estimate import Estimate
 from analysis.rows import Row, law_of, natural_frequency, number_of
@@ -110,6 +113,20 @@ def test_page_says_what_is_missing_and_stands_alone(made):
         assert path.with_suffix(".csv").is_file()
 
 
+def test_table_2_says_which_resonances_are_of_modes():
+    """A case with modes of three orders, and the ridge beyond: shares end where the modes do."""
+    standing = Standing(np.array([1e3, 2e3, 3e3]), np.array([0.9, 0.8, 0.7]), np.arange(3))
+    f = 1e3 * np.arange(1, 13)
+    kappa = np.pi * np.arange(1, 13) / 0.3
+    case = SimpleNamespace(is_crystal=False, label="mine")
+    seen = SimpleNamespace(case=case, resonances=(f, kappa), standing=standing)
+    few = SimpleNamespace(case=case, resonances=(f[:3], kappa[:3]), standing=standing)
+    table = table_2([seen, few])
+    assert [row[0] for row in table.rows] == [str(r) for r in range(1, 11)]
+    assert table.rows[2][1:] == ["3", f"{kappa[2]:.4g}", "0.70"] * 2
+    assert table.rows[3][1:] == ["4", f"{kappa[3]:.4g}", "", "", "", ""]
+
+
 def test_every_figure_of_the_arrangement_is_known():
     assert {shown.figure for shown in OF_CASES} <= set(FIGURES)
     numbers = [int(m[1]) for s in OF_CASES if (m := re.match(r"fig(\d+)_", s.name))]
@@ -189,11 +206,12 @@ def test_scatter_of_seeds_never_mixes_the_run_with_the_linear_wave():
     """The case has a run, its twin has none: their linear waves differ by 3, whatever YADE says."""
     names = "v_p_first_peaks_linear_m_per_s", "v_p_first_peaks_yade_m_per_s"
     row = made_up(6, 0.0, 1e5, **dict(zip(names, (540.0, 600.0), strict=True)))
+    row.record = "yade"
     twin = made_up(6, 0.0, 1e5, **{names[0]: 543.0})
     deviation = 3 / 2**0.5
     found = scatter_of_samples(row, [twin])
     assert found["v_p_first_peaks_m_per_s"] == pytest.approx(deviation)
-    twin.values[names[1]] = Estimate(606.0)
+    twin.record, twin.values[names[1]] = "yade", Estimate(606.0)
     found = scatter_of_samples(row, [twin])
     assert found["v_p_first_peaks_m_per_s"] == pytest.approx(2 * deviation)
 
@@ -202,6 +220,7 @@ def test_powers_over_stress_are_of_one_producer():
     """A friction with runs and one without: all by the linear wave, which grows as the 0.2th."""
     rows = study_of({k: 0.2 for k in range(7)})
     for row in rows[:4]:
+        row.record = "yade"
         row.values["v_p_first_peaks_yade_m_per_s"] = Estimate(500 * (row.stress / 1e4) ** 0.3)
     answer = next(a for a in answers(rows) if a.id == "rnd_b").finding
     assert answer.value == pytest.approx(0.2) and answer.why.startswith("linear: ")
