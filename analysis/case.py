@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.agreement import OTHER_RUNS
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.low_pass import RECORD
@@ -29,9 +28,12 @@ from modal.waves.source import Pulse
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
-OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", *OTHER_RUNS))
+OTHER_WAVES = tuple(
+    f"{run}.signals"
+    for run in ("100kHz", "reverse", "tenth", "small", "small_reverse", "no_slip", "half_step")
+)
 """Further YADE runs of a case: its pulse at 100 kHz where its own is another, and those that split
-its difference to the linear wave."""
+its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
 EXTRA_KINDS = (
     *("sample", "highest.modes", "band.modes"),
     *("linear.signals", "structure", "density", "response"),

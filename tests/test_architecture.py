@@ -150,7 +150,7 @@ ANALYSIS_BELOW = {
     "case": {"estimators", "packings", "paper"},
     "measures": {"case", "estimators", "measures"},
     "rows": {"case", "estimators", "measures"},
-    "comparable": {"rows"},
+    "comparable": {"paper", "rows"},
     "agreement": {"estimators", "table"},
     "figures": {
         *(

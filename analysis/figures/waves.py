@@ -105,6 +105,7 @@ def signals_stress(cases: list[Measures]) -> Picture:
         near = min(LOOKS, key=lambda s: abs(np.log(s / case.stress)) if case.stress > 0 else s)
         colour, line = LOOKS[near]
         group = "FCC" if case.is_crystal else rf"$\mu_{{comp}}$ = {case.mu_comp:g}"
+        group += f", pulse {record.input_frequency / 1e3:g} kHz"
         panel = Panel("time (ms)", "$u_z$ (nm)", group, legend="upper right")
         end = _end(case, record)
         panel.xlim = (0, 1e3 * end)

@@ -19,9 +19,12 @@ from analysis.measures.estimate import Estimate
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 
+RECORDED = 1.3
+"""Passages of the affine wave that a run of a random case records (cases/random.table)."""
+
 
 class FirstPeaks(BandEnd):
-    """First peaks of one case, in as much of the records as the rule for the band takes."""
+    """First peaks of one case, of the linear wave in as much of its record as the run has."""
 
     @cached_property
     def first_peak(self) -> Estimate:
@@ -39,7 +42,9 @@ class FirstPeaks(BandEnd):
 
         A peak counts when it exceeds half of the particle's largest: later waves must be as far.
         """
-        kept = wave.time <= self.passband.end(wave, self.passband.common) * (1 + 1e-9)
+        run = self.case.signals
+        end = RECORDED * self.case.passage if run is None else float(run.time[-1])
+        kept = wave.time <= end * (1 + 1e-9)
         motions = {
             name: getattr(wave, name)[kept]
             for name in ("time", "chain_displacement", "particle_displacement")

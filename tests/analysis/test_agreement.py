@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from analysis.__main__ import main
-from analysis.agreement import Agreement, over_time, split_by_cause
+from analysis.agreement import OTHER_RUNS, Agreement, over_time, split_by_cause
+from analysis.case import OTHER_WAVES
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
@@ -90,6 +91,10 @@ def test_a_run_without_particles_is_compared_by_its_chain_and_layers():
     row = split_by_cause(Agreement(NETWORK, replace(run, amplitude=1.0)))[0]
     assert row.chain == pytest.approx(0, abs=1e-12) and row.layers == pytest.approx(0, abs=1e-12)
     assert row.particles is None
+
+
+def test_every_other_run_is_a_known_product():
+    assert {f"{name}.signals" for name in OTHER_RUNS} | {"100kHz.signals"} == set(OTHER_WAVES)
 
 
 def test_within_leaves_out_what_is_far():
