@@ -39,7 +39,7 @@ MARGIN = 0.05
 NOISE_STEPS = 1500
 """Steps of the run without a wave: at 100 kPa some 1.5 ms, twice the time that a wave takes."""
 NEGLIGIBLE = 2.5e-12
-"""Displacement, m, of which it is no matter how far below it lies: 1e-3 of the default amplitude."""
+"""Displacement, m, below which it does not matter how small: 1e-3 of the default amplitude."""
 
 readParamsFromTable(noTableOk=True, unknownOk=True, case=30, mu_wave=0.5, stress=1e5)
 from yade.params.table import case, mu_wave, stress  # noqa: E402

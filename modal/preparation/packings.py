@@ -48,7 +48,8 @@ def random_packing(
     are rounded otherwise, and from some hundred spheres on a contact that opens for that makes
     another packing of the same kind (e of 500 then differs by 2e-4). Spheres are equal unless
     `sizes` says ("lognormal", spread of ln R) or ("two", ratio of radii, share of the large ones by
-    volume). A warning says where a packing with friction has not settled; InputError, where one without does not come to rest, or where there is no such packing.
+    volume). A warning says where a packing with friction has not settled; InputError, where one
+    without does not come to rest, or where there is no such packing.
 
     >>> net = random_packing(spheres=100, stress=1e5, seed=3)
     >>> net.n_particles, net.study["void_ratio"] < 0.7
