@@ -14,6 +14,8 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
 NARROW = 2.0
 """A period must exceed this many of the largest diameters, or images are not told apart."""
+FAR = 1e9
+"""Radii from the origin, beyond which no digit is left for an overlap."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,10 @@ LawOf = Callable[[int, int], ProgramLaw]
 def check_spheres(spheres: Spheres, cell: Cell, name: str) -> None:
     """InputError for spheres that no cell can have."""
     n = len(spheres.position)
+    far = ~(abs(spheres.position) < FAR * spheres.radius.max(initial=0.0)).all(axis=1)
+    if far.any():
+        which = spheres.number[int(np.argmax(far))]
+        raise InputError(f"{name}: sphere {which} lies {FAR:g} radii away; mend the export")
     if n == 0:
         raise InputError(f"{name}: no spheres; dump those of the packing")
     for what in ("radius", "mass"):

@@ -96,10 +96,13 @@ def _frame(
         what = "the cell is triclinic (its periods are at angles)"
         fault(path, what, "only rectangular cells are known; compress without shear", line)
     try:
-        box = np.array([[float(word) for word in row.split()[:2]] for row in values["BOX"]])
+        box = np.array([row.split()[:2] for row in values["BOX"]], float)
         step, rows = int(values["TIMESTEP"][0]), int(count[0])
     except ValueError as error:
-        fault(path, f"a header that is no number: {error}", "write the dump anew", line)
+        what = f"a header that is no number: {str(error)[:80]}"
+        fault(path, what, "write the dump anew", line)
+    if box.shape != (3, 2) or not np.isfinite(box).all() or rows < 0:
+        fault(path, "BOX BOUNDS or NUMBER OF that are none", "write the dump anew", line)
     periodic = np.array([word.startswith("p") for word in title[-3:]])
     if len(title) < 5:
         what = "BOX BOUNDS does not say which axes are periodic"

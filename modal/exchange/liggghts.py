@@ -13,7 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.bodies import Cell, Contacts, LawOf, Spheres, nearest, touching_pairs
+from modal.exchange.bodies import (
+    Cell,
+    Contacts,
+    LawOf,
+    Spheres,
+    check_spheres,
+    nearest,
+    touching_pairs,
+)
 from modal.exchange.dump import frame_of
 from modal.exchange.dump_spheres import cell_of, index_of, once, spheres_of
 from modal.exchange.found import Found, network_of
@@ -69,6 +77,7 @@ def import_liggghts(
     planes = _planes(wall, units)
     frame = frame_of(atoms, "ATOMS", step)
     spheres, cell = spheres_of(frame, units), replace(cell_of(frame, units), walls=planes)
+    check_spheres(spheres, cell, str(atoms))
     touching, remarks = None, []
     if contacts is not None:
         touching = _contacts(contacts, frame.step, spheres, cell, computes, units)
@@ -114,8 +123,10 @@ def _law_of(
     def law_of(a: int, b: int) -> ProgramLaw:
         # A wall is of the first sphere's material, as one type for all makes it.
         a, b = (max(a, b), max(a, b)) if a < 0 else (a, b)
-        if b > len(materials) and len(materials) > 1:
-            raise InputError(f"{where}: no properties for type {b}; give them for all types")
+        if a < 1 or (b > len(materials) and len(materials) > 1):
+            raise InputError(
+                f"{where}: no properties for type {a if a < 1 else b}; give them for all types"
+            )
         one, two = (materials[min(k, len(materials)) - 1] for k in (a, b))
         place = (a - 1) * len(materials) + b - 1
         return ProgramLaw(

@@ -46,6 +46,8 @@ def _found(file: Restart, units: Units) -> Found:
         position = np.array(texts, float).reshape(-1, 3)[order]
     except ValueError:
         fault(file.path, "a position that is no number", "write the file anew")
+    if not np.isfinite(position).all():
+        fault(file.path, "a position that is no finite number", "write the file anew")
     digits = significant_digits(texts)
     spheres = Spheres(
         number=numbers[order],

@@ -19,7 +19,7 @@ def read_numbers(file: Restart, lines: list[str]) -> None:
         if not words:
             continue
         if words[0] in ("Species", "Walls", "WallsPeriodic", "Particles"):
-            section, left = words[0], int(words[1])
+            section, left = words[0], int(named(file, words, words[0], number)[0])
         elif words[0] == "xmin":
             for axis, name in enumerate("xyz"):
                 file.low[axis] = named(file, words, f"{name}min", number)[0]

@@ -52,6 +52,8 @@ def add_period(
     file: Restart, normal: Floats, left: float, right: float, shift: Floats, line: int
 ) -> None:
     """Note a period between two planes; `shift` (3,) leads from one to the other."""
+    if not (normal.any() and shift.any()):
+        file.blame(line, "a period without a direction", "write the restart file whole")
     axis = int(np.argmax(abs(normal)))
     along = np.delete(np.vstack([normal, shift / np.linalg.norm(shift)]), axis, axis=1)
     if abs(along).max() > STRAIGHT:

@@ -6,6 +6,7 @@ import gzip
 import io
 import itertools
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,15 +73,17 @@ class Rows:
             if self.count == 0:
                 return np.empty((0, len(at)))
             try:
-                table = np.loadtxt(
-                    text,
-                    usecols=at,
-                    max_rows=self.count,
-                    ndmin=2,
-                    comments=None,
-                    delimiter=self.separator,
-                )
-            except (ValueError, IndexError):
+                with warnings.catch_warnings():
+                    warnings.simplefilter("error")  # of an empty line, which shifts all rows
+                    table = np.loadtxt(
+                        text,
+                        usecols=at,
+                        max_rows=self.count,
+                        ndmin=2,
+                        comments=None,
+                        delimiter=self.separator,
+                    )
+            except (ValueError, IndexError, UserWarning):
                 self._blame(names, at)
         if len(table) < self.count:
             what = f"{len(table)} rows of {self.count}: the file ends in the middle"
@@ -109,8 +112,10 @@ class Rows:
             file.seek(self.offset)
             for number, line in enumerate(itertools.islice(file, self.count)):
                 words = line.decode("utf-8", "replace").split(self.separator)
+                here = self.line + number
+                if not line.strip():
+                    fault(self.path, "an empty line between the rows", "take it out", here)
                 for name, column in zip(names, at, strict=True):
-                    here = self.line + number
                     if column >= len(words):
                         what = f"has {len(words)} columns, the header names {len(self.columns)}"
                         fault(self.path, what, "let the program write whole rows", here, name)

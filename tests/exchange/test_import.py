@@ -17,6 +17,7 @@ from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
 from modal.packing.network_file import read_network
 from modal.stiffness.law_tangent import law_tangent
+from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.pre_stress import contact_tangent
 from modal.stiffness.springs import contact_stiffness
 
@@ -130,6 +131,9 @@ def test_liggghts_gives_the_packing_back(tmp_path, capsys, periodic_z):
     for name in ("stiffness_normal", "stiffness_tangential", "force_normal"):
         np.testing.assert_allclose(getattr(found, name)[b], getattr(made, name)[a], rtol=1e-9)
     assert "growing circle" in told["terms_of_the_law_over_springs"] or not periodic_z
+    # Contacts come in any order; K, of overlaps with 12 digits, does not depend on it.
+    K, wanted = stiffness_matrix(found), stiffness_matrix(made)
+    assert abs(K - wanted).max() < 1e-9 * abs(wanted).max()
     if periodic_z:
         scale = 1e-12 * made.force_normal.mean()
         shear = found.force_tangential[b]
@@ -347,6 +351,9 @@ def test_step_chooses_one_time_of_a_dump(tmp_path, capsys):
         ("contacts", 1, 4, "rolling", r"contacts.csv, line 1, column rolling: rolling is more"),
         ("spheres", 6, 0, "10", r"spheres.csv, line 6, column id: sphere 10 again \(line 5\)"),
         ("spheres", 9, 4, "-1e-3", r"spheres.csv: sphere 14 has radius <= 0"),
+        ("spheres", 9, slice(None), "", r"spheres.csv, line 9: an empty line between the rows"),
+        ("spheres", 1, 0, "# cell 0 1", r"spheres.csv: no bounds of the cell"),
+        ("contacts", 7, 3, "inf", r"contacts.csv, line 7, column kt: inf is no finite number"),
     ],
 )
 def test_tables_are_refused_by_line(tmp_path, capsys, table, line, column, text, said):
@@ -362,6 +369,18 @@ def test_tables_are_refused_by_line(tmp_path, capsys, table, line, column, text,
         capsys, files["spheres"], "--contacts", files["contacts"], "-o", tmp_path / FILE
     )
     assert re.search(said, error), error
+
+
+def test_tables_in_other_units_are_refused(tmp_path, capsys):
+    """Stiffnesses in N/mm beside forces in N."""
+    spheres, contacts = program_files.tables(program_files.packing(False), tmp_path)
+    head, *rows = contacts.read_text().splitlines()
+    rows = [row.split(",") for row in rows]
+    for row in rows:
+        row[2:4] = [repr(1e-3 * float(word)) for word in row[2:4]]
+    contacts.write_text("\n".join([head, *(",".join(row) for row in rows)]) + "\n")
+    error = refused(capsys, spheres, "--contacts", contacts, "-o", tmp_path / FILE)
+    assert "force" in error and "N/m" in error, error
 
 
 def test_narrow_period_is_refused(tmp_path, capsys):
