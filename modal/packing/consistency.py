@@ -54,7 +54,8 @@ def check_consistency(network: Network, name: str) -> None:
     _check_walls(network, name)
     _check_particles(network, name)
     if network.n_contacts:
-        _check_geometry(network, name)
+        for first, part in network.parts():
+            _check_geometry(part, name, first)
         _check_pairs(network, name)
         _check_forces(network, name)
 
@@ -124,8 +125,12 @@ def branches(network: Network) -> Floats:
     return branch
 
 
-def _check_geometry(network: Network, name: str) -> None:
-    """Normals, levers and overlaps against positions and radii."""
+def _check_geometry(network: Network, name: str, first: int) -> None:
+    """Normals, levers and overlaps against positions and radii; `first` is that of the contacts."""
+
+    def refuse_contact(wrong: Bools, fault: str) -> None:
+        refuse(wrong, name, "contact", fault, first)
+
     i, j, wall = network.particle_i, network.partner, network.with_wall
     branch, normal = branches(network), network.normal
     distance = np.linalg.norm(branch, axis=1)
@@ -134,14 +139,14 @@ def _check_geometry(network: Network, name: str) -> None:
     smaller = np.where(wall, radius_i, np.minimum(radius_i, network.radius[j]))
     overlap = radius_i + radius_j - distance
     fault = "joins places that do not touch: centres (or wall) further apart than the radii reach"
-    refuse(overlap < -WIDEST * (radius_i + radius_j), name, "contact", fault)
+    refuse_contact(overlap < -WIDEST * (radius_i + radius_j), fault)
     fault = f"has spheres that overlap by more than {DEEPEST:g} of the smaller radius"
-    refuse(overlap > DEEPEST * smaller, name, "contact", fault)
+    refuse_contact(overlap > DEEPEST * smaller, fault)
     # A centre on the wall's plane was refused with the overlap, so no distance is zero.
     along = (branch * normal).sum(axis=1)
     across = np.linalg.norm(branch - along[:, None] * normal, axis=1)
     fault = "has a normal that does not point from the centre of i to that of j, or to the wall"
-    refuse((along <= 0) | (across > ANGLE * distance), name, "contact", fault)
+    refuse_contact((along <= 0) | (across > ANGLE * distance), fault)
 
     for lever, radius, sign, inside in (
         (network.lever_i, radius_i, 1.0, np.ones(len(i), bool)),
@@ -153,15 +158,15 @@ def _check_geometry(network: Network, name: str) -> None:
         ends = np.sort([radius - overlap, radius], axis=0)
         off = (along < ends[0] - LEVER * radius) | (along > ends[1] + LEVER * radius)
         wrong = inside & (off | (aside > LEVER * radius))
-        refuse(wrong, name, "contact", "has a lever that does not end where the two touch")
+        refuse_contact(wrong, "has a lever that does not end where the two touch")
     fault = "is with a wall, whose lever_j must be zero"
-    refuse(wall & network.lever_j.any(axis=1), name, "contact", fault)
+    refuse_contact(wall & network.lever_j.any(axis=1), fault)
     missed = np.linalg.norm(network.lever_i - network.lever_j - branch, axis=1)
     fault = "has levers that do not end in one point"
-    refuse(~wall & (missed > MISFIT * distance), name, "contact", fault)
+    refuse_contact(~wall & (missed > MISFIT * distance), fault)
     if network.overlap is not None:
         wrong = abs(network.overlap - overlap) > OVERLAP * smaller
-        refuse(wrong, name, "contact", "has an overlap other than positions and radii give")
+        refuse_contact(wrong, "has an overlap other than positions and radii give")
 
 
 def _check_pairs(network: Network, name: str) -> None:
@@ -210,9 +215,9 @@ def _check_forces(network: Network, name: str) -> None:
     """Tangential forces lie across the normal; units of forces, stiffnesses and overlaps agree."""
     if network.force_tangential is not None:
         force, normal = network.force_tangential, network.normal
-        size = np.linalg.norm(force, axis=1)
+        size = np.sqrt(np.einsum("ck,ck->c", force, force))
         pushed = size if network.force_normal is None else abs(network.force_normal)
-        along = abs((force * normal).sum(axis=1))
+        along = abs(np.einsum("ck,ck->c", force, normal))
         wrong = along > ACROSS * size + SMALL_FORCE * pushed.mean()
         refuse(wrong, name, "contact", "has a tangential force along its normal")
     ratio = force_ratio(network)
@@ -236,7 +241,11 @@ def _check_forces(network: Network, name: str) -> None:
         )
 
 
-def refuse(wrong: Bools, name: str, kind: str, fault: str) -> None:
-    """InputError about the first of the particles or contacts that are `wrong` (m,) bool."""
+def refuse(wrong: Bools, name: str, kind: str, fault: str, first: int = 0) -> None:
+    """InputError about the first of the particles or contacts that are `wrong` (m,) bool.
+
+    `first` is the number of the first of them.
+    """
     if wrong.any():
-        raise InputError(f"{name}: {kind} {int(np.argmax(wrong))} {fault}; mend the export")
+        number = first + int(np.argmax(wrong))
+        raise InputError(f"{name}: {kind} {number} {fault}; mend the export")

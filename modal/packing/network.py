@@ -5,7 +5,7 @@ Its file: `modal.packing.network_file`; which networks are refused: `modal.packi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -49,6 +49,8 @@ OF_A_LAW = ("shear_growth", "motion_shortening", "torque_shortening")
 """What another program's law of contact does otherwise than springs do."""
 OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift", *OF_A_LAW)
 """Columns of the contacts that a program may not know."""
+PART = 1 << 16
+"""Contacts of a part, of those that are worked on together."""
 Made = TypeVar("Made")
 
 
@@ -203,9 +205,18 @@ class Network:
             return float(said)
         return None
 
-    def with_contacts(self, kept: Bools | Ints) -> Network:
-        """The same particles with the contacts that `kept` selects: (m,) bool, or indices."""
+    def with_contacts(self, kept: Bools | Ints | slice) -> Network:
+        """The same particles with the contacts that `kept` selects: (m,) bool, indices, a slice."""
         columns = {name: getattr(self, name) for name in CONTACTS}
         return replace(
             self, **{name: data[kept] for name, data in columns.items() if data is not None}
         )
+
+    def parts(self) -> Iterator[tuple[int, Network]]:
+        """The network with `PART` contacts at a time, and the number of the first of them.
+
+        What is worked out contact by contact then takes little memory, and a cache holds it. The
+        parts are views, not copies.
+        """
+        for first in range(0, self.n_contacts, PART):
+            yield first, self.with_contacts(slice(first, first + PART))

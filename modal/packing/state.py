@@ -304,15 +304,19 @@ def write_profile(path: str | Path, layers: Profile) -> None:
 
 def net_forces(network: Network) -> Floats:
     """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
-    n, pair = network.n_particles, ~network.with_wall
     along, across = (network.known(name, "balance") for name in FORCES)
-    on_i = across - along[:, None] * network.normal
-    torque_i = np.cross(network.lever_i, on_i)
-    torque_j = np.cross(network.lever_j, -on_i)[pair]
-    load = np.empty((n, 6))
-    i, j = network.particle_i, network.particle_j[pair]
-    for axis in range(3):
-        load[:, axis] = np.bincount(i, on_i[:, axis], n) - np.bincount(j, on_i[pair, axis], n)
-        load[:, 3 + axis] = np.bincount(i, torque_i[:, axis], n)
-        load[:, 3 + axis] += np.bincount(j, torque_j[:, axis], n)
+    force = -along[:, None] * network.normal
+    force += across
+    load = np.zeros((network.n_particles, 6))
+    for end, lever in (
+        (network.particle_i, network.lever_i),
+        (network.particle_j, network.lever_j),
+    ):
+        body = end >= 0
+        for column, moment in ((0, force), (3, np.cross(lever, force))):
+            for axis in range(3):
+                sums = np.bincount(end[body], moment[body, axis], len(load))
+                load[:, column + axis] += sums
+        # What acts on i acts on j the other way.
+        np.negative(force, out=force)
     return load

@@ -32,7 +32,7 @@ def validate(network: Network, name: str = "network") -> None:
     i, j = network.particle_i, network.particle_j
     refuse((i < 0) | (i >= n), name, "contact", f"has particle_i outside 0 to {n - 1}")
     refuse((j < RECEIVER_WALL) | (j >= n), name, "contact", f"has particle_j outside -2 to {n - 1}")
-    size = np.linalg.norm(network.normal, axis=1)
+    size = np.sqrt(np.einsum("ck,ck->c", network.normal, network.normal))
     refuse(abs(size - 1) > 1e-6, name, "contact", "has a normal that is not a unit vector")
     cell, axes = network.cell_size, network.cell_periodic
     if not (np.isfinite(cell).all() and (cell[axes] > 0).all() and (cell >= 0).all()):

@@ -118,7 +118,7 @@ class ContactOperator(LinearOperator):
             *(on.rows, on.ends, on.slabs, on.pieces, on.fresh, on.aside, on.shear),
             *(self._scale, of_slabs),
         )
-        if sums is not None:
+        if sums is not None and of_slabs is not None:
             sums[:] = of_slabs.sum(axis=0)
 
     def accumulate(self, u: Array, out: Array, factor: float = 1.0) -> Array:

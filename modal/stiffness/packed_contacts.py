@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.formats.arrays import Floats, Ints
 from modal.loops import slabs_of
-from modal.packing.network import Network
+from modal.packing.network import PART, Network
 from modal.stiffness.pre_stress import centre_distance, forces_of
 
 ACROSS = 64
@@ -50,29 +50,39 @@ class PackedContacts:
     def of(cls, network: Network, pre_stress: str) -> PackedContacts:
         """The contacts of a network; `pre_stress` as in `modal.stiffness.pre_stress`."""
         order, slabs = _order_along_z(network)
-        ends = np.column_stack([network.particle_i[order], network.particle_j[order]])
-        ends = ends.astype(np.int32)
-        rows = np.zeros((len(order), 8))
-        normal = network.normal
-        rows[:, 0:3] = normal[order]
-        rows[:, 3] = (network.stiffness_normal - network.stiffness_tangential)[order]
-        rows[:, 4] = network.stiffness_tangential[order]
+        ends, rows = np.empty((len(order), 2), np.int32), np.zeros((len(order), 8))
         pressed, sheared = forces_of(network, pre_stress)
         if pressed is not None:
             per_distance = 1 / centre_distance(network)[order]
             rows[:, 5] = -pressed[order] * per_distance
+        levers = network.lever_i, -network.lever_j
+        longest, furthest_off = np.zeros(2), np.zeros(2)
+        # A part at a time: what is in between takes little memory.
+        for first in range(0, len(order), PART):
+            part = slice(first, first + PART)
+            here, own = order[part], rows[part]
+            ends[part, 0], ends[part, 1] = network.particle_i[here], network.particle_j[here]
+            own[:, 0:3] = normal = network.normal[here]
+            own[:, 4] = network.stiffness_tangential[here]
+            own[:, 3] = network.stiffness_normal[here] - own[:, 4]
+            for k, lever in enumerate(levers):
+                own[:, 6 + k], off = _along_and_off(lever[here], normal)
+                longest[k] = abs(own[:, 6 + k]).max(initial=longest[k])
+                furthest_off[k] = abs(off).max(initial=furthest_off[k])
         aside = None
-        for k, (lever, sign) in enumerate(((network.lever_i, 1.0), (network.lever_j, -1.0))):
-            along = np.einsum("ci,ci->c", lever, normal)
-            rows[:, 6 + k] = sign * along[order]
-            off = lever - along[:, None] * normal
-            if abs(off).max(initial=0.0) > CENTRAL * abs(along).max(initial=0.0):
-                aside = np.zeros((len(order), 6)) if aside is None else aside
-                aside[:, 3 * k : 3 * k + 3] = off[order]
+        if (furthest_off > CENTRAL * longest).any():
+            off = [_along_and_off(lever, network.normal)[1][order] for lever in levers]
+            aside = np.hstack([off[0], -off[1]])
         shear = None
         if sheared is not None:
             shear = np.column_stack([-sheared[order], per_distance])
         return cls(rows, ends, *_pieces(ends, slabs, network.n_particles), aside, shear)
+
+
+def _along_and_off(lever: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """How far levers (k, 3) reach along the normals (k, 3), (k,), and the rest of them (k, 3)."""
+    along = np.einsum("ci,ci->c", lever, normal)
+    return along, lever - along[:, None] * normal
 
 
 def _order_along_z(network: Network) -> tuple[Ints, Ints]:
