@@ -170,7 +170,7 @@ def _law(ratio: Floats) -> str:
 
 
 def _size(vector: Floats) -> Floats:
-    size: Floats = np.linalg.norm(vector, axis=1)
+    size: Floats = np.sqrt(np.einsum("ck,ck->c", vector, vector))
     return size
 
 

@@ -313,10 +313,11 @@ def net_forces(network: Network) -> Floats:
         (network.particle_j, network.lever_j),
     ):
         body = end >= 0
-        for column, moment in ((0, force), (3, np.cross(lever, force))):
-            for axis in range(3):
-                sums = np.bincount(end[body], moment[body, axis], len(load))
-                load[:, column + axis] += sums
+        for axis in range(3):
+            one, two = (axis + 1) % 3, (axis + 2) % 3
+            torque = lever[:, one] * force[:, two] - lever[:, two] * force[:, one]
+            for column, moment in ((axis, force[:, axis]), (3 + axis, torque)):
+                load[:, column] += np.bincount(end[body], moment[body], len(load))
         # What acts on i acts on j the other way.
         np.negative(force, out=force)
     return load

@@ -55,7 +55,7 @@ class PackedContacts:
         if pressed is not None:
             per_distance = 1 / centre_distance(network)[order]
             rows[:, 5] = -pressed[order] * per_distance
-        levers = network.lever_i, -network.lever_j
+        levers = (network.lever_i, 1.0), (network.lever_j, -1.0)
         longest, furthest_off = np.zeros(2), np.zeros(2)
         # A part at a time: what is in between takes little memory.
         for first in range(0, len(order), PART):
@@ -65,14 +65,15 @@ class PackedContacts:
             own[:, 0:3] = normal = network.normal[here]
             own[:, 4] = network.stiffness_tangential[here]
             own[:, 3] = network.stiffness_normal[here] - own[:, 4]
-            for k, lever in enumerate(levers):
-                own[:, 6 + k], off = _along_and_off(lever[here], normal)
-                longest[k] = abs(own[:, 6 + k]).max(initial=longest[k])
+            for k, (lever, sign) in enumerate(levers):
+                along, off = _along_and_off(lever[here], normal)
+                own[:, 6 + k] = sign * along
+                longest[k] = abs(along).max(initial=longest[k])
                 furthest_off[k] = abs(off).max(initial=furthest_off[k])
         aside = None
         if (furthest_off > CENTRAL * longest).any():
-            off = [_along_and_off(lever, network.normal)[1][order] for lever in levers]
-            aside = np.hstack([off[0], -off[1]])
+            off = [_along_and_off(lever, network.normal)[1][order] for lever, _ in levers]
+            aside = np.hstack(off)
         shear = None
         if sheared is not None:
             shear = np.column_stack([-sheared[order], per_distance])
