@@ -4,29 +4,36 @@
 #
 # Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
 # tables and figures of them. States are kept: a row added later runs alone.
+import sys
 from math import pi
 from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
 
 
 workdir: Path(workflow.basedir).parent
 
 
-FOLDER, PYTHON = config.get("folder", "products/convergence"), ".venv/bin/python"
+sys.path.insert(0, workflow.basedir)
+from study import PYTHON, lines_of
+
+FOLDER = config.get("folder", "products/convergence")
 
 
 def rows():
     """Rows by setting and friction, a dash replaced by the value of `own` at the same friction."""
-    lines = [line.split() for line in open("cases/convergence.table") if line[0] != "#"]
     found, own = {}, {}
-    for cells in lines[1:]:
-        row = dict(zip(lines[0], cells, strict=True))
+    for row in lines_of("convergence"):
         own = row if row["setting"] == "own" else own
         row = {name: own[name] if cell == "-" else cell for name, cell in row.items()}
         found[f"{row['setting']}_mu{row['mu_comp']}"] = row
     return found
 
 
-ROWS = rows()
+try:
+    ROWS = rows()
+except ValueError as error:
+    raise WorkflowError(str(error)) from error
 STUDY = (
     "mu_comp spheres width approach_rate agitated_damping inertial_number fraction hot_stress damping residual".split()
 )

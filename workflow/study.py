@@ -205,9 +205,20 @@ def number(text: str) -> str:
 
 def table(name: str) -> dict[str, dict[str, str]]:
     """Lines of a yade-batch table by their first column."""
+    return {next(iter(row.values())): row for row in lines_of(name)}
+
+
+def lines_of(name: str) -> list[dict[str, str]]:
+    """Lines of a table in cases/, by the names in its first."""
     with open(f"cases/{name}.table") as file:
-        lines = [line.split() for line in file if line.strip() and line[0] != "#"]
-    return {cells[0]: dict(zip(lines[0], cells, strict=True)) for cells in lines[1:]}
+        names, *lines = (line.split() for line in file if line.strip() and line[0] != "#")
+    for cells in lines:
+        if len(cells) != len(names):
+            raise ValueError(
+                f"cases/{name}.table: line {' '.join(cells)!r} has {len(cells)} values for "
+                f"{len(names)} names; give each column one"
+            )
+    return [dict(zip(names, cells, strict=True)) for cells in lines]
 
 
 def one_of(names: Any) -> str:

@@ -150,7 +150,7 @@ class LogHandler(LogHandlerBase):
             return
         self.closed = True
         if self.common_settings.dryrun:
-            if not self.planned:
+            if not self.planned and not self.said:
                 print("nothing to be made")
             total = sum(n * self.expected.get(rule, 0.0) for rule, n in self.planned.items())
             for rule, n in self.planned.items():
