@@ -49,15 +49,15 @@ COMPARED = (
 )
 """Figures of `compare`, one of each for every case."""
 EXAMPLES = {
-    "report": "report 2 6 -o pages",
+    "report": "report 2 -o pages",
     "compare": "compare 2 -o pages",
     "figure": "figure dispersion 2 -o pages",
-    "prepare": "prepare 6 --kind response",
+    "prepare": "prepare 2 --kind response",
     "status": "status --products products",
     "study": "study --products products -o study",
-    "elastic": "elastic results/samples/case06.sample.h5",
-    "samples": "samples results/samples/case05.sample.h5 results/samples/case06.sample.h5",
-    "packing": "packing mine.sample.h5",
+    "elastic": "elastic mine.sample.h5",
+    "samples": "samples mine.sample.h5 rested.sample.h5",
+    "packing": "packing rested.sample.h5",
     "convergence": "convergence products/convergence -o tables",
     "estimators": "estimators -o estimators.md",
     "agreement": "agreement case02.network.h5 case02.signals.h5 -o agreement.md",
@@ -68,8 +68,11 @@ CASE = "a case of --products by name, as 2; or files: a NETWORK and what was mad
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = Parser(prog="python -m analysis", description="Compare theory, modes and YADE")
-    commands = parser.add_subparsers(dest="command", required=True, parser_class=Parser)
+    about = "Compare theory, modes and YADE; COMMAND --help has options and an example."
+    parser = Parser(prog="python -m analysis", description=about)
+    commands = parser.add_subparsers(
+        dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
+    )
 
     def command(name: str, text: str) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)

@@ -19,11 +19,13 @@ def add(commands: Any) -> None:
         "exact number of modes below each frequency",
         "count mine.network.h5 --at 1000 5000",
     )
-    command.add_argument("--at", nargs="+", required=True, metavar="HZ", help="frequencies")
+    command.add_argument(
+        "--at", nargs="+", required=True, metavar="HZ", help="one or several frequencies"
+    )
     command.add_argument(
         "--solver",
         choices=("pardiso", "superlu", "layers"),
-        help="factorisation; default: the fastest",
+        help="what factorises (default: the fastest)",
     )
 
 

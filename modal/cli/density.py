@@ -24,14 +24,22 @@ def add(commands: Any) -> None:
     command = network_command(
         commands,
         "density",
-        "how all modes are distributed",
+        "density of states: how many modes there are at each frequency",
         "density mine.network.h5 --resolution 2000 -o mine.density.h5",
     )
-    command.add_argument("--resolution", type=float, default=2e3, metavar="HZ", help="2000")
     command.add_argument(
-        "--tolerance", type=float, default=1e-3, help="error of a count in parts of all; 1e-3"
+        "--resolution", type=float, default=2e3, metavar="HZ", help="width of a peak (default 2000)"
     )
-    command.add_argument("--at", nargs="+", default=[], metavar="HZ", help="print counts below")
+    command.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="T",
+        default=1e-3,
+        help="error of counts over all modes (default 1e-3)",
+    )
+    command.add_argument(
+        "--at", nargs="+", default=[], metavar="HZ", help="print how many modes lie below"
+    )
     command.add_argument("-o", "--output", metavar="FILE", help="write *.density.h5")
     add_if_stale(command)
 

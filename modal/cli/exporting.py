@@ -36,12 +36,17 @@ def add(commands: Any) -> None:
     )
     command.add_argument("product", nargs="?", help="*.modes.h5 or *.signals.h5 of this packing")
     command.add_argument(
-        "--modes", type=int, nargs="+", metavar="K", help="which modes, from 1; all"
+        "--modes", type=int, nargs="+", metavar="K", help="which modes, from 1 (default all)"
     )
     command.add_argument(
         "--frames", type=int, metavar="N", help="of an animation: a mode's period, a wave's times"
     )
-    command.add_argument("--scale", type=float, help="of displacements in frames; half a radius")
+    command.add_argument(
+        "--scale",
+        type=float,
+        metavar="X",
+        help="factor on displacements (default: the largest is half a radius)",
+    )
     command.add_argument("-o", "--output", required=True, metavar="FILE", help="*.vtu or *.xyz")
 
 

@@ -31,9 +31,15 @@ def add(commands: Any) -> None:
     command.add_argument("file", help="dump custom, *.restart of MercuryDPM, or *.csv of spheres")
     command.add_argument("--contacts", metavar="FILE", help="dump local, or *.csv of contacts")
     command.add_argument("--log", metavar="FILE", help="the log: units, law, walls, columns")
-    command.add_argument("--pair", metavar="LINE", help="the law, as behind pair_style")
-    command.add_argument("--wall", metavar="LINE", help="the walls, as behind fix ... wall/gran")
-    command.add_argument("--step", type=int, metavar="N", help="of a dump with several times")
+    command.add_argument(
+        "--pair", metavar="LINE", help="the contact law as it stands behind pair_style"
+    )
+    command.add_argument(
+        "--wall", metavar="LINE", help="the walls as they stand behind fix ... wall/gran"
+    )
+    command.add_argument(
+        "--step", type=int, metavar="N", help="which one, of a dump with several times"
+    )
     command.add_argument(
         "--scales",
         type=float,

@@ -39,7 +39,9 @@ def add(commands: Any) -> None:
     """The options of `info`."""
     text = "what is in a packing: stresses, density, coordination"
     command = network_command(commands, "info", text, "info mine.network.h5")
-    command.add_argument("--layers", metavar="FILE", help="write the layers along z, *.csv")
+    command.add_argument(
+        "--layers", metavar="FILE", help="write stress, density ... of layers along z, *.csv"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -12,9 +12,14 @@ from modal.theory.fcc import FccLattice
 def add(commands: Any) -> None:
     """The options of `lattice`."""
     command = add_command(
-        commands, "lattice", "the analytic FCC crystal (Eqs. 5-10)", "lattice --stress 1e5"
+        commands,
+        "lattice",
+        "the face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency",
+        "lattice --stress 1e5",
     )
-    command.add_argument("--stress", type=float, default=1e5, metavar="PA", help="isotropic; 1e5")
+    command.add_argument(
+        "--stress", type=float, default=1e5, metavar="PA", help="isotropic (default 1e5)"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from types import ModuleType
 
+from modal import __version__
 from modal.cli.options import SHORT, Parser, say
 from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
@@ -32,6 +33,11 @@ COMMANDS = {
     "tile": "tile",
 }
 """Each command and its module in this room, which is loaded when it is called."""
+FIRST = """first steps:
+  {prog} pack --spheres 400 --stress 1e5 -o dense
+  {prog} info dense/01_100kPa.sample.h5
+  {prog} modes dense/01_100kPa.sample.h5 --lowest 10"""
+"""What the help of the whole ends in."""
 
 
 def command_of(name: str) -> ModuleType:
@@ -49,8 +55,12 @@ def parser(called: str = "") -> argparse.ArgumentParser:
     """The parser of the command that is `called`; of all commands where it is none of them."""
     script = Path(sys.argv[0]).stem
     prog = script if script == "granular-modes" else "python -m modal"
-    whole = Parser(prog=prog, description="Eigenmodes of granular packings")
-    commands = whole.add_subparsers(dest="command", required=True, parser_class=Parser)
+    about = "Waves and eigenmodes of sphere packings; COMMAND --help has options and an example."
+    whole = Parser(prog=prog, description=about, epilog=FIRST.format(prog=prog))
+    whole.add_argument("--version", action="version", version=f"granular-wave-modes {__version__}")
+    commands = whole.add_subparsers(
+        dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
+    )
     for name in [called] if called in COMMANDS else COMMANDS:
         command_of(name).add(commands)
     return whole

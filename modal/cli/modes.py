@@ -32,8 +32,10 @@ def add(commands: Any) -> None:
     choice.add_argument("--lowest", type=int, metavar="K", help="the K lowest modes")
     choice.add_argument("--highest", type=int, metavar="K", help="the K highest modes")
     choice.add_argument("--below", type=float, metavar="HZ", help="all modes below HZ")
-    choice.add_argument("--between", type=float, nargs=2, metavar="HZ", help="all between two")
-    choice.add_argument("--all", action="store_true", help="all modes; dense, for small ones")
+    choice.add_argument(
+        "--between", type=float, nargs=2, metavar="HZ", help="all modes between two frequencies"
+    )
+    choice.add_argument("--all", action="store_true", help="all modes; for small packings")
     command.add_argument(
         "--uncertified", action="store_true", help="--highest without its exact count: faster"
     )
@@ -42,15 +44,15 @@ def add(commands: Any) -> None:
         type=float,
         default=1.0,
         metavar="H",
-        help="refuse what would take longer, as estimated; default 1",
+        help="refuse what is estimated to take longer (default 1)",
     )
     command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
-    command.add_argument("--solver", choices=SOLVERS, help="factorisation; default: the fastest")
+    command.add_argument("--solver", choices=SOLVERS, help="what factorises (default: the fastest)")
     command.add_argument(
         "--sliding",
         choices=("elastic", "slip"),
         default="elastic",
-        help="contacts at the friction limit: with their tangential springs (default), or without",
+        help="contacts at the friction limit: elastic (default), or without tangential springs",
     )
     command.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
     add_if_stale(command)

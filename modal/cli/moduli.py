@@ -24,12 +24,22 @@ def add(commands: Any) -> None:
     command = network_command(commands, "moduli", text, "moduli mine.network.h5 --direction 1 1 0")
     command.add_argument(
         "--direction", nargs=3, type=float, action="append", default=[], metavar=("X", "Y", "Z"),
-        help="along which the waves go, besides x, y and z",
+        help="of waves, besides x, y and z; may be repeated",
     )  # fmt: skip
-    command.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-6")
-    command.add_argument("--solver", choices=SOLVERS, help="default: what is likely faster")
     command.add_argument(
-        "--non-affine", action="store_true", help="what each sphere does beyond the strain, in FILE"
+        "--tolerance",
+        type=float,
+        metavar="T",
+        default=TOLERANCE,
+        help="relative error (default 1e-6)",
+    )
+    command.add_argument(
+        "--solver", choices=SOLVERS, help="what solves (default: the likely faster)"
+    )
+    command.add_argument(
+        "--non-affine",
+        action="store_true",
+        help="write how each sphere moves beyond the strain, too",
     )
     command.add_argument("-o", "--output", metavar="FILE", help="write *.moduli.h5")
     add_if_stale(command)

@@ -31,25 +31,55 @@ WITH_FRICTION = {
 
 def add(commands: Any) -> None:
     """The options of `pack`."""
-    text = "pack spheres from a cloud to each stress: without friction over 200 MPa, or with it"
-    pack = add_command(
-        commands, "pack", text, "pack --spheres 2000 --friction 0.4 --stress 1e5 -o loose"
+    text = "make packings: a cloud of spheres, compressed to each stress, with or without friction"
+    pack = add_command(commands, "pack", text, "pack --spheres 300 --stress 1e5 -o dense")
+    pack.add_argument(
+        "--spheres", type=int, default=35201, metavar="N", help="how many (default 35201)"
     )
-    pack.add_argument("--spheres", type=int, default=35201, metavar="N", help="35201")
-    pack.add_argument("--aspect", type=float, default=ASPECT, metavar="A", help="length over width")
-    pack.add_argument("--seed", type=int, default=1, metavar="S", help="of the cloud; 1")
-    pack.add_argument("--stress", type=float, nargs="+", metavar="PA", help="of each state")
-    pack.add_argument("--friction", type=float, default=0.0, metavar="MU", help="0 to 1; 0")
-    pack.add_argument("--tolerance", type=float, help="mean net force over contact force; 1e-3")
-    pack.add_argument("--peak", type=float, metavar="PA", help=f"without friction; {PEAK:g}")
-    pack.add_argument("--sizes", nargs="+", metavar="S", help=f"a mixture: {KINDS}")
+    pack.add_argument(
+        "--aspect",
+        type=float,
+        default=ASPECT,
+        metavar="A",
+        help=f"length over width (default {ASPECT:g})",
+    )
+    pack.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="of the random cloud (default 1)"
+    )
+    pack.add_argument(
+        "--stress",
+        type=float,
+        nargs="+",
+        metavar="PA",
+        help="one or several; a state is written of each",
+    )
+    pack.add_argument(
+        "--friction", type=float, default=0.0, metavar="MU", help="0 to 1 (default 0)"
+    )
+    pack.add_argument(
+        "--tolerance", type=float, metavar="T",
+        help="without friction: mean net force over mean contact force (default 1e-3)",
+    )  # fmt: skip
+    pack.add_argument(
+        "--peak",
+        type=float,
+        metavar="PA",
+        help=f"without friction: sets the density (default {PEAK:g})",
+    )
+    pack.add_argument("--sizes", nargs="+", metavar="S", help=f"of a mixture: {KINDS}")
     with_friction = pack.add_argument_group("with friction alone")
     study = Study()
-    with_friction.add_argument("--width", type=float, metavar="D", help="diameters, for --aspect")
+    with_friction.add_argument(
+        "--width", type=float, metavar="D", help="in diameters, instead of --aspect"
+    )
     for name, text in WITH_FRICTION.items():
         default = getattr(study, name)
-        with_friction.add_argument(typed(name), type=float, help=f"{text}; {default:g}")
-    pack.add_argument("-o", "--output", required=True, metavar="DIR", help="goes on where it was")
+        with_friction.add_argument(
+            typed(name), type=float, metavar="X", help=f"{text} (default {default:g})"
+        )
+    pack.add_argument(
+        "-o", "--output", required=True, metavar="DIR", help="folder; goes on where it was"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -24,10 +24,18 @@ def add(commands: Any) -> None:
         commands, "relax", text, "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
     )
     balance.add_argument("sample", help="*.sample.h5")
-    balance.add_argument("--friction", type=float, metavar="MU", help="of the wave; as it is")
-    balance.add_argument("--tolerance", type=float, default=TOLERANCE, help="relative; 1e-10")
+    balance.add_argument(
+        "--friction",
+        type=float,
+        metavar="MU",
+        help="of the wave that will follow (default: the sample's)",
+    )
+    text = f"mean net force over mean contact force at rest (default {TOLERANCE:g})"
+    balance.add_argument("--tolerance", type=float, metavar="T", default=TOLERANCE, help=text)
     balance.add_argument("--network", metavar="FILE", help="write the contact network as well")
-    balance.add_argument("-o", "--output", required=True, metavar="FILE", help="*.sample.h5")
+    balance.add_argument(
+        "-o", "--output", required=True, metavar="FILE", help="the sample at rest, *.sample.h5"
+    )
     add_if_stale(balance)
 
 

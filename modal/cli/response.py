@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_if_stale, network_command
+from modal.cli.options import PRE_STRESS, add_if_stale, network_command
 from modal.formats.hdf5 import sha256
 from modal.packing.plausibility import read_remarked
 from modal.stiffness.pre_stress import TANGENTS
@@ -17,18 +17,24 @@ read_product = None
 
 def add(commands: Any) -> None:
     """The options of `response`."""
-    text = "transfer functions from the source wall, gain factor"
+    text = "what passes at each frequency: gain from wall to wall, motion of chain and layers"
     command = network_command(
         commands,
         "response",
         text,
         "response mine.network.h5 --highest 20000 -o mine.response.h5",
     )
-    command.add_argument("--highest", type=float, metavar="HZ", help="default: whole spectrum")
-    command.add_argument("--resolution", type=float, default=1e3, metavar="HZ", help="1000")
-    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help="default: none")
     command.add_argument(
-        "--direction", choices=DIRECTIONS, help="of the wall's motion: x or y send S-waves; z"
+        "--highest", type=float, metavar="HZ", help="up to here (default: the whole spectrum)"
+    )
+    command.add_argument(
+        "--resolution", type=float, default=1e3, metavar="HZ", help="width of a peak (default 1000)"
+    )
+    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help=PRE_STRESS)
+    command.add_argument(
+        "--direction",
+        choices=DIRECTIONS,
+        help="of the wall's motion: z (default), or x or y for S-waves",
     )
     command.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
     add_if_stale(command)

@@ -25,9 +25,20 @@ def add(commands: Any) -> None:
     command = network_command(
         commands, "tile", text, "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
     )
-    command.add_argument("--repeat", type=int, nargs=2, required=True, metavar=("NX", "NY"))
     command.add_argument(
-        "-o", "--output", required=True, metavar="FILE", help="*.network.h5; *.sample.h5 of one"
+        "--repeat",
+        type=int,
+        nargs=2,
+        required=True,
+        metavar=("NX", "NY"),
+        help="how often along x and y",
+    )
+    command.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="FILE",
+        help="*.network.h5, or of a sample *.sample.h5",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_if_stale, network_command, typed
+from modal.cli.options import PRE_STRESS, add_if_stale, network_command, typed
 from modal.formats.hdf5 import InputError, sha256
 from modal.packing.plausibility import read_remarked
 from modal.stiffness.damping import ContactDamping
@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
     command = network_command(
         commands,
         "wave",
-        "signals of a wave in the linear network",
+        "the wave that a push of the source wall sends through the contacts' springs",
         "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5",
     )
     command.add_argument(
@@ -31,39 +31,52 @@ def add(commands: Any) -> None:
         type=float,
         default=AMPLITUDE,
         metavar="A",
-        help="half the wall's stroke, m; 2.5e-9",
+        help=f"half the wall's stroke, m (default {AMPLITUDE:g})",
     )
     command.add_argument(
         "--input-frequency",
         type=float,
         default=INPUT_FREQUENCY,
         metavar="HZ",
-        help="of the pulse; 1e5",
+        help=f"of the pulse (default {INPUT_FREQUENCY:g})",
     )
     command.add_argument(
-        "--duration", type=float, default=5e-4, metavar="S", help="of the record; 5e-4"
+        "--duration", type=float, default=5e-4, metavar="S", help="of the record (default 5e-4)"
     )
     command.add_argument(
-        "--motion", choices=("pulse", "chirp", "step"), help="of the source wall; pulse"
+        "--motion", choices=("pulse", "chirp", "step"), help="of the source wall (default pulse)"
     )
-    command.add_argument("--cycles", type=int, metavar="N", help="of a pulse; 1")
-    command.add_argument("--last-frequency", type=float, metavar="HZ", help="of a chirp")
+    command.add_argument("--cycles", type=int, metavar="N", help="of a pulse (default 1)")
+    command.add_argument("--last-frequency", type=float, metavar="HZ", help="at the end of a chirp")
     command.add_argument(
         "--sweep", type=float, metavar="S", help="how long a chirp lasts, or a step rises"
     )
-    command.add_argument("--source", metavar="FILE", help="wall motion, two columns: s, m")
-    command.add_argument("--interval", type=float, metavar="S", help="between records; 1e-6")
-    command.add_argument("--tolerance", type=float, default=1e-9, help="relative; 1e-9")
-    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help="default: none")
     command.add_argument(
-        "--direction", choices=DIRECTIONS, help="of the wall's motion: x or y send S-waves; z"
+        "--source", metavar="FILE", help="the wall's motion as a table of two columns: s, m"
     )
-    command.add_argument("--particles", action="store_true", help="record every particle")
+    command.add_argument(
+        "--interval", type=float, metavar="S", help="between records (default 1e-6)"
+    )
+    command.add_argument(
+        "--tolerance", type=float, metavar="T", default=1e-9, help="relative error (default 1e-9)"
+    )
+    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help=PRE_STRESS)
+    command.add_argument(
+        "--direction",
+        choices=DIRECTIONS,
+        help="of the wall's motion: z (default), or x or y for S-waves",
+    )
+    command.add_argument(
+        "--particles", action="store_true", help="record every sphere: to watch it, or for ParaView"
+    )
     command.add_argument(
         "--damping", nargs=2, type=float, metavar=("N", "T"),
-        help="of the contacts, in parts of the critical: normal, tangential; 0 0",
+        help="of the contacts, over the critical: normal, tangential (default 0 0)",
     )  # fmt: skip
-    command.add_argument("--method", choices=("chebyshev", "leapfrog"), default="chebyshev")
+    command.add_argument(
+        "--method", choices=("chebyshev", "leapfrog"), default="chebyshev",
+        help="exact in time (chebyshev, default), or in steps as DEM programs (leapfrog)",
+    )  # fmt: skip
     command.add_argument("--time-step", type=float, metavar="S", help="of the leapfrog")
     command.add_argument("-o", "--output", metavar="FILE", help="write *.signals.h5")
     add_if_stale(command)

@@ -2,8 +2,10 @@
 
 import csv
 import os
+import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
+from modal.packing.sample import write_sample
+from modal.preparation.random_packing import random_sample
 from modal.waves.signals import write_signals
 
 
@@ -153,3 +157,16 @@ def test_a_reader_that_has_seen_enough_stops_nothing(products, tmp_path):
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "case02.comparison.csv").exists()
+
+
+@pytest.mark.parametrize("name", ["figure", "prepare", "status", "elastic", "samples", "packing"])
+def test_examples_of_the_help_run(name, products, tmp_path, monkeypatch, capsys):
+    """Those that take seconds; `report` and `compare` are run above and in their own files."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(products, "products")
+    if "sample.h5" in EXAMPLES[name]:
+        sample = random_sample(300, 1e6, aspect=3.0)
+        for name_of in ("mine", "rested"):
+            study = {"stress": 1e6, "mu_comp": 0.0}
+            write_sample(f"{name_of}.sample.h5", replace(sample, friction=0.1, study=study))
+    assert main(EXAMPLES[name].split()) == 0, capsys.readouterr().err
