@@ -16,7 +16,6 @@ as one that was not.
 import math
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 # Inside YADE __file__ is YADE itself; the script is its first argument.
@@ -27,10 +26,10 @@ from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
 from modal.formats.hdf5 import InputError
-from modal.packing.sample import write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
-from modal.preparation.protocol import END, Stage, Study, resumed, stages, steps_of
+from modal.preparation.protocol import Stage, Study, steps_of
+from modal.preparation.walk import cost, walk
 from modal.progress import time_left
 from yade_scripts import servo
 from yade_scripts.scene import Report, finish, products_folder
@@ -54,16 +53,10 @@ def compacted(study):
     steps = int(growth / protocol.COMPACTION_RATE / O.dt)
     O.run(steps, wait=True)
     sample = read_scene(n, study.mu_comp, moving=False)
-    cost = {"steps": steps, "seconds": time.perf_counter() - started}
-    of_stage = cost | {"contacts": O.interactions.countReal()}
-    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0} | cost
-    sample.study |= _of("cloud", of_stage)
+    spent = {"steps": steps, "seconds": time.perf_counter() - started}
+    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
+    sample.study |= cost({}, "cloud", **spent, contacts=O.interactions.countReal())
     return sample
-
-
-def _of(stage, cost):
-    """What a stage has cost, by the names of the format."""
-    return {f"{name}_{stage}": value for name, value in cost.items()}
 
 
 def drive(control, stress, n):
@@ -115,15 +108,10 @@ def leg(sample, study):
         reached |= {"settled": settled, "stress_error": stage.control.error()}
     print(f"\r{progress(stage, steps)}", end="")
     after = read_scene(n, study.mu_comp, moving=True)
-    name, took = before["stage"], time.perf_counter() - started
-    of_stage = {"steps": before.get(f"steps_{name}", 0) + steps}
-    of_stage |= {"contacts": O.interactions.countReal()}
-    of_stage["seconds"] = before.get(f"seconds_{name}", 0.0) + took
-    cost = {"steps": before["steps"] + steps, "seconds": before["seconds"] + took}
-    after.study = before | reached | cost | _of(name, of_stage)
-    made = study.provenance("yade_scripts/compress.py", yade=config.version)
-    after.provenance = made.attributes()
-    print(f", {cost['seconds']:.0f} s", flush=True)
+    spent = {"steps": steps, "seconds": time.perf_counter() - started}
+    so_far = cost(before, stage.name, **spent, contacts=O.interactions.countReal())
+    after.study = before | reached | so_far
+    print(f", {so_far['seconds']:.0f} s", flush=True)
     return after, ended
 
 
@@ -150,26 +138,15 @@ def main():
     study = Study(**given | {"sizes": str(table.sizes).replace("_", " ")})
     mixture = f"_{table.sizes}" if study.sizes else ""
     folder = products_folder() / f"compression_mu{study.mu_comp:g}{mixture}"
-    checkpoint = folder / "checkpoint.sample.h5"
-    names = stages(tuple(stress for stress in protocol.STRESSES if stress <= table.highest))
-    files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}
-    sample = resumed(checkpoint, files, study)
-    if sample is None:
-        sample = compacted(study)
-        write_sample(checkpoint, sample)
-    while sample.study["stage"] != END:
-        name = sample.study["stage"]
-        sample, ended = leg(sample, study)
-        if ended:
-            if name in files:
-                sample.study["stress"] = float(name)
-                # What follows brings it to rest; the checkpoint keeps the motion.
-                state = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
-                write_sample(files[name], state)
-                print(f"{files[name]}: written", flush=True)
-            following = [*names, END][names.index(name) + 1]
-            sample.study |= {"stage": following, "stage_time": 0.0}
-        write_sample(checkpoint, sample)
+    walk(
+        folder,
+        study,
+        [stress for stress in protocol.STRESSES if stress <= table.highest],
+        study.provenance("yade_scripts/compress.py", yade=config.version),
+        lambda: compacted(study),
+        lambda sample: leg(sample, study),
+        lambda text: print(text, flush=True),
+    )
 
 
 finish(main)

@@ -9,45 +9,61 @@ from yade_scripts.scene import cell_side, sizes, wall_faces
 from yade_scripts.state import canonical_contacts, present_positions
 
 
+def spheres(bodies):
+    """What a network holds of YADE's spheres besides their places: radius, mass, inertia, (n,)."""
+    return {
+        "radius": np.array([body.shape.radius for body in bodies]),
+        "mass": np.array([body.state.mass for body in bodies]),
+        "inertia": np.array([body.state.inertia[0] for body in bodies]),
+    }
+
+
+def springs(contacts, sign, i, j, radius):
+    """What a network holds of YADE's contacts (m,) besides their ends and shifts, as YADE has it.
+
+    `sign` (m,) is -1 where YADE's first body is not sphere `i`; `j` is negative for walls; `radius`
+    (n,), m, of all spheres.
+    """
+    sign, wall = sign[:, None], j < 0
+    normal = sign * np.array([c.geom.normal for c in contacts]).reshape(-1, 3)
+    overlap = np.array([c.geom.penetrationDepth for c in contacts])
+    pressed = sign * np.array([c.phys.normalForce for c in contacts]).reshape(-1, 3)
+    # YADE applies -(normal + shear force) to the first body.
+    shear = -sign * np.array([c.phys.shearForce for c in contacts]).reshape(-1, 3)
+    pushed = (pressed * normal).sum(axis=1)
+    limit = np.array([c.phys.tangensOfFrictionAngle for c in contacts]) * pushed
+    # YADE puts the contact point in the middle of the overlap, also at a wall.
+    lever_j = (overlap / 2 - radius[np.where(wall, 0, j)])[:, None] * normal
+    return {
+        "normal": normal,
+        "lever_i": (radius[i] - overlap / 2)[:, None] * normal,
+        "lever_j": np.where(wall[:, None], 0.0, lever_j),
+        "stiffness_normal": np.array([c.phys.kn for c in contacts]),
+        "stiffness_tangential": np.array([c.phys.ks for c in contacts]),
+        "force_normal": pushed,
+        "force_tangential": shear,
+        "overlap": overlap,
+        "sliding": np.linalg.norm(shear, axis=1) >= limit * (1 - 1e-9),
+    }
+
+
 def contact_network(n, study, provenance):
     """Read particles and contacts of the present scene; sphere ids are the indices.
 
     Contacts are in canonical order and centres inside the cell. Stiffnesses, forces, overlaps and
     contact points are those that YADE holds, not computed again.
     """
-    bodies = [O.bodies[k] for k in range(n)]
     position, _ = present_positions(n)
     side, walls = cell_side(), np.array(wall_faces(n))
     contacts, i, j, shift, sign = canonical_contacts(n)
-    geom, phys = [c.geom for c in contacts], [c.phys for c in contacts]
-    overlap = np.array([g.penetrationDepth for g in geom])
-    normal = sign[:, None] * np.array([g.normal for g in geom])
-    radius = np.array([body.shape.radius for body in bodies])
-    # YADE puts the contact point in the middle of the overlap, also at a wall.
-    lever = (radius[i] - overlap / 2)[:, None] * normal
-    backwards = (overlap / 2 - radius[np.where(j < 0, 0, j)])[:, None] * normal
-    normal_force = np.array([p.normalForce for p in phys])
-    shear = np.array([p.shearForce for p in phys])
-    pressure = np.linalg.norm(normal_force, axis=1)
-    limit = np.array([p.tangensOfFrictionAngle for p in phys]) * pressure
-    pair = j >= 0
+    of_spheres = spheres([O.bodies[k] for k in range(n)])
+    radius, pair = of_spheres["radius"], j >= 0
     return Network(
         position=position,
-        radius=radius,
-        mass=np.array([body.state.mass for body in bodies]),
-        inertia=np.array([body.state.inertia[0] for body in bodies]),
+        **of_spheres,
         particle_i=i,
         particle_j=j,
-        normal=normal,
-        lever_i=lever,
-        lever_j=np.where(pair[:, None], backwards, 0.0),
-        stiffness_normal=np.array([p.kn for p in phys]),
-        stiffness_tangential=np.array([p.ks for p in phys]),
-        force_normal=pressure,
-        # YADE applies -(normal + shear force) to the first body.
-        force_tangential=-sign[:, None] * shear,
-        overlap=overlap,
-        sliding=np.linalg.norm(shear, axis=1) >= limit * (1 - 1e-9),
+        **springs(contacts, sign, i, j, radius),
         cell_shift=shift,
         cell_size=np.array([*side, walls[1] - walls[0]]),
         cell_periodic=np.array([True, True, False]),

@@ -32,6 +32,7 @@ from modal.formats.provenance import Provenance, versions
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.network_file import write_network
 from modal.packing.validation import validate
+from yade_scripts.export import spheres, springs
 
 WALLS = ("Wall", "Facet", "Box")
 CONTACTS = ("FrictPhys", "MindlinPhys")
@@ -57,7 +58,8 @@ def network_of_scene():
     bodies = _spheres()
     index = {body.id: k for k, body in enumerate(bodies)}
     position = np.array([body.state.pos for body in bodies])
-    radius = np.array([body.shape.radius for body in bodies])
+    of_spheres = spheres(bodies)
+    radius = of_spheres["radius"]
     contacts = [contact for contact in O.interactions if contact.isReal]
     for contact in contacts:
         _refuse_unknown(contact)
@@ -65,11 +67,11 @@ def network_of_scene():
     swap = np.array([contact.id1 not in index for contact in contacts], dtype=bool)
     sign = np.where(swap, -1, 1)
     ends = [(c.id2, c.id1) if s else (c.id1, c.id2) for c, s in zip(contacts, swap, strict=True)]
-    normal = sign[:, None] * np.array([c.geom.normal for c in contacts]).reshape(-1, 3)
-    overlap = np.array([c.geom.penetrationDepth for c in contacts])
     i = np.array([index[first] for first, _ in ends], dtype=int)
     j = np.array([index.get(second, SOURCE_WALL) for _, second in ends], dtype=int)
     wall = j < 0
+    of_contacts = springs(contacts, sign, i, j, radius)
+    normal, overlap = of_contacts["normal"], of_contacts["overlap"]
     j[wall & (normal[:, 2] > 0)] = RECEIVER_WALL
     reach = position[i, 2] + np.sign(normal[:, 2]) * (radius[i] - overlap)
     walls = _planes(ends, normal, reach, radius[i], j)
@@ -80,27 +82,12 @@ def network_of_scene():
     shift = sign[:, None] * np.array([c.cellDist for c in contacts], dtype=int).reshape(-1, 3)
     partner = np.where(wall, 0, j)
     shift = np.where(wall[:, None], 0, shift + periods[partner] - periods[i])
-    force = -sign[:, None] * np.array([c.phys.shearForce for c in contacts]).reshape(-1, 3)
-    pressed = np.array([c.phys.normalForce for c in contacts]).reshape(-1, 3)
-    pushed = (sign[:, None] * pressed * normal).sum(axis=1)
-    limit = np.array([c.phys.tangensOfFrictionAngle for c in contacts]) * pushed
-    lever_j = (overlap / 2 - radius[partner])[:, None] * normal
     return Network(
         position=position,
-        radius=radius,
-        mass=np.array([body.state.mass for body in bodies]),
-        inertia=np.array([body.state.inertia[0] for body in bodies]),
+        **of_spheres,
         particle_i=i,
         particle_j=j,
-        normal=normal,
-        lever_i=(radius[i] - overlap / 2)[:, None] * normal,
-        lever_j=np.where(wall[:, None], 0.0, lever_j),
-        stiffness_normal=np.array([c.phys.kn for c in contacts]),
-        stiffness_tangential=np.array([c.phys.ks for c in contacts]),
-        force_normal=pushed,
-        force_tangential=force,
-        overlap=overlap,
-        sliding=np.linalg.norm(force, axis=1) >= limit * (1 - 1e-9),
+        **of_contacts,
         cell_shift=shift,
         cell_size=high - low,
         cell_periodic=periodic,

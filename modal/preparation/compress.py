@@ -1,8 +1,6 @@
 """The walk of spheres with friction from a cloud to each stress, in modal's own loop.
 
-The same protocol, stages, files and checkpoints as in YADE (`yade_scripts/compress.py`). Each leg
-starts from the file that the leg before has written, so that a walk that was killed takes the same
-steps as one that was not.
+The same protocol, stages, files and checkpoints as in YADE (`yade_scripts/compress.py`).
 """
 
 from __future__ import annotations
@@ -10,25 +8,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from modal.formats.hdf5 import InputError
-from modal.packing.sample import Sample, validate, write_sample
+from modal.packing.sample import Sample, validate
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.dynamics import Dynamics
-from modal.preparation.protocol import (
-    END,
-    ConstantRate,
-    Servo,
-    Stage,
-    Study,
-    resumed,
-    stages,
-    steps_of,
-)
+from modal.preparation.protocol import ConstantRate, Servo, Stage, Study, steps_of
+from modal.preparation.walk import cost
+from modal.preparation.walk import walk as walk_by
 
 
 class Pace:
@@ -59,10 +48,9 @@ def compacted(study: Study) -> Sample:
     interval = protocol.duration(protocol.CONTROL, protocol.REFERENCE)
     pace.walk(steps, dt, steps_of(interval, dt))
     sample = motion.sample(moving=False)
-    cost = {"steps": steps, "seconds": time.perf_counter() - started}
-    of_stage = cost | {"contacts": motion.contacts.touching}
-    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0} | cost
-    sample.study |= _of("cloud", of_stage)
+    spent = {"steps": steps, "seconds": time.perf_counter() - started}
+    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
+    sample.study |= cost({}, "cloud", **spent, contacts=motion.contacts.touching)
     return sample
 
 
@@ -92,24 +80,16 @@ def leg(sample: Sample, study: Study, say: Callable[[str], None]) -> tuple[Sampl
         reached |= {"settled": settled, "stress_error": stage.control.error()}
     after = motion.sample(moving=True)
     validate(after, f"friction {study.mu_comp:g}, {stage.name}")
-    took = time.perf_counter() - started
-    of_stage = {"steps": before.get(f"steps_{stage.name}", 0) + pace.steps}
-    of_stage["contacts"] = motion.contacts.touching
-    of_stage["seconds"] = before.get(f"seconds_{stage.name}", 0.0) + took
-    cost = {"steps": before["steps"] + pace.steps, "seconds": before["seconds"] + took}
-    after.study = before | reached | cost | _of(stage.name, of_stage)
+    spent = {"steps": pace.steps, "seconds": time.perf_counter() - started}
+    so_far = cost(before, stage.name, **spent, contacts=motion.contacts.touching)
+    after.study = before | reached | so_far
     say(
         f"friction {study.mu_comp:g}, {stage.name}: {pace.steps} steps, "
         f"stress {stage.control.stress.mean():.4g} Pa, e {reached['void_ratio']:.4f}, "
         f"Z {reached['coordination_number']:.3f}, unbalanced {reached['unbalanced']:.1e}, "
-        f"{cost['seconds']:.0f} s"
+        f"{so_far['seconds']:.0f} s"
     )
     return after, ended
-
-
-def _of(stage: str, cost: dict[str, Any]) -> dict[str, Any]:
-    """What a stage has cost, by the names of the format."""
-    return {f"{name}_{stage}": value for name, value in cost.items()}
 
 
 def walk(
@@ -119,45 +99,13 @@ def walk(
     command: str,
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
-    """Walk to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
-
-    Goes on from the checkpoint, or from the cloud; states that are there stay. InputError for
-    stresses that do not rise, and where the walk is beyond one that it has not written.
-    """
-    if any(lower >= higher for lower, higher in zip(stresses, stresses[1:], strict=False)):
-        raise InputError(
-            f"stresses {', '.join(f'{stress:g}' for stress in stresses)} Pa: the walk only loads; "
-            "give them in rising order"
-        )
-    checkpoint = folder / "checkpoint.sample.h5"
-    names = stages(tuple(stresses))
-    files = {name: folder / f"{name}Pa.sample.h5" for name in names[len(protocol.PREPARATION) :]}
-    sample = resumed(checkpoint, files, study)
-    if sample is None:
-        sample = compacted(study)
-        sample.provenance = study.provenance(command).attributes()
-        write_sample(checkpoint, sample)
-    while sample.study["stage"] != END:
-        name = sample.study["stage"]
-        sample, ended = leg(sample, study, say)
-        sample.provenance = study.provenance(command).attributes()
-        if ended:
-            if name in files:
-                sample.study["stress"] = float(name)
-                # What follows brings it to rest; the checkpoint keeps the motion.
-                state = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
-                write_sample(files[name], state)
-                say(f"{files[name]}: written" + _short_of(sample.study))
-            following = [*names, END][names.index(name) + 1]
-            sample.study |= {"stage": following, "stage_time": 0.0}
-        write_sample(checkpoint, sample)
-    return [(float(name), path) for name, path in files.items()]
-
-
-def _short_of(study: dict[str, Any]) -> str:
-    if study["settled"]:
-        return ""
-    return (
-        f", not settled: unbalanced {study['unbalanced']:.1e}, stresses off by "
-        f"{study['stress_error']:.1e}"
+    """Walk to each stress, Pa, in modal's own motion; as `modal.preparation.walk.walk` says."""
+    return walk_by(
+        folder,
+        study,
+        stresses,
+        study.provenance(command),
+        lambda: compacted(study),
+        lambda sample: leg(sample, study, say),
+        say,
     )

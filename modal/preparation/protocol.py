@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Material
-from modal.packing.sample import Sample, read_sample
 from modal.preparation.sizes import radii_of
 
 HIGHEST = 0.6037
@@ -255,11 +253,6 @@ def _number(study: Study, name: str) -> float:
     return value
 
 
-def stages(stresses: tuple[float, ...]) -> list[str]:
-    """Names of the stages, in order; a stress in Pa names the walk to it."""
-    return [*PREPARATION, *(f"{stress:g}" for stress in stresses)]
-
-
 class Stage:
     """One stage's control, damping and durations, s; `ended` tells when it is over."""
 
@@ -303,45 +296,3 @@ class Stage:
     def impatient(self, seconds: float) -> bool:
         """Whether the time of the stage is over, to half a check."""
         return seconds > self.patience - self.check / 2
-
-
-def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> str:
-    """The stage that a walk goes on with; InputError if it has passed a stress, or heads elsewhere.
-
-    A walk that was at its end, or on its way to a stress, may be given higher ones later.
-    """
-    stage = str(study["stage"])
-    if stage in PREPARATION:
-        return stage
-    done = float(study.get("stress", -math.inf))
-    for name, path in files.items():
-        if float(name) <= done and not path.exists():
-            raise InputError(
-                f"{checkpoint}: {name} Pa lies below its present stress of {done:g} Pa; take "
-                "another folder"
-            )
-    ahead = [name for name in files if float(name) > done]
-    if stage == END:
-        return ahead[0] if ahead else END
-    if stage not in ahead:
-        raise InputError(
-            f"{checkpoint}: the walk is on its way to {stage} Pa; name this stress as well, or "
-            "take another folder"
-        )
-    return stage
-
-
-def resumed(checkpoint: Path, files: dict[str, Path], study: Study) -> Sample | None:
-    """The state that a walk goes on from, its stage in `study`; None where it is to begin.
-
-    `files` are those of the stresses by their names. InputError where the checkpoint or one of them
-    is of another study, or the walk is beyond a stress that it has not written.
-    """
-    if not checkpoint.exists():
-        return None
-    sample = read_sample(checkpoint)
-    study.refuse_other(sample.study, checkpoint)
-    sample.study["stage"] = goes_on(sample.study, files, checkpoint)
-    for path in filter(Path.exists, files.values()):
-        study.refuse_other(read_sample(path).study, path)
-    return sample

@@ -1,0 +1,133 @@
+"""A compression from its cloud to each stress, whoever makes the steps; killed, it goes on.
+
+One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Each leg starts from
+the file that the leg before has written, so that a walk that was killed takes the same steps as one
+that was not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import Provenance
+from modal.packing.sample import Sample, read_sample, write_sample
+from modal.preparation.protocol import END, PREPARATION, Study
+
+
+def walk(
+    folder: Path,
+    study: Study,
+    stresses: Sequence[float],
+    made: Provenance,
+    begin: Callable[[], Sample],
+    leg: Callable[[Sample], tuple[Sample, bool]],
+    say: Callable[[str], None],
+) -> list[tuple[float, Path]]:
+    """Walk to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
+
+    Goes on from the checkpoint, or from what `begin` gives; states that are there stay. `leg` takes
+    the steps between two checkpoints and says whether the stage is over. InputError for stresses
+    that do not rise, and where the walk is beyond one that it has not written.
+    """
+    if any(lower >= higher for lower, higher in zip(stresses, stresses[1:], strict=False)):
+        raise InputError(
+            f"stresses {', '.join(f'{stress:g}' for stress in stresses)} Pa: the walk only loads; "
+            "give them in rising order"
+        )
+    checkpoint = folder / "checkpoint.sample.h5"
+    names = [f"{stress:g}" for stress in stresses]
+    stages = [*PREPARATION, *names, END]
+    files = {name: folder / f"{name}Pa.sample.h5" for name in names}
+
+    def write(path: Path, sample: Sample) -> None:
+        write_sample(path, replace(sample, provenance=made.attributes()))
+
+    sample = resumed(checkpoint, files, study)
+    if sample is None:
+        sample = begin()
+        write(checkpoint, sample)
+    while sample.study["stage"] != END:
+        name = sample.study["stage"]
+        sample, ended = leg(sample)
+        if ended:
+            if name in files:
+                sample.study["stress"] = float(name)
+                # What follows brings it to rest; the checkpoint keeps the motion.
+                still = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
+                write(files[name], still)
+                say(f"{files[name]}: written" + _short_of(sample.study))
+            following = stages[stages.index(name) + 1]
+            sample.study |= {"stage": following, "stage_time": 0.0}
+        write(checkpoint, sample)
+    return [(float(name), path) for name, path in files.items()]
+
+
+def cost(before: dict[str, Any], stage: str, **spent: float) -> dict[str, Any]:
+    """What a stage and the walk have cost so far, by the names of the format.
+
+    `before` are the attributes at the start of the leg; `spent` its steps and seconds, which add
+    up, and its contacts, which do not.
+    """
+    found: dict[str, Any] = {}
+    for name, value in spent.items():
+        adds_up = name != "contacts"
+        found[f"{name}_{stage}"] = value + (before.get(f"{name}_{stage}", 0) if adds_up else 0)
+        if adds_up:
+            found[name] = value + before.get(name, 0)
+    return found
+
+
+def _short_of(study: dict[str, Any]) -> str:
+    if study["settled"]:
+        return ""
+    return (
+        f", not settled: unbalanced {study['unbalanced']:.1e}, stresses off by "
+        f"{study['stress_error']:.1e}"
+    )
+
+
+def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> str:
+    """The stage that a walk goes on with; InputError if it has passed a stress, or heads elsewhere.
+
+    A walk that was at its end, or on its way to a stress, may be given higher ones later.
+    """
+    stage = str(study["stage"])
+    if stage in PREPARATION:
+        return stage
+    done = float(study.get("stress", -math.inf))
+    for name, path in files.items():
+        if float(name) <= done and not path.exists():
+            raise InputError(
+                f"{checkpoint}: {name} Pa lies below its present stress of {done:g} Pa; take "
+                "another folder"
+            )
+    ahead = [name for name in files if float(name) > done]
+    if stage == END:
+        return ahead[0] if ahead else END
+    if stage not in ahead:
+        raise InputError(
+            f"{checkpoint}: the walk is on its way to {stage} Pa; name this stress as well, or "
+            "take another folder"
+        )
+    return stage
+
+
+def resumed(checkpoint: Path, files: dict[str, Path], study: Study) -> Sample | None:
+    """The state that a walk goes on from, its stage in `study`; None where it is to begin.
+
+    `files` are those of the stresses by their names. InputError where the checkpoint or one of them
+    is of another study, or the walk is beyond a stress that it has not written.
+    """
+    if not checkpoint.exists():
+        return None
+    sample = read_sample(checkpoint)
+    study.refuse_other(sample.study, checkpoint)
+    sample.study["stage"] = goes_on(sample.study, files, checkpoint)
+    for path in filter(Path.exists, files.values()):
+        study.refuse_other(read_sample(path).study, path)
+    return sample
