@@ -107,7 +107,7 @@ def table_2(cases: list[Measures]) -> Table:
         columns += [[number(v) for v in f / 1e3], [number(v) for v in kappa]]
         if not m.case.is_crystal:
             header.append(f"share of the mode, {label}")
-            share = [] if m.standing is None else m.standing.share
+            share = np.empty(0) if m.standing is None else m.standing.share
             columns.append([f"{v:.2f}" for v in share])
     rows = [[(c[r : r + 1] or [""])[0] for c in columns] for r in range(len(columns[0]))]
     return Table("Table 2: resonant frequencies and wave numbers", header, rows)

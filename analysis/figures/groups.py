@@ -14,7 +14,14 @@ MARKERS = "o^vD<>p"
 """Of the frictions, in their order; crystals are squares."""
 SHADES = "#08306b", "#2258a0", "#4080b8", "#6a9a6a", "#b08a30", "#d07028", "#c04000"
 """From friction 0 to 0.4, darkest first: read in grey by the marker."""
-PAPER = {"marker": "*", "ls": "none", "ms": 10, "mfc": "none", "color": "k", "mew": 1.2}
+PAPER: dict[str, Any] = {
+    "marker": "*",
+    "ls": "none",
+    "ms": 10,
+    "mfc": "none",
+    "color": "k",
+    "mew": 1.2,
+}
 STRESS_MARKS = {1e4: "v", 1e5: "o", 1e6: "D", 1e7: "^"}
 
 

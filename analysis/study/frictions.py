@@ -69,6 +69,6 @@ def powers(rows: Iterable[Row], x: str, y: str) -> Powers | None:
     if not found:
         return None
     found.sort()
-    e, power, error, known, complete = zip(*found, strict=True)
+    voids, powers_, errors, all_known, complete = zip(*found, strict=True)
     whole = len(found) == len(FRICTIONS) and all(complete)
-    return Powers(np.array(e), np.array(power), np.array(error), all(known), whole)
+    return Powers(np.array(voids), np.array(powers_), np.array(errors), all(all_known), whole)

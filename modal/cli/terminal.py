@@ -40,7 +40,7 @@ COST = ("seconds", "peak_memory_bytes")
 Groups = dict[str, dict[str, Any]]
 
 
-def put(text: str, end: str = "\n") -> None:
+def put(text: object, end: str = "\n") -> None:
     """Print; once the reader, `head` for one, has seen enough, nowhere, and the work goes on."""
     try:
         print(text, end=end, flush=True)
