@@ -5,7 +5,7 @@ cd "$(dirname "$0")"
 usage() {
     cat <<'HELP'
 ./run_cases.sh [--case N ... | --all | --study] [--stage NAME] [-j N] [--from-scratch] [--spheres N]
-               [--report] [--slurm] [--dry-run | --status] [--help]
+               [--seed N] [--report] [--slurm] [--dry-run | --status] [--help]
   --case N ...    cases to run (default 2): 1-4 FCC (minutes), 5-32 random (hours)
   --all           the FCC cases 1 to 4
   --study         all 32 cases, their linear waves, and every table and figure of the study
@@ -14,6 +14,8 @@ usage() {
   --from-scratch  random cases start from a cloud, not from their committed samples
   --spheres N     a reduced study: random packings of N spheres, compressed without YADE, crystals
                   of 40 layers; its products have a folder of their own
+  --seed N        packings from another cloud, in a folder seed_N among the products, where the study
+                  finds them: how much samples differ (with --stage sample, no wave is needed)
   --report        the report of these cases, and a page of what made each product
   --slurm         every job is one of Slurm's (docs/workflow.md)
   --dry-run       list what would be made and what it may cost, make nothing
@@ -27,8 +29,8 @@ HELP
 }
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
 number() { [[ "${2:-}" =~ ^[1-9][0-9]{0,7}$ ]] || fail "$1 needs a number, for example $1 $3"; }
-stages=(state sample highest wave linear modes response density structure analysis)
-cases=() stage=analysis jobs='' options=() products=products slurm='' only=''
+stages=(state sample highest wave linear modes response density structure split analysis)
+cases=() stage=analysis jobs='' options=() products=products seed='' slurm='' only=''
 while [ $# -gt 0 ]; do
     case "$1" in
         --case) shift; [[ "${1:-}" =~ ^[0-9]+$ ]] || fail "--case needs a number, for example --case 2"
@@ -46,6 +48,7 @@ while [ $# -gt 0 ]; do
         --from-scratch) options+=(from_scratch=True) ;;
         --spheres) shift; number --spheres "${1:-}" 1000; products=products/${1}_spheres
             options+=("spheres=$1" preparation=modal crystal_layers=40) ;;
+        --seed) shift; number --seed "${1:-}" 2; seed=$1 ;;
         --slurm) slurm=slurm ;;
         --dry-run|--status) only=${1#--} ;;
         --help|-h) usage | sed "s/STAGES/${stages[*]}/"; exit 0 ;;
@@ -55,6 +58,7 @@ while [ $# -gt 0 ]; do
 done
 [ ${#cases[@]} -gt 0 ] || cases=(2)
 # nproc takes OMP_NUM_THREADS for the number of cores.
+[ -z "$seed" ] || { products+=/seed_$seed; options+=("seed=$seed"); }
 [ -n "$jobs" ] || jobs=$([ -n "$slurm" ] && echo 20 || env -u OMP_NUM_THREADS nproc)
 ./setup.sh --extra "${slurm:-workflow}" --without-yade
 python=.venv/bin/python

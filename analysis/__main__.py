@@ -97,8 +97,8 @@ def _parser() -> argparse.ArgumentParser:
     whole = command("study", "all cases of a folder: every table and figure, targets, one page")
     whole.add_argument("-o", "--output", default="results/study", metavar="DIR", help="to write to")
     whole.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="cases at a time")
-    text = "folders with the same cases of other seeds: the scatter of samples"
-    whole.add_argument("--seeds", nargs="+", default=[], metavar="DIR", help=text)
+    text = "folders with the same cases of other seeds, for the scatter of samples; default: seed_*"
+    whole.add_argument("--seeds", nargs="+", metavar="DIR", help=f"{text} in --products")
     text = "folders with states at 1 kPa, besides --products"
     whole.add_argument("--states", nargs="+", default=["results/samples"], metavar="DIR", help=text)
     text = "elastic moduli of packings, V_P and V_S by moduli, modes and the linear wave"
@@ -217,7 +217,8 @@ def _study(arguments: argparse.Namespace, argv: list[str]) -> None:
     if arguments.jobs < 1:
         raise InputError(f"-j {arguments.jobs}: at least one case at a time")
     folder, output = Path(arguments.products), Path(arguments.output)
-    for path in (folder, *map(Path, arguments.seeds)):
+    asked = sorted(folder.glob("seed_*")) if arguments.seeds is None else arguments.seeds
+    for path in (folder, *map(Path, asked)):
         if not path.is_dir():
             raise InputError(f"{path}: no such folder; give --products DIR")
     try:
@@ -226,7 +227,7 @@ def _study(arguments: argparse.Namespace, argv: list[str]) -> None:
             output,
             ["python", "-m", "analysis", *argv],
             jobs=arguments.jobs,
-            seeds=[Path(text) for text in arguments.seeds],
+            seeds=[Path(text) for text in asked],
             states=[Path(text) for text in arguments.states],
         )
     except OSError as error:
@@ -250,6 +251,8 @@ def _agreement(arguments: argparse.Namespace) -> None:
             print(f"note: {note}", file=sys.stderr)
     found = report(Agreement(network, run, within), **others)
     _show("\n".join(table_.markdown() for table_ in found), arguments.output)
+    if arguments.output:
+        found[0].write_csv(Path(arguments.output).with_suffix(".csv"))
 
 
 def _convergence(arguments: argparse.Namespace) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import re
 import resource
@@ -10,6 +11,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -57,6 +59,15 @@ def planned(folder: Path, *arguments: str, **settings: object) -> dict[str, int]
     return {rule: rules.count(rule) for rule in rules}
 
 
+def module(name: str) -> ModuleType:
+    """A module of the workflow, which is no package."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"workflow/{name}.py")
+    found = importlib.util.module_from_spec(spec)
+    sys.modules[name] = found
+    spec.loader.exec_module(found)
+    return found
+
+
 def test_a_crystal_needs_no_walk(study):
     jobs = planned(study, cases=[2])
     assert jobs == dict.fromkeys(jobs, 1)
@@ -99,6 +110,7 @@ def test_the_whole_study_walks_once_for_each_friction(study):
     # 1.5 s on a free core; the study as a whole is to be planned in 10.
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 10
     assert (jobs["crystal"], jobs["network"], jobs["yade_wave"]) == (4, 28, 32)
+    assert jobs["further_wave"] == 2  # of 100 kHz, where the crystal's own pulse is of 200 kHz
     assert (jobs["states"], jobs["committed_sample"], jobs["sample"]) == (5, 8, 20)
     jobs = planned(study, cases=ALL, stage="study", from_scratch=True)
     assert jobs["states"] + jobs["frictionless_states"] == 7
@@ -128,6 +140,36 @@ def test_the_compiled_twin_needs_yade_for_no_walk(study):
     assert "modal pack --friction 0.01 --spheres 1000 --width 4.4091 --seed 1" in twin
 
 
+def test_a_split_needs_six_further_waves(study):
+    jobs = planned(study, cases=[6], stage="split")
+    assert (jobs["yade_wave"], jobs["further_wave"], jobs["agreement"]) == (1, 6, 1)
+    assert "further_wave" not in planned(study, cases=[6], stage="analysis")
+
+
+def test_half_the_step_has_the_times_of_the_whole():
+    """As yade_scripts/wave.py chooses step, records and end, for steps short and long of 0.5 us."""
+    further_waves = module("further_waves")
+    arrival = 6e-4
+    for f_max in (1.4e5, 2.15e5, 4.5e5):
+        times = []
+        own = {"case": "6", "fraction": "0.2", "passage": "1.3"}
+        half = further_waves.table(own, "half_step", 2.5e-9)
+        for row in (own, dict(zip(*map(str.split, half), strict=True))):
+            step = float(row["fraction"]) / (math.pi * f_max)
+            every = max(1, int(float(row.get("interval", 5e-7)) / step))
+            steps = math.ceil(float(row["passage"]) * arrival / step) + 1
+            times.append([step * k for k in range(0, steps + 1, every)])
+        step = float(own["fraction"]) / (math.pi * f_max)
+        assert all(min(abs(t - own) for t in times[1]) < 1e-6 * step for own in times[0])
+
+
+def test_another_seed_takes_no_committed_sample_and_another_cloud(study):
+    jobs = planned(study, cases=[30], seed=2, stage="sample")
+    assert jobs == {"states": 1, "sample": 1, "network": 1}
+    own = planned(study, cases=[30], stage="sample")
+    assert own == {"committed_sample": 1, "network": 1}
+
+
 @pytest.fixture
 def made(study) -> Path:
     """Some cases with files of all products' names that Snakemake takes for its own."""
@@ -137,6 +179,7 @@ def made(study) -> Path:
         random = int(case[4:]) > 4
         own = ["sample", "density", "structure"] if random else ["translations.modes"]
         paths += [products / f"{case}.{kind}.h5" for kind in ("network", *OF_CASE, *own)]
+    paths += [products / "case03.100kHz.signals.h5"]
     for path in [*paths, products / "study/study.html"]:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -256,10 +299,7 @@ def test_help_names_every_stage_of_the_rules():
 
 def test_costs_of_a_rule_are_those_of_its_jobs(tmp_path):
     """The benchmarks that Snakemake writes: core-hours are their sum."""
-    spec = importlib.util.spec_from_file_location("cost", ROOT / "workflow/cost.py")
-    cost = importlib.util.module_from_spec(spec)
-    sys.modules["cost"] = cost
-    spec.loader.exec_module(cost)
+    cost = module("cost")
     for name, seconds, memory in (("case01", "1800.0", "50.5"), ("case02", "5400.0", "NA")):
         path = tmp_path / f"cost/yade_wave/{name}.tsv"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,8 @@ from cost import expected
 
 FULL = 35201
 """Spheres of a random packing of the study, and of its walks by YADE."""
+FIRST_SEED = 1
+"""Of the committed samples; a study of another seed makes its packings itself."""
 SAMPLES = Path("results/samples")
 CRYSTAL_KINDS = {
     "sample": ["network"],
@@ -58,6 +60,7 @@ class Study:
         self.rows = self.crystals | self.random
         self.cases = [f"case{int(case):02d}" for case in config["cases"]]
         self.reduced = config["spheres"] != FULL
+        self.another_seed = config["seed"] != FIRST_SEED
         for case in self.cases:
             if case not in self.rows:
                 raise ValueError(f"{case}: no line in cases/fcc.table or cases/random.table")
@@ -85,7 +88,8 @@ class Study:
 
     def committed(self, case: str) -> str | None:
         """The committed sample that a case starts from; not where it has a state of its own."""
-        if self.reduced or self.config["from_scratch"] or Path(self.state(case)).exists():
+        own = self.reduced or self.another_seed or self.config["from_scratch"]
+        if own or Path(self.state(case)).exists():
             return None
         path, row = SAMPLES / f"{case}.sample.h5", self.random[case]
         if not path.exists() or any(
@@ -117,8 +121,9 @@ class Study:
         """Command of a compression with friction, which keeps its states in walks/."""
         table, row, made = "cases/compressions.table", self.compressions[mu], ""
         walks = f"{self.folder}/walks"
-        if self.reduced:  # a line of its own in the place of the table's
+        if self.reduced or self.another_seed:  # a line of its own in the place of the table's
             row = row | {"spheres": str(self.config["spheres"]), "width": str(self.width(mu))}
+            row["seed"] = str(self.config["seed"])
             table = f"{walks}/mu{mu}.table"
             made = f"printf '%s\\n' '{' '.join(row)}' '{' '.join(row.values())}' > {table} && "
         if self.config["preparation"] == "yade":
@@ -130,7 +135,7 @@ class Study:
     def of_yade(self) -> set[str]:
         """Rules that need YADE."""
         walks = {"states"} if self.config["preparation"] == "yade" else set()
-        return {"crystal", "network", "yade_wave"} | walks
+        return {"crystal", "network", "yade_wave", "further_wave"} | walks
 
     def of_wave(self) -> str:
         """Environment of a YADE wave: the study's amplitude, and what the caller has set."""
@@ -157,6 +162,11 @@ class Study:
         """Files of these stages, of all cases."""
         return [path for case in self.cases for stage in stages for path in self.files(case, stage)]
 
+    def other_pulses(self) -> list[str]:
+        """Waves with the pulse of 100 kHz, of the cases whose own pulse is another."""
+        cases = (c for c in self.cases if float(self.rows[c]["input_frequency"]) != 1e5)
+        return [self.product(case, "100kHz.signals") for case in cases]
+
     def targets(self) -> list[str]:
         """What is asked for by the cases and the stage."""
         stage = self.config["stage"]
@@ -166,6 +176,8 @@ class Study:
             return [f"{self.folder}/report/report.html"]
         if stage == "study":
             return [f"{self.folder}/study/study.html", *self.whole("linear")]
+        if stage == "split":
+            return [f"{self.folder}/{case}.agreement.md" for case in self.cases]
         return self.whole(stage)
 
     def expected(self) -> dict[str, float]:

@@ -39,7 +39,7 @@ from analysis.study.tables import (
 )
 from analysis.study.targets import answers, targets, targets_seen
 from analysis.study.velocity_rules import table_of_biases, table_of_laws, velocities
-from analysis.table import Table
+from analysis.table import Table, read_csv
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError, write_text
 from modal.packing.plausibility import read_remarked
@@ -61,12 +61,14 @@ class Measured:
     provenance: list[list[str]] = field(default_factory=list)
 
 
-def measure(folder: Path, name: str) -> Measured:
-    """Measure one case and draw the panels of the figures that show it."""
+def measure(folder: Path, name: str, *, rows_alone: bool = False) -> Measured:
+    """Measure one case and, unless `rows_alone`, draw the panels of the figures that show it."""
     case = Case(name, folder)
     case.check()
     m = Measures(case)
     found = Measured(row_of(m))
+    if rows_alone:
+        return found
     for figure in wanted(found.row.number):
         try:
             found.panels[figure] = compose(figure, [m]).panels
@@ -80,16 +82,19 @@ def measure(folder: Path, name: str) -> Measured:
     return found
 
 
-def measure_all(folder: Path, names: list[str], jobs: int) -> tuple[list[Measured], list[str]]:
+def measure_all(
+    folder: Path, names: list[str], jobs: int, *, rows_alone: bool = False
+) -> tuple[list[Measured], list[str]]:
     """All cases in their order, and one line for each that cannot be read."""
     found: list[Measured] = []
     failed: list[str] = []
+    one = partial(measure, folder, rows_alone=rows_alone)
     if jobs > 1 and len(names) > 1:
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            waiting = [pool.submit(measure, folder, name) for name in names]
+            waiting = [pool.submit(one, name) for name in names]
             results: list[Callable[[], Measured]] = [future.result for future in waiting]
             return _collect(names, results, found, failed)
-    return _collect(names, [partial(measure, folder, name) for name in names], found, failed)
+    return _collect(names, [partial(one, name) for name in names], found, failed)
 
 
 def _collect(
@@ -129,6 +134,16 @@ def states_at_1_kpa(folders: list[Path]) -> dict[float, Row]:
     return found
 
 
+def splits(folder: Path) -> dict[str, Table]:
+    """What the differences between YADE and the linear wave come from, of cases that were split."""
+    found = {}
+    for path in sorted(folder.glob("case??.agreement.csv")):
+        name = path.name.split(".")[0]
+        title = f"YADE against the linear wave by cause, {name}"
+        found[f"split_{name}"] = read_csv(path, title)
+    return found
+
+
 def study(
     folder: Path,
     output: Path,
@@ -153,9 +168,8 @@ def study(
     rows = [one.row for one in found]
     others: list[Row] = []
     for other in seeds or []:
-        more, lost = measure_all(
-            other, [n for n in names_in(other) if _has_packing(other, n)], jobs
-        )
+        twins = [name for name in names_in(other) if _has_packing(other, name)]
+        more, lost = measure_all(other, twins, jobs, rows_alone=True)
         others += [one.row for one in more]
         failed += lost
     at_1_kpa = states_at_1_kpa([folder, *(states or [])])
@@ -175,6 +189,7 @@ def study(
         "energy": table_of_energy(rows),
         "scattering": table_of_scattering(rows),
         "choices": table_of_choices({x.row.label: x.choices for x in found if x.choices}),
+        **splits(folder),
     }
     for name, table in tables.items():
         if table.rows:
@@ -182,6 +197,7 @@ def study(
     panels = {one.row.number: one.panels for one in found if one.row.number is not None}
     figures, absent = arrange(panels, rows, output)
     missing = [n for n in CASES if n not in {row.number for row in rows}]
+    failed = [text.replace(f"{folder}/", "") for text in failed]
     sections = [
         Section("Summary", summary(rows, found_of_targets, missing, failed)),
         Section("Targets", table_html(targets_seen(found_of_targets), words=True)),
@@ -199,7 +215,8 @@ def study(
     sections.append(Section("Provenance", details))
     above = (
         "<p>After Otsubo, O'Sullivan, Hanley and Sim, Granular Matter 19:50 (2017). Each number's "
-        "file names its columns; ± is the error of the estimator and of the choice of the chain. "
+        "file names its columns; ± is the error of the estimator and of the choice of the chain, "
+        "in figures and targets the scatter of samples where that is known and larger. "
         "YADE is the recorded run; linear, the wave of its network's springs.</p>"
         + made_by(shown(command))
     )
