@@ -122,7 +122,7 @@ run || status=$?
 if [[ $status != 130 && ( $stage = analysis || $stage = report ) ]]; then
     for n in "${cases[@]}"; do cat "$(printf '%s/report/case%02d.txt' "$products" "$n")" 2> /dev/null || true; done
 fi
-"$python" workflow/cost.py "$products"
+[ ! -d "$products/cost" ] || "$python" workflow/cost.py "$products"
 if [[ $status = 0 && ( $stage = report || $stage = study ) ]]; then
     mkdir -p "$products/report"
     study --cores 1 --report "$products/report/workflow.html" || status=$?

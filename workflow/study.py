@@ -15,7 +15,9 @@ from shlex import quote
 from typing import Any
 
 import h5py
+import yaml
 from cost import expected
+from jsonschema import Draft202012Validator
 
 FULL = 35201
 """Spheres of a random packing of the study, and of its walks by YADE."""
@@ -50,6 +52,7 @@ class Study:
     """The cases of a study with its settings; ValueError where they do not fit together."""
 
     def __init__(self, config: Mapping[str, Any]) -> None:
+        check(config)
         self.config = config
         self.folder = config["products"]
         self.crystals, self.random = (
@@ -198,6 +201,15 @@ class Study:
         if not hasattr(self, "_costs"):
             self._costs = expected(Path(self.folder), self.config["spheres"] / FULL)
         return self._costs
+
+
+def check(config: Mapping[str, Any]) -> None:
+    """ValueError, in one line, where settings are not as study.schema.yaml says."""
+    path = Path(__file__).with_name("study.schema.yaml")
+    schema = Draft202012Validator(yaml.safe_load(path.read_text()))
+    for error in schema.iter_errors(config):
+        name = ".".join(str(part) for part in error.path) or "settings"
+        raise ValueError(f"{name}: {error.message}; workflow/{path.name} says what may stand there")
 
 
 @cache

@@ -203,6 +203,8 @@ def _reason(text: str) -> str:
     """Why a job runs, in few words."""
     if text.startswith("Missing output"):
         return "is missing"
+    if text.startswith("Forced execution"):  # run_cases.sh asks for what is stale
+        return "was made otherwise; --status says how"
     return text.split(";")[0].split("\n")[0][:SHOWN]
 
 
