@@ -27,16 +27,20 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
     return f"{rounded / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
 
 
-def quantities(values: Sequence[float], unit: str, digits: int = 4) -> str:
+def quantities(
+    values: Sequence[float], unit: str, digits: int = 4, *, prefixed: bool = True
+) -> str:
     """Numbers with the one prefix that suits the largest, and as many decimals as that one has.
 
     >>> quantities([99976.5, 100012.3, 3.2], "Pa")
     '100.0, 100.0, 0.0 kPa'
+    >>> quantities([2782.1, 549.04], "m/s", prefixed=False)
+    '2782, 549 m/s'
     """
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0:
         return ", ".join(f"{value:g}" for value in values) + f" {unit}"
-    power = _power(float(f"{largest:.{digits}g}"))
+    power = _power(float(f"{largest:.{digits}g}")) if prefixed else 0
     scaled = [value / 10.0**power for value in values]
     decimals = max(0, digits - 1 - math.floor(math.log10(float(f"{largest:.{digits}g}")) - power))
     # Added to zero, a number that is rounded to -0 is 0.

@@ -13,6 +13,7 @@ from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
 from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import contacts_per_particle, profile, summary, write_profile
+from modal.preparation.protocol import PREPARATION
 
 GROUPS = {
     "packing": ("particles", "contacts", "wall_contacts", "length_m", "degrees_of_freedom"),
@@ -31,7 +32,8 @@ GROUPS = {
 """Titles for people and what stands under them; the rest is about contacts and the file."""
 NOTES_IN = {"stress": "pa", "young": "pa", "density": "kg_per_m3", "seconds": "s"}
 """Units of notes that do not carry them in their names."""
-OF_STAGE = re.compile(r"(steps|seconds|contacts)_(\w+)")
+FIRST_STAGES = ("cloud", *PREPARATION)
+OF_STAGE = re.compile(rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|[\d.e+]+)")
 """Notes that a compression leaves of each of its stages."""
 
 
@@ -80,14 +82,24 @@ def shown(result: dict[str, Any]) -> Groups:
         if of_stage := OF_STAGE.fullmatch(name):
             what, stage = of_stage.groups()
             unit = "s" if what == "seconds" else what
-            label = quantity(float(stage), "Pa") if stage.isdigit() else stage
-            stages.setdefault(label, {})[what] = f"{float(text):,.0f} {unit}"
+            stages.setdefault(stage, {})[what] = f"{float(text):,.0f} {unit}"
         elif name not in result and name not in ("stress_xx", "stress_yy", "stress_zz"):
             notes[f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name] = _as_number(text)
     if stages:
-        notes["stages"] = {stage: ", ".join(said.values()) for stage, said in stages.items()}
+        walked = [(_stress_of(stage), stage) for stage in stages]
+        notes["stages"] = {
+            quantity(stress, "Pa") if stress > 0 else stage: ", ".join(stages[stage].values())
+            for stress, stage in sorted(walked)
+        }
     groups["notes of the file"] = notes
     return groups
+
+
+def _stress_of(stage: str) -> float:
+    """The stress, Pa, that a stage of a compression leads to; below zero before the first."""
+    if stage in FIRST_STAGES:
+        return FIRST_STAGES.index(stage) - len(FIRST_STAGES)
+    return float(stage)
 
 
 def _as_number(text: str) -> int | float | str:

@@ -24,6 +24,18 @@ UNITS = {
     "_s": "s",
 }
 """End of a name and what it is measured in; longer ends first."""
+LABELS = {
+    "products_with_k": "products with K",
+    "f_low_pass": "low-pass frequency",
+    "p_wave_resonances": "P-wave resonances",
+    "largest_off_diagonal_stress": "largest off-diagonal stress",
+    "particles_with_0_1_2_contacts": "particles with 0, 1, 2 contacts",
+    "mu_comp": "friction of the compression",
+    "mu_wave": "friction of the wave",
+    "young": "Young's modulus",
+    "poisson": "Poisson's ratio",
+}
+"""Names that do not read well with blanks for underscores."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s")
 FREQUENCY_DIGITS = 6
 """Of frequencies, which are the results with the most certain digits; others have four."""
@@ -92,8 +104,9 @@ def label_and_unit(name: str) -> tuple[str, str]:
     """A name as people read it, and the unit of its values; "" where they have none."""
     for end, unit in UNITS.items():
         if name.endswith(end):
-            return name.removesuffix(end).replace("_", " "), unit
-    return name.replace("_", " "), ""
+            name = name.removesuffix(end)
+            return LABELS.get(name, name.replace("_", " ")), unit
+    return LABELS.get(name, name.replace("_", " ")), ""
 
 
 def _lines(value: Any, unit: str) -> list[str]:
@@ -160,9 +173,10 @@ def _numbers(values: list[float], unit: str) -> str:
     if len(values) > 2 * LONG:
         ends = [_numbers(part, unit) for part in (values[:LONG], values[-LONG:])]
         return f"{ends[0]} ... {ends[1]}, {len(values)} in all"
-    if not unit or unit in WITHOUT_PREFIX:
-        shown = (f"{v:,}" if isinstance(v, int) else f"{v:.4g}" for v in values)
-        return ", ".join(shown) + f" {unit}" * bool(unit)
+    if not unit:
+        return ", ".join(f"{v:,}" if isinstance(v, int) else f"{v:.4g}" for v in values)
+    if unit in WITHOUT_PREFIX:
+        return quantities(values, unit, prefixed=False)
     digits = FREQUENCY_DIGITS if unit == "Hz" else 4
     if len(values) == 1:
         return quantity(values[0], unit, digits)

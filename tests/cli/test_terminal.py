@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import modal
+from modal.cli.info import shown
 from modal.cli.main import COMMANDS, main, parser
-from modal.cli.terminal import page
+from modal.cli.terminal import label_and_unit, page
 from modal.display import PREFIXES, quantities
 from modal.packing.network_file import write_network
 
@@ -110,7 +111,7 @@ def test_info_in_groups_has_what_json_has(crystal, capsys):
     assert re.search("^ +stress +100 kPa$", notes, re.MULTILINE)
     # Every name of the result is in the page, once.
     for name in set(told) - {"study", "seconds", "peak_memory_bytes"}:
-        label = re.sub("_(pa|m|kg_per_m3)$", "", name).replace("_", " ")
+        label = re.escape(label_and_unit(name)[0])
         assert len(re.findall(rf"^ +{label}(?:  |$)", out, re.MULTILINE)) == 1, name
 
 
@@ -150,6 +151,23 @@ def test_named_values_texts_and_what_is_absent():
         "             a remark that is as long as a remark about a network tends to be, or longer",
         "0.25 s, at most 2 GB of memory",
     ]
+
+
+def test_names_and_velocities_for_people():
+    assert label_and_unit("largest_off_diagonal_stress_pa") == ("largest off-diagonal stress", "Pa")
+    assert label_and_unit("wall_stress_pa") == ("wall stress", "Pa")
+    assert label_and_unit("products_with_k") == ("products with K", "")
+    # Velocities have no prefix, and equal decimals.
+    assert page({"velocity_m_per_s": [782.1, 549.0]}) == "velocity  782.1, 549.0 m/s"
+
+
+def test_stages_of_a_compression_stand_in_their_order():
+    names = ("100000", "1e+07", "jam", "cool", "cloud", "approach", "1000")
+    study = {f"steps_{name}": "12000" for name in names} | {"seconds_in_all": "3.0"}
+    notes = shown({"study": study})["notes of the file"]
+    order = ["cloud", "approach", "cool", "jam", "1 kPa", "100 kPa", "10 MPa"]
+    assert list(notes["stages"]) == order and set(notes["stages"].values()) == {"12,000 steps"}
+    assert notes["seconds_in_all"] == 3.0
 
 
 def test_a_reader_that_has_seen_enough_is_no_error():
