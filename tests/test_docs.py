@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -35,6 +36,8 @@ def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # What pages call the reader's own.
     write_network("mine.network.h5", modal.fcc(cells=(2, 2, 12)))
+    if page.name == "worked_packings.md":
+        shutil.copytree(ROOT / "examples/packings", tmp_path, dirs_exist_ok=True)
     names = {}
     for kind, text in blocks(page):
         if kind == "python":

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import program_files
 import pytest
-from places import DATA
+from places import PACKINGS
 from program_files import PAIR, respelt, sorted_ends
 
 import modal
@@ -184,7 +184,7 @@ def test_mercury_gives_the_frequencies_of_its_chains(tmp_path, capsys):
 
     A chain of n masses, fixed at one end: 2 sqrt(k / m) sin((2 j - 1) pi / (4 n + 2)) / (2 pi).
     """
-    file = DATA / "mercury_CubicPacking.restart"
+    file = PACKINGS / "mercury_CubicPacking.restart"
     told = imported(capsys, file, "-o", tmp_path / FILE)
     assert (told["spheres"], told["contacts"], told["wall_contacts"]) == (125, 125, 25)
     frequency = modal.eigenmodes(read_network(tmp_path / FILE), all=True).frequency
@@ -222,7 +222,7 @@ def test_mercury_of_the_older_format(tmp_path, capsys):
 
 def mercury(tmp_path: Path, old: str, new: str) -> Path:
     path = tmp_path / "spoilt.restart"
-    text = (DATA / "mercury_CubicPacking.restart").read_text()
+    text = (PACKINGS / "mercury_CubicPacking.restart").read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
     return path
