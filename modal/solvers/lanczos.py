@@ -25,6 +25,8 @@ TOLERANCE = 1e-10
 of A for the highest modes. The error of omega^2 - sigma, or omega^2, is then no larger relative to
 it. After solves the residual of A, which a `ModeSet` states, may be |A| / omega^2 times as large;
 it was 50 times for the lowest 100 of 35,201 spheres."""
+BASIS = 1.5
+"""Vectors of the basis for each mode that is asked for, besides some blocks."""
 WIDTH_ABOVE = 4
 """Columns of a block from the top, where products cost less than the basis."""
 ROOM = 4
@@ -142,43 +144,20 @@ def modes_nearest(
 ) -> Nearest:
     """The `count` eigenpairs of A nearest `sigma`, of which those that converged are marked.
 
-    `solve` applies (A - sigma)^-1 to a block (size, k). The basis grows to 5 `count` + 40 `BLOCK`
-    vectors at most; what has not converged by then is returned as it is.
+    `solve` applies (A - sigma)^-1 to a block (size, k). After 5 `count` + 40 `BLOCK` solves at
+    most, what has not converged is returned as it is.
     """
-    free = held.free
-    width = min(BLOCK, max(1, free // 8))
-    limit = min(5 * count + 40 * BLOCK, free)
-    basis = np.empty((size, limit + width), order="F")
-    projected = np.zeros((limit + width, limit + width))
-    basis[:, :width] = _orthonormal(
-        start_block(size, width, held.found.shape[1]), basis[:, :0], held
-    )[0]
-    dimension = width
-    look = 2 * count
-    for _ in progress(limit // width, "Lanczos"):
-        last = slice(dimension - width, dimension)
-        block, within, coupling = _orthonormal(solve(basis[:, last]), basis[:, :dimension], held)
-        projected[last, :dimension] = within.T
-        full = dimension + width > limit
-        # The small eigenproblem is not free: every missing mode will need more than one vector.
-        if dimension >= look or full:
-            inverse, vector = eigh(
-                projected[:dimension, :dimension], driver="evd", check_finite=False
-            )
-            chosen = np.argsort(-abs(inverse), kind="stable")[:count]
-            residual = np.linalg.norm(coupling @ vector[-width:, chosen], axis=0)
-            converged = residual <= TOLERANCE * abs(inverse[chosen])
-            if converged.all() or full:
-                break
-            look = dimension + max(width, 1.5 * (count - converged.sum()))
-        basis[:, dimension : dimension + width] = block
-        dimension += width
-    square = sigma + 1 / inverse[chosen]
-    order = np.argsort(square)
-    mixing = vector[:, chosen[order]]
-    _combine(basis, mixing)
-    basis.resize((size, len(order)), refcheck=False)  # gives the rest back without a copy
-    return Nearest(square[order], basis, converged[order], dimension)
+    return _largest(
+        solve,
+        size,
+        count,
+        held,
+        width=min(BLOCK, max(1, held.free // 8)),
+        limit=int(BASIS * count) + 10 * BLOCK,
+        most=5 * count + 40 * BLOCK,
+        rank=np.abs,
+        square=lambda inverse: sigma + 1 / inverse,
+    )
 
 
 def modes_from_top(
@@ -187,42 +166,79 @@ def modes_from_top(
     """The `count` largest eigenpairs of A, of which those that converged are marked.
 
     `apply` multiplies a block (size, k) by A; about `most` columns are multiplied at most. More
-    than `ROOM` times `count` dimensions must be free. When the basis is full, the iteration
-    restarts with the best vectors of the old basis (thick restart: K. Wu and H. Simon, SIAM J.
-    Matrix Anal. Appl. 22, 602, 2000).
+    than `ROOM` times `count` dimensions must be free.
     """
-    width = min(WIDTH_ABOVE, count)
-    limit = min(3 * count + 40, held.free)
-    kept = (limit + count) // 3
+    return _largest(
+        lambda block: apply(np.ascontiguousarray(block)),
+        size,
+        count,
+        held,
+        width=min(WIDTH_ABOVE, count),
+        limit=3 * count + 40,
+        most=most,
+        rank=np.positive,
+        square=np.positive,
+    )
+
+
+def _largest(
+    apply: Callable[[Floats], Floats],
+    size: int,
+    count: int,
+    held: Held,
+    *,
+    width: int,
+    limit: int,
+    most: int,
+    rank: Callable[[Floats], Floats],
+    square: Callable[[Floats], Floats],
+) -> Nearest:
+    """The `count` eigenpairs of a symmetric operator whose eigenvalues `rank` highest.
+
+    `apply` takes blocks (size, `width`), about `most` columns in all; `square` gives the omega^2 of
+    eigenvalues. When the basis has `limit` vectors, the iteration restarts with the best
+    combinations of them (thick restart: K. Wu and H. Simon, SIAM J. Matrix Anal. Appl. 22, 602,
+    2000). A basis of all free directions needs none.
+    """
+    limit = min(limit, held.free)
+    kept = (limit + count) // 2
     basis = np.empty((size, limit + width), order="F")
     projected = np.zeros((limit + width, limit + width))
     start = start_block(size, width, held.found.shape[1])
     basis[:, :width] = _orthonormal(start, basis[:, :0], held)[0]
-    dimension, anew, look = width, False, 2 * count + width
+    dimension, anew, look = width, False, 2 * count
     for step in progress(most // width + 2, "Lanczos"):
         last = slice(dimension - width, dimension)
-        block = apply(np.ascontiguousarray(basis[:, last]))
+        block = apply(basis[:, last])
         block, within, coupling = _orthonormal(block, basis[:, :dimension], held, anew=anew)
         projected[last, :dimension] = within.T
         anew, full, spent = False, dimension + width > limit, (step + 1) * width
-        if dimension >= look or full or spent >= most:
-            square, vector = eigh(projected[:dimension, :dimension], check_finite=False)
-            best = square[-count:]
-            residual = np.linalg.norm(coupling @ vector[-width:, -count:], axis=0)
-            converged = residual <= TOLERANCE * abs(best)
-            if converged.all() or spent >= most:
+        ended = spent >= most or (full and limit == held.free)
+        # The small eigenproblem is not free: every missing mode will need more than one vector.
+        if dimension >= look or full or ended:
+            value, vector = eigh(
+                projected[:dimension, :dimension], driver="evd", check_finite=False
+            )
+            best = np.argsort(-rank(value), kind="stable")
+            chosen = best[:count]
+            residual = np.linalg.norm(coupling @ vector[-width:, chosen], axis=0)
+            converged = residual <= TOLERANCE * abs(value[chosen])
+            if converged.all() or ended:
                 break
-            look = dimension + (limit - kept) // 3
-        if full:
-            _combine(basis[:, :dimension], vector[:, -kept:])
-            projected[:] = 0
-            projected[range(kept), range(kept)] = square[-kept:]
-            dimension, anew = kept, True
-            look = 0
+            if full:
+                best = best[:kept]
+                _combine(basis[:, :dimension], vector[:, best])
+                projected[:] = 0
+                projected[range(kept), range(kept)] = value[best]
+                dimension, anew = kept, True
+            look = dimension + max(width, 1.5 * (count - converged.sum()))
         basis[:, dimension : dimension + width] = block
         dimension += width
-    _combine(basis[:, :dimension], vector[:, -count:])
-    return Nearest(best, basis[:, :count].copy(order="F"), converged, spent)
+    found = square(value[chosen])
+    order = np.argsort(found)
+    _combine(basis[:, :dimension], vector[:, chosen[order]])
+    basis.resize((size, count), refcheck=False)  # gives the rest back without a copy
+    return Nearest(found[order], basis, converged[order], spent)
 
 
 def _combine(basis: Floats, mixing: Floats) -> None:

@@ -24,6 +24,7 @@ from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.progress import progress
+from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import GrowthError, largest_growth, norm, top_of_spectrum, wider_top
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal
@@ -285,4 +286,4 @@ def carried(
 
     rows, top, products = moments_within_spectrum(operator, start, receivers, count_for)
     time, coefficient, truncation = planned[top]
-    return time, coefficient.T @ rows, products, truncation
+    return time, same_bits_product(coefficient.T, rows), products, truncation

@@ -25,6 +25,7 @@ from modal.formats.arrays import Complex, Floats, Ints
 from modal.formats.hdf5 import InputError, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
+from modal.solvers.same_bits import same_bits_product
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
 from modal.waves.propagate import moments_within_spectrum
@@ -159,7 +160,8 @@ def frequency_response(
         part = slice(first, first + CHUNK)
         power = np.exp(-np.log(w[part])[:, None] * order)
         # A - s = top / 2 (X - z), hence the sign.
-        value[part] = (-8 / top / (w[part] - 1 / w[part]))[:, None] * (power @ rows)
+        scale = -8 / top / (w[part] - 1 / w[part])
+        value[part] = scale[:, None] * same_bits_product(power, rows)
     c, nl = 2 + len(receivers.chain), len(receivers.layers.position)
     return Response(
         frequency=frequency,

@@ -77,6 +77,35 @@ def test_threads_change_no_bit():
     assert done.returncode == 0, done.stderr
 
 
+WHOLE = """
+import hashlib
+import numpy as np
+import modal
+network = modal.fcc(cells=(5, 5, 210))
+wave = modal.propagate(network, 2e-4).signals
+gain = modal.frequency_response(network, highest=5e4, resolution=2e3)
+found = (wave.chain_displacement, wave.layer_displacement, wave.receiver_stress)
+found += (gain.source_stress, gain.chain_displacement)
+print(hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in found)).hexdigest())
+"""
+
+
+def test_a_wave_and_a_response_have_the_same_bits_with_one_thread_and_with_three():
+    """5,250 spheres, enough for threads; the products of matrices at the end are BLAS's."""
+    pytest.importorskip("numba")
+    told = set()
+    for threads in ("1", "3"):
+        names = ("OMP", "OPENBLAS", "NUMBA", "MKL")
+        environment = os.environ | {f"{name}_NUM_THREADS": threads for name in names}
+        environment["PYTHONPATH"] = str(ROOT)
+        done = subprocess.run(
+            [sys.executable, "-c", WHOLE], cwd=ROOT, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        told.add(done.stdout)
+    assert len(told) == 1 and len(told.pop()) > 32
+
+
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @pytest.mark.parametrize("slabs", [1, 16])
 def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, monkeypatch):

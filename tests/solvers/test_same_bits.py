@@ -1,0 +1,27 @@
+"""Products of matrices in blocks, against the product at once."""
+
+import numpy as np
+import pytest
+
+from modal.solvers import same_bits
+from modal.solvers.same_bits import same_bits_product
+
+EPS = np.finfo(float).eps
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (7, 9, 5), (20, 12, 40), (41, 1030, 23), (0, 3, 4)])
+@pytest.mark.parametrize("kind", [float, complex])
+def test_blocks_make_the_whole_product(shape, kind, monkeypatch):
+    """Some blocks are cut short; sums of k terms err by k roundings at most."""
+    t, k, r = shape
+    rng = np.random.default_rng(t)
+    a, b = rng.standard_normal((k, t)).T.astype(kind), rng.standard_normal((k, r))
+    if kind is complex:
+        a = a + 1j * rng.standard_normal((t, k))
+    found = same_bits_product(a, b)
+    assert found.dtype == kind
+    assert (abs(found - a @ b) <= 2 * k * EPS * (abs(a) @ abs(b))).all()
+
+
+def test_blocks_are_small_enough_for_one_thread():
+    assert same_bits.ACROSS**2 * same_bits.DEEP <= 2**18
