@@ -2,14 +2,13 @@
 
 The number of moments follows from the resolution, the number of vectors from the tolerance. The
 error is the largest distance of the number of modes below a frequency from the exact one, over all
-modes. The peer is an exact count at a few frequencies. The same number of moments
-of the exact spectrum, smoothed by the same kernel, tells the kernel's share from the vectors'.
+modes. The same number of moments of the exact spectrum, smoothed by the same kernel, tells the
+kernel's share from the vectors'. What exact counts cost: `python -m benchmarks scaling`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,10 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import KnownPacking
 from benchmarks.harness.report import Page, Rows
-from modal.modes.counts import count_below
 from modal.modes.density import DensityOfStates, density_of_states
-from modal.modes.problem import Eigenproblem
 from modal.packing.network_file import read_network
 
-TITLE = "Density of states: moments and random vectors against exact counts"
+TITLE = "Density of states: moments and random vectors"
 SPHERES = {True: 250, False: 700}
 RESOLUTIONS = {True: (2e4, 5e3), False: (4e4, 2e4, 1e4, 5e3, 2e3, 1e3)}
 """Full width of a mode, Hz: the number of moments is inversely proportional to it."""
@@ -32,7 +29,6 @@ TOLERANCES = {True: (1e-2, 2e-3), False: (4e-3, 2e-3, 1e-3, 7e-4)}
 """Wanted standard error of a count over all modes: sets the number of vectors."""
 TOLERANCE = {True: 2e-3, False: 1e-3}
 """While the resolution varies; the default of `modal density`."""
-COUNTS = 12
 
 
 def states(path: str, resolution: float, tolerance: float) -> Callable[[], int]:
@@ -40,19 +36,6 @@ def states(path: str, resolution: float, tolerance: float) -> Callable[[], int]:
     network = read_network(path)
     density_of_states(network, resolution=1e5, tolerance=0.1)  # compiles; finds floppy modes
     return lambda: density_of_states(network, resolution=resolution, tolerance=tolerance).products
-
-
-def counts(path: str, at: list[float]) -> Callable[[], list[int]]:
-    """Task: exact counts by inertia."""
-    network = read_network(path)
-    problem = Eigenproblem.of(network)
-    count_below(problem, at[0])  # loads the back end
-
-    def action() -> list[int]:
-        fresh = Eigenproblem.of(replace(network))
-        return [count_below(fresh, f) for f in at]
-
-    return action
 
 
 def smoothed(exact: np.ndarray, found: DensityOfStates) -> DensityOfStates:
@@ -91,7 +74,7 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
 
 
 def run(quick: bool, folder: Path) -> Page:
-    """Resolutions at one tolerance, tolerances at the finest resolution, and exact counts."""
+    """Resolutions at one tolerance, then tolerances at the finest resolution."""
     packing, times = KnownPacking.of(SPHERES[quick], folder), 1 if quick else 3
     path, problem = str(packing.path), packing.problem
     exact, floppy = packing.exact, packing.floppy
@@ -113,7 +96,6 @@ def run(quick: bool, folder: Path) -> Page:
                 **cost.cost,
             }
         )
-    rows.append(peer(path, exact, times))
     task = (
         f"A {packing} and split off. `error` is the largest error of the number of modes below a "
         "frequency, over all modes; `error_of_kernel` what exact moments would have with the same "
@@ -121,14 +103,6 @@ def run(quick: bool, folder: Path) -> Page:
     )
     figure = diagram.work_precision(rows, {"error": "error of a count over all modes (-)"})
     return Page(TITLE, task, {"density": rows}, notes(rows), {"density": figure})
-
-
-def peer(path: str, exact: np.ndarray, times: int) -> dict[str, Any]:
-    """Exact counts, between which nothing is known."""
-    at = np.linspace(0, exact[-1], COUNTS + 2)[1:-1]
-    counted = measured("benchmarks.density:counts", times=times, path=path, at=at.tolist())
-    wrong = abs(np.array(counted.value) - np.searchsorted(exact, at)).max() / len(exact)
-    return {"method": f"{COUNTS} exact counts", "error": float(wrong), **counted.cost}
 
 
 def knee(rows: Rows) -> dict[str, Any]:

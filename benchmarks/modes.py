@@ -171,14 +171,6 @@ def notes(rows: Rows) -> list[str]:
         if row.get("failure"):
             zero = f"lists {row['zero_modes']:.0f} floppy modes; " if row.get("zero_modes") else ""
             said.append(f"{row['method']}, {row['setting']}: {zero}{row['failure']}.")
-    floppy = max(row["zero_modes"] for row in known)
-    loose = [row for row in known if row["zero_modes"] not in (0, floppy)]
-    if loose:
-        said.append(
-            f"Of {floppy:.0f} zero modes {len(loose)} runs of eigsh list only some, "
-            + ", ".join(f"{row['zero_modes']:.0f} ({row['setting']})" for row in loose)
-            + ": a single start vector need not see all modes of one frequency."
-        )
     for name in dict.fromkeys(row["method"] for row in known[1:]):
         last = [row for row in known if row["method"] == name][-1]
         said.append(

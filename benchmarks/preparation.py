@@ -1,14 +1,16 @@
-"""What each digit of a sample's state costs: stop criteria of YADE, and the minimiser beside it.
+"""What each digit of a sample's state costs: stop criteria of the motion, and the minimiser.
 
 A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
 from the same run; how far the state still moves after it is its error. Without friction the
-minimiser, from the same dense packing, stands beside YADE.
+minimiser, from the same dense packing, stands beside it. The motion is modal's own, whose steps are
+YADE's (`tests/preparation/test_dynamics.py`).
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,14 +18,18 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import diagram, yade
+from benchmarks.harness import diagram
+from benchmarks.harness.measure import measured
 from benchmarks.harness.report import Page, Rows
 from modal.packing.sample import Sample, read_sample, write_sample
+from modal.preparation import protocol
+from modal.preparation.compress import Pace
+from modal.preparation.dynamics import Dynamics
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_sample
 from modal.preparation.relax import balance_of
 
-TITLE = "Sample preparation: error of the state against seconds, in YADE and by the minimiser"
+TITLE = "Sample preparation: error of the state against seconds, in motion and by the minimiser"
 SPHERES = {True: 120, False: 500}
 ASPECT = 2.5
 """Length over width."""
@@ -47,13 +53,23 @@ END = "end of the run"
 BUYS = 1.5
 """A criterion three times tighter that lowers the error by less than this buys nothing."""
 BY_MINIMISER = "no friction, 1 MPa to 100 kPa by the minimiser"
-BY_YADE = "no friction, the same by YADE"
+IN_MOTION = "no friction, the same by the servo"
+CHECK = 50
+"""Steps between two looks."""
+LONGEST = 100_000
+"""Steps after which a packing that does not jam is given up."""
+JAMMED, JAM_ERROR = 3.7, 0.1
+"""Coordination number and relative stress error from which the packing counts as jammed."""
+JAM_PATIENCE = 3000
+"""Steps after the stress was first met at which damping sets in although spheres still move."""
 ERRORS = {
     "error_e": "error of e (-)",
     "error_Z": "error of Z (-)",
     "stress_error": "stress error (-)",
 }
-Trace = dict[str, np.ndarray]
+COLUMNS = ("step", "seconds", "e", "Z", "stress_error", "unbalanced")
+Trace = dict[str, Any]
+"""How a run's state changed, by column."""
 
 
 def loose_spheres(spheres: int, friction: float, seed: int) -> Sample:
@@ -66,16 +82,66 @@ def loose_spheres(spheres: int, friction: float, seed: int) -> Sample:
     return replace(sample, **places, friction=friction)
 
 
-def compress(
-    folder: Path, start: Sample, inertial_number: float, steps: int
-) -> tuple[Trace, Sample, float]:
-    """How one run's state changed, by column; its end; and its peak memory, MB."""
-    before, end = folder / "start.sample.h5", folder / "end.sample.h5"
-    write_sample(before, start)
-    setting = {"stress": STRESS, "inertial_number": inertial_number, "steps": steps}
-    run = yade.measured("compress", folder, sample=str(before), output=str(end), **setting)
-    trace = {name: np.array(column) for name, column in run.value.items()}
-    return trace, read_sample(end), run.peak_mb
+def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
+    """Task: spheres driven to the stress, hardly damped until they jam; how their state changes.
+
+    `yade_scripts/compress.py` for a single stress, without its rest at constant volume; ends
+    `steps` after jamming.
+    """
+    sample = read_sample(path)
+    Dynamics(sample).step(1e-12)  # compiles
+
+    def action() -> Trace:
+        motion = Dynamics(sample, protocol.AGITATED_DAMPING)
+        control = protocol.Servo(STRESS, inertial_number)
+        pace, started = Pace(motion, control), time.process_time()
+        trace: Trace = {name: [] for name in COLUMNS}
+        interval = protocol.duration(protocol.CONTROL, STRESS)
+        every = protocol.steps_of(interval, protocol.time_step(STRESS))
+        met = jammed = 0
+        while pace.steps < LONGEST and not (jammed and pace.steps - jammed >= steps):
+            above = protocol.ABOVE * control.stress.mean()
+            pace.walk(CHECK, protocol.time_step(max(STRESS, above)), every)
+            if not met and control.stress.mean() > STRESS:
+                met = pace.steps
+            held, error = motion.coordination_number(), control.error()
+            settled = error < JAM_ERROR and held > JAMMED
+            if not jammed and met and (settled or pace.steps - met >= JAM_PATIENCE):
+                jammed, motion.damping = pace.steps, protocol.DAMPING
+            spent = time.process_time() - started
+            state = pace.steps, spent, motion.void_ratio(), held, error, motion.unbalanced()
+            for column, number in zip(trace.values(), state, strict=True):
+                column.append(float(number))
+        return trace
+
+    return action
+
+
+def minimiser(path: str) -> Callable[[], dict[str, float]]:
+    """Task: the sample unloaded to the stress by the minimiser; the state that it ends in."""
+    sample = read_sample(path)
+    minimise(sample, STRESS, tolerance=1.0, max_steps=1)  # compiles
+
+    def action() -> dict[str, float]:
+        low, rest = minimise(sample, STRESS, tolerance=1e-5)
+        network = low.network()
+        state = {"e": network.study["void_ratio"], "Z": network.study["coordination_number"]}
+        residual = balance_of(low, network)[1].residual
+        return {name: float(value) for name, value in state.items()} | {
+            "steps": rest.steps,
+            "unbalanced": float(residual),
+        }
+
+    return action
+
+
+def compressed(folder: Path, start: Sample, inertial_number: float, steps: int) -> Trace:
+    """One run of the servo."""
+    path = folder / "start.sample.h5"
+    write_sample(path, start)
+    setting = {"inertial_number": inertial_number, "steps": steps}
+    trace = measured("benchmarks.preparation:servo", path=str(path), **setting).value
+    return {name: np.array(column) for name, column in trace.items()}
 
 
 def first_met(trace: Trace, unbalanced: float) -> int | None:
@@ -84,7 +150,7 @@ def first_met(trace: Trace, unbalanced: float) -> int | None:
     return int(np.argmax(met)) if met.any() else None
 
 
-def stop_rows(trace: Trace, peak_mb: float, what: dict[str, Any]) -> Rows:
+def stop_rows(trace: Trace, what: dict[str, Any]) -> Rows:
     """A row for each stop criterion that the run has met, and one for its end."""
     end = len(trace["step"]) - 1
     rows = []
@@ -97,45 +163,43 @@ def stop_rows(trace: Trace, peak_mb: float, what: dict[str, Any]) -> Rows:
         for name in ("e", "Z"):
             moved = abs(float(trace[name][k] / trace[name][-1] - 1))
             row[f"error_{name}"] = moved if unbalanced else None
-        rows.append(row | {"seconds": float(trace["seconds"][k]), "peak_mb": peak_mb})
+        rows.append(row | {"seconds": float(trace["seconds"][k])})
     return rows
 
 
 def frictionless_rows(quick: bool, folder: Path) -> Rows:
-    """Unloading from 1 MPa without friction: by the minimiser, and by YADE's dynamics."""
+    """Unloading from 1 MPa without friction: by the minimiser, and by the servo."""
     start = random_sample(2 * SPHERES[quick], PEAK, aspect=4.0, tolerance=1e-4)
-    begun = time.process_time()
-    low, rest = minimise(start, STRESS, tolerance=1e-5)
-    spent = time.process_time() - begun
-    trace, moved, _ = compress(folder, start, 0.01, STEPS[quick])
-    rows = []
-    for name, sample, steps, seconds in (
-        (BY_MINIMISER, low, rest.steps, spent),
-        (BY_YADE, moved, int(trace["step"][-1]), float(trace["seconds"][-1])),
-    ):
-        network = sample.network()
-        row: dict[str, Any] = {"method": name, "steps": steps, "seconds": seconds}
-        row |= {"e": network.study["void_ratio"], "Z": network.study["coordination_number"]}
-        rows.append(row | {"residual": balance_of(sample, network)[1].residual})
-    return rows
+    moved = compressed(folder, start, 0.01, STEPS[quick])
+    path = str(folder / "start.sample.h5")
+    low = measured("benchmarks.preparation:minimiser", path=path)
+    end = {name: float(moved[{"steps": "step"}.get(name, name)][-1]) for name in low.value}
+    return [
+        {"method": BY_MINIMISER, **low.value, "seconds": low.seconds},
+        {
+            "method": IN_MOTION,
+            **end,
+            "steps": int(end["steps"]),
+            "seconds": float(moved["seconds"][-1]),
+        },
+    ]
 
 
 def run(quick: bool, folder: Path) -> Page:
     """Strain rates, frictions and random starts; then the packing without friction."""
-    yade.need("preparation")
     rows: Rows = []
     for number, friction, seed in RUNS[quick]:
         name = f"I = {number:g}, friction {friction:g}, start {seed}"
         what = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
         start = loose_spheres(SPHERES[quick], friction, seed)
-        trace, _, peak = compress(folder, start, number, STEPS[quick])
-        rows += stop_rows(trace, peak, what)
+        trace = compressed(folder, start, number, STEPS[quick])
+        rows += stop_rows(trace, what)
     task = (
         f"{SPHERES[quick]} spheres from a cloud without contacts straight to {STRESS / 1e3:g} kPa. "
         "Errors of e and Z are relative to the end of the same run; stresses must be met to "
         f"{STRESS_ERROR:g} times the residual. I is the inertial number of the largest strain "
         f"rate. Then {2 * SPHERES[quick]} spheres without friction from {PEAK / 1e6:g} MPa; "
-        "`residual` is the mean net force over the mean contact force."
+        "`unbalanced` is the mean net force over the mean contact force."
     )
     figures = {"preparation": diagram.work_precision(rows, ERRORS, ["seconds"])}
     rows += frictionless_rows(quick, folder)
@@ -165,11 +229,11 @@ def knee(rows: Rows) -> float:
 
 def notes(rows: Rows) -> list[str]:
     """What each criterion leaves of the error, and the minimiser against YADE."""
-    low, moved = ([r for r in rows if r["method"] == name] for name in (BY_MINIMISER, BY_YADE))
+    low, moved = ([r for r in rows if r["method"] == name] for name in (BY_MINIMISER, IN_MOTION))
     unloaded = [
-        f"No friction: e {b['e']:.5f} by YADE in {b['seconds']:.3g} s, {a['e']:.5f} by the "
+        f"No friction: e {b['e']:.5f} by the servo in {b['seconds']:.3g} s, {a['e']:.5f} by the "
         f"minimiser in {a['seconds']:.3g} s; Z {b['Z']:.3f} and {a['Z']:.3f}; residuals "
-        f"{b['residual']:.0e} and {a['residual']:.0e}."
+        f"{b['unbalanced']:.0e} and {a['unbalanced']:.0e}."
         for a, b in zip(low, moved, strict=True)
     ]
     runs = len({row["method"] for row in rows if row.get("stop_unbalanced") == END})

@@ -1,15 +1,18 @@
-"""Seconds and bytes against the number of spheres and of modes, and the limit of the memory bus.
+"""Seconds and bytes against the number of spheres, and the limit of the memory bus.
 
 Smaller packings are the lower parts of the sample of case 6, so they stay as slender; larger ones
 are the sample repeated sideways. What a product K u has to read, over the bytes a second that the
 memory delivers in this very run, is the least time that it can take: the limit drawn. Only what a
-cache holds can be faster.
+cache holds can be faster. At the size of the sample every task runs on all cores as well; the
+machine must then have nothing else to do.
 """
 
 from __future__ import annotations
 
+import os
 import tracemalloc
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,10 +37,10 @@ from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 from modal.waves.propagate import propagate
 
-TITLE = "Scaling: seconds and bytes against the number of spheres and of modes"
+TITLE = "Scaling: seconds and bytes against the number of spheres, and all cores"
 SIZES = {True: (125, 250, 500), False: (1_000, 6_000, 35_201, 105_603, 985_628)}
-MODES = {True: (5, 20), False: (10, 100)}
-"""Numbers of lowest modes of the whole sample."""
+MODES = {True: 20, False: 100}
+"""Number of lowest modes of the whole sample."""
 BAND = {True: (2e4, 3e4), False: (1.95e4, 2e4)}
 """Ends, Hz, of the interval whose modes are all found."""
 ASSEMBLED, FACTORED = 150_000, 40_000
@@ -46,6 +49,7 @@ ASSEMBLED, FACTORED = 150_000, 40_000
 DURATION = {True: 6e-5, False: 6e-4}
 PRODUCTS = 400_000
 """Products that are timed together, times the number of spheres; at least 20."""
+CORES = os.cpu_count() or 1
 COUNT_AT, RESOLUTION, FEW = 2e4, 1e4, 10
 """Hz of the exact count; Hz of the density of states; lowest modes against the size."""
 
@@ -156,12 +160,13 @@ class Sweep:
         self.path, self.quick, self.bandwidth = folder / "scaling.network.h5", quick, bandwidth
         self.bare = measured("benchmarks.scaling:nothing", times=3).peak_mb
 
-    def row(self, curve: str, x: int, given: dict[str, Any]) -> dict[str, Any]:
+    def row(self, curve: str, x: int, given: dict[str, Any], threads: int = 1) -> dict[str, Any]:
         """One point; of a product, the bytes that it moves and the time they need on the bus."""
         task = "act" if "action" in given else "products"
-        times = 3 if task == "products" and not self.quick else 1
-        run = attempted(f"benchmarks.scaling:{task}", times=times, path=str(self.path), **given)
-        row: dict[str, Any] = {"curve": curve, "x": x, "seconds": None, "mb": None}
+        how = {"times": 3 if task == "products" and not self.quick else 1, "threads": threads}
+        run = attempted(f"benchmarks.scaling:{task}", path=str(self.path), **how, **given)
+        row: dict[str, Any] = {"curve": curve, "x": x, "threads": threads}
+        row |= {"seconds": None, "mb": None}
         if run.failure:
             return row | {"result": run.failure}
         if task == "products":
@@ -172,7 +177,7 @@ class Sweep:
 
 
 def run(quick: bool, folder: Path) -> Page:
-    """Every size, then every number of modes of the whole sample."""
+    """Every size, then the whole sample on one thread and on all."""
     sample = sample_or_small(500, quick)
     rates = machine.bandwidth(32.0 if quick else 256.0)
     sweep, rows = Sweep(folder, quick, max(rates.values())), []
@@ -184,29 +189,47 @@ def run(quick: bool, folder: Path) -> Page:
         rows += [sweep.row(curve, n, given) for curve, given in curves(n, quick).items()]
     names = list(dict.fromkeys(row["curve"] for row in rows))
     rows.sort(key=lambda row: names.index(row["curve"]))
-    write_network(sweep.path, sample)
-    n, (low, high) = sample.n_particles, BAND[quick]
-    lowest = {"action": "modes", "which": "lowest"}
-    name = f"lowest modes of {n} spheres"
-    over = [sweep.row(name, number, lowest | {"limits": [number]}) for number in MODES[quick]]
-    between = {"action": "modes", "which": "between", "limits": [low, high]}
-    found = sweep.row(f"all modes from {low:g} to {high:g} Hz", 0, between)
-    over.append(found | {"x": int(found["result"].split()[0]) if found["seconds"] else None})
-    task = (
-        "Processor time of one thread. Memory is what a task needs beyond the bare interpreter; of "
-        "a product, the bytes that it has to move. `seconds_limit` is those bytes over the "
-        "bandwidth of this run, "
-        + ", ".join(f"{name} {rate / 1e9:.1f} GB/s" for name, rate in rates.items())
-        + " on one core. x: spheres; modes in the second table. From the whole sample on it is "
-        "repeated sideways: its length stays, its cross-section grows. Exponents are fitted to the "
-        "larger half of the points."
+    cores = cores_rows(
+        sweep, sample, {row["curve"]: row for row in rows if row["x"] == sample.n_particles}
     )
-    tables = {"scaling": rows, "modes_scaling": over}
-    figures = {"scaling": draw(rows, "number of spheres"), "modes_scaling": draw(over, "modes")}
-    return Page(TITLE, task, tables, notes(rows, "n") + notes(over, "k"), figures)
+    task = (
+        "Seconds of one thread are its processor time, of several the time by the clock. Memory "
+        "is what a task needs beyond the bare interpreter; of a product, the bytes that it has to "
+        "move. `seconds_limit` is those bytes over the bandwidth of this run, "
+        + ", ".join(f"{name} {rate / 1e9:.1f} GB/s" for name, rate in rates.items())
+        + " on one core. x: spheres. From the whole sample on it is repeated sideways: its length "
+        "stays, its cross-section grows. Exponents are fitted to the larger half of the points."
+    )
+    said = notes(rows) + notes_on_cores(cores)
+    return Page(TITLE, task, {"scaling": rows, "cores": cores}, said, {"scaling": draw(rows)})
 
 
-def draw(rows: Rows, x_label: str) -> Figure:
+def cores_rows(sweep: Sweep, sample: Network, known: dict[str, dict[str, Any]]) -> Rows:
+    """Every task on one thread, where its row is not known, and on all.
+
+    Many modes as well, and the product for spheres numbered at random.
+    """
+    n, rows = sample.n_particles, []
+    (low, high), most = BAND[sweep.quick], MODES[sweep.quick]
+    tasks = curves(n, sweep.quick)
+    for name, which, limits in (
+        (f"lowest {most} modes", "lowest", [most]),
+        (f"all modes from {low:g} to {high:g} Hz", "between", [low, high]),
+    ):
+        tasks[name] = {"action": "modes", "which": which, "limits": limits}
+    write_network(sweep.path, sample)
+    for name, given in tasks.items():
+        rows += [known.get(name) or sweep.row(name, n, given), sweep.row(name, n, given, CORES)]
+    old = np.random.default_rng(1).permutation(n)
+    new, j = np.argsort(old), sample.particle_j
+    ends = {"particle_i": new[sample.particle_i], "particle_j": np.where(j < 0, j, new[j])}
+    same = {k: getattr(sample, k)[old] for k in ("position", "radius", "mass", "inertia")}
+    write_network(sweep.path, replace(sample, **same, **ends))
+    name, given = next(iter(tasks.items()))
+    return rows + [sweep.row(f"{name}, numbered at random", n, given, k) for k in (1, CORES)]
+
+
+def draw(rows: Rows) -> Figure:
     """Seconds, with the limits of the products, and megabytes; exponents in the legend."""
     figure, axes = diagram.panels(1, 2, width=4.6, height=3.9)
     names = list(dict.fromkeys(row["curve"] for row in rows))
@@ -219,17 +242,17 @@ def draw(rows: Rows, x_label: str) -> Figure:
             slopes = (exponent(own, "seconds"), exponent(own, "mb"))
             name = f"{curve}: " + ", ".join("-" if s is None else f"{s:.2f}" for s in slopes)
             diagram.curve(ax, own, "x", quantity, label=name, **diagram.look(k))
-            if quantity == "seconds" and any(row.get("seconds_limit") for row in own):
+            if quantity == "seconds" and own[0].get("seconds_limit"):
                 style = diagram.look(k) | {"marker": None, "lw": 0.7}
                 label_of_limit = f"memory limit of {curve}"
                 diagram.curve(ax, own, "x", "seconds_limit", label=label_of_limit, **style)
-        ax.set(xlabel=x_label, ylabel=label)
+        ax.set(xlabel="number of spheres", ylabel=label)
         diagram.decades(ax)
     diagram.legend_below(figure, axes[0, 0], len(names) + 2, "exponents of seconds, memory")
     return figure
 
 
-def notes(rows: Rows, letter: str) -> list[str]:
+def notes(rows: Rows) -> list[str]:
     """Exponents, the largest point of each curve, and how near to the bus the products are."""
     said = []
     for curve in dict.fromkeys(row["curve"] for row in rows):
@@ -237,11 +260,22 @@ def notes(rows: Rows, letter: str) -> list[str]:
         if not own:
             continue
         seconds, memory, last = exponent(own, "seconds"), exponent(own, "mb"), own[-1]
-        grow = "" if seconds is None else f"seconds grow as {letter}^{seconds:.2f}"
-        grow += "" if memory is None else f", bytes as {letter}^{memory:.2f}; "
+        grow = "" if seconds is None else f"seconds grow as n^{seconds:.2f}"
+        grow += "" if memory is None else f", bytes as n^{memory:.2f}; "
         text = f"{curve}: {grow}{last['seconds']:.3g} s and {last['mb']:.3g} MB at "
-        text += f"{letter} = {last['x']:.0f}"
+        text += f"n = {last['x']:.0f}"
         if last.get("seconds_limit"):
             text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit"
         said.append(text + ".")
     return said
+
+
+def notes_on_cores(rows: Rows) -> list[str]:
+    """What the other cores bring."""
+    pairs = zip(rows[::2], rows[1::2], strict=True)
+    return [
+        f"{one['curve']}, {one['x']} spheres: {one['seconds'] / both['seconds']:.2f} times faster "
+        f"on {both['threads']} threads, {both['seconds']:.3g} s."
+        for one, both in pairs
+        if one["seconds"] and both["seconds"]
+    ]

@@ -3,8 +3,9 @@
     python -m benchmarks.harness.measure MODULE:FUNCTION JSON
 
 The function prepares the task from the JSON's arguments and returns an action without arguments;
-only the action is measured. Seconds are processor time of the one thread that the task may use: on
-a free core that is the elapsed time, and what else the machine does disturbs it little.
+only the action is measured. Seconds of a task that may use one thread are its processor time: on a
+free core that is the elapsed time, and what else the machine does disturbs it little. Of several
+threads they are the elapsed time, so that the machine must have nothing else to do.
 """
 
 from __future__ import annotations
@@ -26,26 +27,28 @@ from modal.formats.hdf5 import InputError
 from modal.workload import peak_memory
 
 ROOT = Path(__file__).resolve().parents[2]
-ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 LONGEST = 900
 """Seconds after which a task is given up."""
 LONG_RUN = 5.0
 """Seconds from which a run is not repeated: it averages over the machine's whims by itself."""
 LAUNCHER = """
-import os, subprocess, sys
+import os, subprocess, sys, time
+start = time.perf_counter()
 with open(sys.argv[1], "w") as log:
     program = subprocess.Popen(
         sys.argv[2:], stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
     )
     _, status, used = os.wait4(program.pid, 0)
-print(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss)
+elapsed, spent = time.perf_counter() - start, used.ru_utime + used.ru_stime
+print(os.waitstatus_to_exitcode(status), elapsed, spent, used.ru_maxrss)
 """
-"""Runs one command and prints its exit status, processor time, and peak memory."""
+"""Runs one command and prints its exit status, elapsed and processor time, and peak memory."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What a task has returned, its processor time (s) and peak resident memory (MB).
+    """What a task has returned, its time (s) and peak resident memory (MB).
 
     `failure` says why there is nothing to report; the numbers are then None.
     """
@@ -61,17 +64,17 @@ class Measured:
         return {"seconds": self.seconds, "peak_mb": self.peak_mb}
 
 
-def measured(task: str, *, times: int = 1, **arguments: Any) -> Measured:
+def measured(task: str, *, times: int = 1, threads: int = 1, **arguments: Any) -> Measured:
     """Median of `times` runs of MODULE:FUNCTION; InputError with its last line if one fails."""
-    found = attempted(task, times=times, **arguments)
+    found = attempted(task, times=times, threads=threads, **arguments)
     if found.failure:
         raise InputError(f"{task}: {found.failure}")
     return found
 
 
-def attempted(task: str, *, times: int = 1, **arguments: Any) -> Measured:
+def attempted(task: str, *, times: int = 1, threads: int = 1, **arguments: Any) -> Measured:
     """The same for a task whose failure is a result; arguments and value must be JSON."""
-    return median_of(times, lambda: _run(task, arguments))
+    return median_of(times, lambda: _run(task, threads, arguments))
 
 
 def median_of(times: int, run: Callable[[], Measured]) -> Measured:
@@ -88,9 +91,14 @@ def median_of(times: int, run: Callable[[], Measured]) -> Measured:
     )
 
 
-def _run(task: str, arguments: dict[str, Any]) -> Measured:
+def _limited(threads: int) -> dict[str, str]:
+    """This environment with so many threads for every library that has any."""
+    return os.environ | dict.fromkeys(THREADS, str(threads))
+
+
+def _run(task: str, threads: int, arguments: dict[str, Any]) -> Measured:
     command = [sys.executable, "-m", "benchmarks.harness.measure", task, json.dumps(arguments)]
-    how: dict[str, Any] = {"cwd": ROOT, "env": os.environ | ONE_THREAD, "timeout": LONGEST}
+    how: dict[str, Any] = {"cwd": ROOT, "env": _limited(threads), "timeout": LONGEST}
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, **how)
     except subprocess.TimeoutExpired:
@@ -102,23 +110,27 @@ def _run(task: str, arguments: dict[str, Any]) -> Measured:
 
 
 def run_command(
-    command: list[str], folder: Path, log: Path, environment: Mapping[str, str] | None = None
+    command: list[str],
+    folder: Path,
+    log: Path,
+    environment: Mapping[str, str] | None = None,
+    threads: int = 1,
 ) -> Measured:
-    """Processor time and peak memory of a command; its output goes to `log`.
+    """Time and peak memory of a command; its output goes to `log`.
 
     InputError with the command's own last error if it fails.
     """
     # A program inherits the peak of the process that starts it: here that of a bare interpreter.
     launcher = [sys.executable, "-S", "-c", LAUNCHER, str(log), *command]
-    settings = os.environ | ONE_THREAD | dict(environment or {})
+    settings = _limited(threads) | dict(environment or {})
     done = subprocess.run(
         launcher, cwd=folder, env=settings, stdout=subprocess.PIPE, text=True, check=True
     )
-    status, seconds, maxrss = done.stdout.split()
+    status, elapsed, spent, maxrss = done.stdout.split()
     if int(status) != 0:
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
         raise InputError(f"{command[0]} failed: {lines[-1] if lines else status}")
-    return Measured(None, float(seconds), _megabytes(int(maxrss)))
+    return Measured(None, float(spent if threads == 1 else elapsed), _megabytes(int(maxrss)))
 
 
 def _megabytes(maxrss: int) -> float:
@@ -132,9 +144,10 @@ def main(argv: list[str]) -> int:
     action = prepare(**json.loads(argv[1]))
     with contextlib.suppress(OSError):  # let the peak count from now on, where Linux can
         Path("/proc/self/clear_refs").write_text("5")
-    start = time.process_time()
+    clock = time.process_time if os.environ[THREADS[0]] == "1" else time.perf_counter
+    start = clock()
     value = action()
-    seconds = time.process_time() - start
+    seconds = clock() - start
     print(json.dumps({"value": value, "seconds": seconds, "peak_mb": peak_memory() / 1e6}))
     return 0
 

@@ -1,15 +1,12 @@
-"""Run a script inside YADE and measure it: time, memory, and what it wrote."""
+"""Waves by the study's script inside YADE: their signals, time and memory."""
 
 from __future__ import annotations
 
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
-from modal.formats.hdf5 import InputError
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
 from modal.modes.problem import Eigenproblem
@@ -20,18 +17,11 @@ from modal.waves.signals import Signals, read_signals
 from modal.waves.source import INPUT_FREQUENCY
 
 YADE = ["yade", "-n", "-x", "-j1"]
-SCRIPTS = Path(__file__).resolve().parent / "inside_yade"
 
 
 def available() -> bool:
     """Whether YADE is installed."""
     return shutil.which("yade") is not None
-
-
-def need(name: str) -> None:
-    """InputError where the benchmark of this name cannot run without YADE."""
-    if not available():
-        raise InputError(f"{name}: YADE is not installed; apt-get install yade")
 
 
 def run_script(script: str, table: str, folder: Path, **environment: str) -> Measured:
@@ -44,18 +34,6 @@ def run_script(script: str, table: str, folder: Path, **environment: str) -> Mea
     command = [*YADE, str(ROOT / "yade_scripts" / f"{script}.py")]
     settings = {"WAVE_PRODUCTS": str(folder), "YADE_BATCH": f"{path}:2"}
     return run_command(command, folder, log, settings | environment)
-
-
-def measured(script: str, folder: Path, **arguments: Any) -> Measured:
-    """A script of `inside_yade`, which times its own steps and writes JSON.
-
-    InputError if it fails.
-    """
-    result = folder / f"{script}.json"
-    result.unlink(missing_ok=True)
-    command = [*YADE, str(SCRIPTS / f"{script}.py"), str(result), json.dumps(arguments)]
-    whole = run_command(command, folder, folder / f"{script}.log")
-    return Measured(**json.loads(result.read_text()), peak_mb=whole.peak_mb)
 
 
 def in_yades_order(network: Network, friction: float = 0.1) -> Network:

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from benchmarks import (
-    defaults,
-    density,
-    modes,
-    preparation,
-    scaling,
-    time_step,
-    wave,
-)
+from benchmarks import defaults, dem, density, modes, preparation, scaling, time_step, wave
 from benchmarks.harness import diagram
 from benchmarks.harness.report import read_csv
 
@@ -29,8 +21,7 @@ def test_defaults_are_what_the_rules_find_in_the_committed_rows(name):
 
 def test_another_default_would_be_noticed(monkeypatch):
     monkeypatch.setattr(defaults, "assigned", lambda script, pattern: (0.4,))
-    rows = read_csv(COMMITTED / "fcc_time_step.csv")
-    step, interval, _ = defaults.crystal(rows)
+    step, interval, *_ = defaults.wave_of_crystal(read_csv(COMMITTED / "wave.csv"))
     assert not step.agrees and not interval.agrees
     assert str(step).startswith("NOT what the rule finds")
 
@@ -45,10 +36,9 @@ NOTES = {
     "wave": wave.notes,
     "eigensolvers": modes.notes,
     "density": density.notes,
-    "fcc_time_step": time_step.notes,
-    "random_time_step": time_step.packing_notes,
+    "random_time_step": time_step.notes,
     "preparation": preparation.notes,
-    "scaling": lambda rows: scaling.notes(rows, "n"),
+    "scaling": scaling.notes,
 }
 
 
@@ -75,7 +65,7 @@ def step_rows(floor: float, shares: dict[float, float]) -> list[dict]:
     """Rows of the crystal: V_P is off by `floor`, the time step adds its share."""
     return [
         {
-            "method": "time step, 2A = 5 nm",
+            "method": "YADE, 2A = 5 nm",
             "time_step_over_limit": step,
             "dispersion_linear": share,
             "error_velocity": floor,
@@ -87,25 +77,25 @@ def step_rows(floor: float, shares: dict[float, float]) -> list[dict]:
 def test_step_of_the_crystal_is_the_largest_below_what_no_step_mends():
     shares = {step: 0.04 * step**2 for step in (0.8, 0.4, 0.2, 0.1, 0.05)}
     # 0.04 * 0.2^2 = 1.6e-3 is the largest share below 2e-3.
-    found = time_step.crystal_knee(step_rows(2e-3, shares))
+    found = dem.step_knee(step_rows(2e-3, shares))
     assert found["time_step_over_limit"] == 0.2
-    assert time_step.crystal_knee(step_rows(5e-5, shares)) is None
+    assert dem.step_knee(step_rows(5e-5, shares)) is None
 
 
 def test_step_of_the_packing_is_the_largest_below_the_non_linearity():
     rows = [{"time_step_over_limit": step, "error": 0.4 * step**2} for step in (0.5, 0.2, 0.1)]
     # 0.4 * 0.2^2 = 0.016 < 0.02 < 0.4 * 0.5^2 = 0.1.
-    assert time_step.packing_knee(rows)["time_step_over_limit"] == 0.2
-    assert time_step.packing_knee(rows[:1]) is None
+    assert time_step.knee(rows)["time_step_over_limit"] == 0.2
+    assert time_step.knee(rows[:1]) is None
 
 
 def test_recording_interval_ends_where_the_error_first_changes():
     """An error that happens to come back at a longer interval does not count."""
     rows = [
-        {"method": "recording interval", "interval_us": interval, "error_dispersion": error}
+        {"method": dem.RECORDING, "interval_us": interval, "error_dispersion": error}
         for interval, error in ((0.1, 1.0e-4), (1.0, 1.01e-4), (2.0, 1.2e-4), (3.0, 1.0e-4))
     ]
-    assert time_step.interval_knee(rows)["interval_us"] == 1.0
+    assert dem.interval_knee(rows)["interval_us"] == 1.0
 
 
 def test_tolerance_of_the_wave_is_the_tightest_that_is_nearly_free():
@@ -152,8 +142,8 @@ def test_a_dem_is_set_against_the_fastest_wave_that_is_as_accurate():
         for name, runs in zip(names, given, strict=True)
         for error, seconds in runs
     ]
-    assert wave.at_equal_error(rows, "YADE") == (8.0 / 0.2, 1e-3)
-    assert wave.at_equal_error(rows, "LAMMPS") == (1.0 / 0.1, 0.2)
+    assert dem.at_equal_error(rows, "YADE") == (8.0 / 0.2, 1e-3)
+    assert dem.at_equal_error(rows, "LAMMPS") == (1.0 / 0.1, 0.2)
 
 
 def test_exponents_are_those_of_power_laws():

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import shutil
 import sys
+import time
 
 import numpy as np
 import pytest
 
 from analysis.estimators.layer_lattice import LayerLattice
-from benchmarks import density, modes, preparation, scaling, time_step, wave
-from benchmarks.__main__ import JOBS, main
+from benchmarks import dem, density, modes, preparation, scaling, wave
+from benchmarks.__main__ import NAMED, main
 from benchmarks.harness import machine, yade
 from benchmarks.harness.diagram import work_precision
 from benchmarks.harness.measure import Measured, attempted, measured, median_of, run_command
@@ -29,26 +30,27 @@ from modal.waves.leapfrog import leapfrog
 from modal.waves.source import Pulse
 
 COLUMNS = {
-    "wave": {"wave": ("method", "error", "apart_from_tangent", "seconds", "peak_mb")},
+    "wave": {
+        "wave": (
+            *("error", "apart_from_tangent", "seconds", "peak_mb", "error_f_low_pass"),
+            *("error_velocity", "error_dispersion", "interval_us"),
+        ),
+    },
     "modes": {
         "eigensolvers": ("method", "elastic_modes", "zero_modes", "error", "seconds"),
     },
     "density": {"density": ("moments", "vectors", "error", "error_of_kernel", "error_of_vectors")},
     "time_step": {
-        "fcc_time_step": ("error_f_low_pass", "error_velocity", "error_dispersion", "seconds"),
         "random_time_step": ("time_step_over_limit", "error", "error_of_layers", "seconds"),
     },
     "preparation": {
-        "preparation": ("steps", "e", "Z", "stress_error", "unbalanced", "error_e", "residual"),
+        "preparation": ("steps", "e", "Z", "stress_error", "unbalanced", "error_e", "seconds"),
     },
     "scaling": {
         "scaling": ("curve", "x", "seconds", "mb", "seconds_limit"),
-        "modes_scaling": ("curve", "x", "seconds", "mb", "result"),
+        "cores": ("curve", "x", "threads", "seconds", "mb", "seconds_limit", "result"),
     },
-    "cores": {
-        "cores": ("spheres", "threads", "seconds", "mb", "seconds_limit"),
-        "cores_wave": ("spheres", "seconds", "mb"),
-    },
+    "large": {"large": ("task", "spheres", "seconds", "peak_mb")},
 }
 """Table -> columns that must hold numbers, for each job."""
 
@@ -98,6 +100,20 @@ def test_a_command_or_task_that_fails_says_why(tmp_path):
     )
     assert failed.seconds is None
     assert "none.network.h5" in failed.failure
+
+
+def test_several_threads_are_timed_by_the_clock(tmp_path):
+    """A program that waits has spent no processor time; on several threads the wait counts."""
+    wait = [sys.executable, "-S", "-c", "import time; time.sleep(0.5)"]
+    one, two = (run_command(wait, tmp_path, tmp_path / "log", threads=k) for k in (1, 2))
+    assert one.seconds < 0.5 <= two.seconds
+    task = "tests.benchmarks.test_benchmarks:waiting"
+    assert measured(task).seconds < 0.5 <= measured(task, threads=2).seconds
+
+
+def waiting():
+    """Task for `measured`."""
+    return lambda: time.sleep(0.5)
 
 
 def test_short_runs_are_repeated_and_long_ones_not():
@@ -174,11 +190,11 @@ def test_dispersion_error_of_the_time_step_has_order_two():
     network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
     chain = LayerLattice.of_network(network)
     found = [
-        time_step.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
+        dem.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
         for step in (2e-7, 1e-7)
     ]
     # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
-    for name in ("error_dispersion", "error_f_low_pass", "error_signals"):
+    for name in ("error_dispersion", "error_f_low_pass"):
         assert np.log2(found[0][name] / found[1][name]) == pytest.approx(2, abs=0.15), name
 
 
@@ -192,8 +208,8 @@ def test_pre_stress_shifts_the_velocity_and_springs_do_not():
     run = leapfrog(network, 6e-5, 2e-8, every=20, motion=Pulse())
     found = {}
     for kind in ("none", "full"):
-        twin = wave.linear_twin(network, run, kind)
-        found[kind] = time_step.errors(twin, chain)["error_velocity"]
+        twin = dem.linear_twin(network, run, kind)
+        found[kind] = dem.errors(twin, chain)["error_velocity"]
     assert found["none"] < 0.1 * expected
     assert found["full"] == pytest.approx(expected, rel=0.1)
 
@@ -242,7 +258,7 @@ def test_stop_criteria_are_read_from_one_run():
         "stress_error": settling,
         "unbalanced": settling,
     }
-    rows = preparation.stop_rows(trace, 10.0, {"method": "made up"})
+    rows = preparation.stop_rows(trace, {"method": "made up"})
     assert [row["stop_unbalanced"] for row in rows[:-1]] == list(preparation.UNBALANCED)
     for row in rows[:-1]:
         assert row["unbalanced"] < row["stop_unbalanced"]
@@ -270,7 +286,7 @@ def test_products_move_what_they_must(packing):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", JOBS)
+@pytest.mark.parametrize("name", NAMED)
 def test_every_job_writes_its_tables_and_figures(name, tmp_path):
     """Complete where YADE is; LAMMPS may be missing."""
     if shutil.which("yade") is None:
