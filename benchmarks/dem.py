@@ -42,7 +42,7 @@ INTERVALS = {True: (2e-7, 2e-6), False: (1e-7, 1e-6, 3e-6, 4e-6)}
 RECORDING = "recording interval"
 FRACTION, INTERVAL = 0.1, 5e-7
 """Time step over its limit, and recording interval, s, of the sweeps over something else."""
-REFERENCE = 1e-14
+REFERENCE = 1e-13
 """Tolerance of the wave that the others are compared with."""
 DECAY = 12.0
 """Damping of the estimator at the end of the record. These records are short and have no noise, for
