@@ -56,6 +56,8 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
+[ "$(uname)" = Linux ] ||
+    fail "the study runs on Linux, with YADE; on $(uname) \`pip install .\` gives granular-modes"
 [ ${#cases[@]} -gt 0 ] || cases=(2)
 # nproc takes OMP_NUM_THREADS for the number of cores.
 [ -z "$seed" ] || { products+=/seed_$seed; options+=("seed=$seed"); }

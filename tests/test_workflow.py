@@ -269,6 +269,17 @@ def front_door(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, timeout=60)
 
 
+def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
+    """macOS has neither Debian's YADE nor the locks that the rules use."""
+    (tmp_path / "uname").write_text("#!/bin/sh\necho Darwin\n")
+    (tmp_path / "uname").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    done = front_door("--case", "2")
+    assert done.returncode == 2 and done.stdout == ""
+    assert "runs on Linux" in done.stderr and done.stderr.count("\n") == 1
+    assert front_door("--help").returncode == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -65,7 +65,7 @@ def page(result: dict[str, Any], groups: Groups | None = None) -> str:
     """The text for people: titled groups, then how long it took and how much memory.
 
     >>> print(page({"stress_pa": [1e5, 99976.0], "rattlers": 4127, "certified": True}))
-    stress     100.0, 99.98 kPa
+    stress     100.0, 100.0 kPa
     rattlers   4,127
     certified  yes
     """
