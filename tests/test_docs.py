@@ -84,6 +84,17 @@ def test_links_within_the_repository_lead_to_files():
                 assert not (outside and target.endswith(".md")), (page.name, target)
 
 
+def test_files_that_pages_name_exist():
+    """As `analysis/page.py`; results/README.md tells of past commits, the layout of its tests."""
+    rooms = [folder.name for folder in ROOT.iterdir() if folder.is_dir() and folder.name[0] != "."]
+    named = re.compile(rf"`((?:{'|'.join(rooms)})/[\w./-]+)`")
+    for page in PAGES:
+        for name in named.findall(page.read_text()):
+            made = name.startswith(("products/", "site/"))
+            below = (ROOT / "tests" / name).exists() and page.stem == "layout"
+            assert made or below or (ROOT / name).exists(), (page.name, name)
+
+
 def test_links_that_lead_nowhere_are_found(tmp_path):
     """The check that `.ci/site` runs on the built site, here on two small pages."""
     check = [sys.executable, str(ROOT / "docs/links.py"), str(tmp_path)]
