@@ -39,15 +39,15 @@ def steady_motion(
     problem: Eigenproblem,
     load: Floats,
     terms: Floats,
-    allowed: Floats,
+    allowed: Callable[[Floats], Floats],
     solver: str | None = None,
 ) -> tuple[Solution, str]:
-    """Solve K u = `load` (6n, k) up to an energy error `allowed` (k,), J; and the solver's name.
+    """Solve K u = `load` (6n, k) up to an energy error that is `allowed`; and the solver's name.
 
-    `terms` (6n, k): the size of what was summed up to each load, whose round-off is no load.
-
-    The solution's motion is u (6n, k), its residual that of the load. `solver` is one of `SOLVERS`,
-    by default the one that is likely to be faster.
+    `allowed` gives it (k,), J, from the work `load` u (k,), J, of the motion so far. `terms` (6n,
+    k): the size of what was summed up to each load, whose round-off is no load. The solution's
+    motion is u (6n, k), its residual that of the load. `solver` is one of `SOLVERS`, by default the
+    one that is likely to be faster.
     """
     if solver is None:
         solver = "pardiso" if _worth_a_factor(problem) else "gradients"
@@ -83,13 +83,15 @@ def _worth_a_factor(problem: Eigenproblem) -> bool:
 
 
 def _by_own_blocks(problem: Eigenproblem) -> Callable[[Floats], Floats]:
-    """The inverse of A's diagonal blocks, one for each sphere; rattlers are held a little."""
+    """The inverse of A's diagonal blocks, one for each sphere, all of them held a little.
+
+    Rattlers have no stiffness, and smooth spheres have but round-off against turning.
+    """
     n = problem.network.n_particles
     scale = 1 / np.sqrt(problem.mass).reshape(n, 6)
     blocks = own_blocks(problem.network) * scale[:, :, None] * scale[:, None, :]
-    held = np.einsum("nii->ni", blocks).mean(axis=0)
-    held[held == 0] = 1
-    inverse = np.linalg.inv(blocks + 1e-8 * np.diag(held))
+    held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
+    inverse = np.linalg.inv(blocks + 1e-8 * held * np.eye(6))
 
     def ease(rest: Floats) -> Floats:
         return (inverse @ rest.reshape(n, 6, -1)).reshape(rest.shape)

@@ -23,6 +23,8 @@ from modal.stiffness.springs import contact_kinematics
 
 FADE = 4.0
 """Depth over which the bulk begins, mean diameters."""
+GRIP = 1e-3
+"""Least part of a strain between the walls that must reach the bulk."""
 FEWEST_LAYERS = 5
 """Layers of the bulk below which a slope across them says little."""
 
@@ -90,8 +92,10 @@ def _share_of_volume(network: Network, bulk: Bulk, contacts: StrainedContacts) -
 
 def bulk_stiffness(
     network: Network, bulk: Bulk, contacts: StrainedContacts, motion: Floats
-) -> Floats:
+) -> Floats | None:
     """Shape (6, 6), Pa: stress over strain of the bulk, not quite symmetric.
+
+    None where some strain hardly reaches the bulk: walls that slide, or yield, take it up.
 
     `motion` (6n, 6), m and rad for unit strains: of the spheres, beyond that of the mean strain.
     """
@@ -113,4 +117,6 @@ def bulk_stiffness(
             along = layers.means(free[:, moving])
             slope = np.polyfit(layers.position, along, 1, w=np.sqrt(weight))[0]
             strain[row, case] = slope + gradient[moving, 2]
+    if np.linalg.svd(strain, compute_uv=False)[-1] < GRIP:
+        return None
     return stress @ np.linalg.inv(strain)

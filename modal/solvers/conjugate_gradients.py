@@ -17,6 +17,12 @@ import numpy as np
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 
+SHARE = 0.25
+"""Of the steps: where hundreds are needed, some tens may gain little before others gain more."""
+FLAT = 1e-7
+"""Cosine between a step and what resists it, below which the step is a motion without energy that
+round-off has put in. A mixture of modes has 2 / sqrt(ratio of their omega^2) or more."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -36,7 +42,7 @@ def conjugate_gradients(
     resist: Callable[[Floats], Floats],
     ease: Callable[[Floats], Floats],
     load: Floats,
-    allowed: Floats,
+    allowed: Callable[[Floats], Floats],
     noise: Floats,
     *,
     look_back: int,
@@ -45,33 +51,38 @@ def conjugate_gradients(
     """Solve A x = b for the columns of `load` (size, k), A symmetric and never negative.
 
     `resist` gives A x, `ease` a symmetric approximation of its inverse, both of (size, k) arrays.
-    `allowed` (k,): squared error in the energy norm, (x - x')^T A (x - x'), at which a column is
-    done. It is measured over the last `look_back` steps: 1 where `ease` is nearly the inverse, some
-    tens where it is not. `noise` (k,): norm of what round-off leaves of a load, below which a
-    column is left alone. A may be singular where the load is in its range: the motions without
-    energy are then those that `ease` puts in. InputError where `most_products` do not suffice.
+    `allowed` tells the squared error in the energy norm (k,), (x - x')^T A (x - x'), at which a
+    column is done, from the energy b^T x (k,) that it has come to. The error is measured over the
+    last `look_back` steps, 1 where `ease` is nearly the inverse, some tens where it is not, and
+    over the last `SHARE` of all steps where these are more. `noise` (k,): norm of what round-off
+    leaves of a load, below which a column is left alone. A may be singular where the load is in its
+    range: the motions without energy are then those that `ease` puts in. InputError where
+    `most_products` do not suffice.
     """
     motion, rest = np.zeros_like(load), load.copy()
     eased = ease(rest)
     step = eased.copy()
     size = np.einsum("ik,ik->k", rest, eased)
-    gains: list[Floats] = []
+    gains, energy = np.empty((most_products, load.shape[1])), np.zeros(load.shape[1])
     for products in range(1, most_products + 1):
         stretched = resist(step)
         curvature = np.einsum("ik,ik->k", step, stretched)
-        moving = (curvature > 0) & (np.linalg.norm(rest, axis=0) > noise)
+        flat = FLAT * np.linalg.norm(step, axis=0) * np.linalg.norm(stretched, axis=0)
+        moving = (curvature > flat) & (np.linalg.norm(rest, axis=0) > noise)
         length = np.where(moving, size / np.where(moving, curvature, 1), 0.0)
         motion += length * step
         rest -= length * stretched
-        gains.append(length * size)
-        error = np.sum(gains[-look_back:], axis=0)
-        if len(gains) >= look_back and (error <= allowed).all():
+        gains[products - 1] = length * size
+        energy += gains[products - 1]
+        back = max(look_back, int(SHARE * products))
+        error, bound = gains[max(products - back, 0) : products].sum(axis=0), allowed(energy)
+        if products >= back and (error <= bound).all():
             return Solution(motion, load - resist(motion), error, products + 1)
         eased = ease(rest)
         before, size = size, np.einsum("ik,ik->k", rest, eased)
         step *= np.where(before > 0, size / np.where(before > 0, before, 1), 0.0)
         step += eased
-    worst = float((error / allowed).max())
+    worst = float((error / bound).max())
     raise InputError(
         f"the springs do not balance the load: after {most_products} products with K the error in "
         f"energy is still {worst:.1e} times what was asked; ask for a larger tolerance, or take "
