@@ -32,7 +32,7 @@ print(f"modes below the limit: {modal.count_modes(net, limit)} of {len(modes.fre
 # %%
 # **The wave** that the source wall sends; its front moves with the velocity of long waves.
 
-wave = modal.propagate(net, duration=4e-4)
+wave = modal.propagate(net, duration=6e-4)
 print(wave)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4))

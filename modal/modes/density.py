@@ -80,7 +80,7 @@ class DensityOfStates:
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw modes a kHz over frequency, all and by kind of motion; returns the Axes."""
+        """Draw modes per kHz over frequency, all and by kind of motion; returns the Axes."""
         ax = axes_of(ax)
         frequency = self.grid()
         value, error = (1e3 * column for column in self.density(frequency))
@@ -89,7 +89,7 @@ class DensityOfStates:
         ax.plot(frequency / 1e3, total, label="all")
         ax.plot(frequency / 1e3, value[:, :3].sum(axis=1), label="translations")
         ax.plot(frequency / 1e3, value[:, 3:6].sum(axis=1), label="rotations")
-        ax.set(xlabel="frequency, kHz", ylabel="modes a kHz", ylim=(0, None))
+        ax.set(xlabel="frequency, kHz", ylabel="modes per kHz", ylim=(0, None))
         ax.legend()
         return ax
 
