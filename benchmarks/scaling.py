@@ -1,16 +1,16 @@
-"""Seconds and bytes against the number of spheres, and the limit of the memory bus.
+"""Seconds and bytes against the number of spheres, and the limits of the machine.
 
 Smaller packings are the lower parts of the sample of case 6, so they stay as slender; larger ones
 are the sample repeated sideways. What a product K u has to read, over the bytes a second that the
-memory delivers in this very run, is the least time that it can take: the limit drawn. Only what a
-cache holds can be faster. At the size of the sample every task runs on all cores as well; the
+memory delivers in this very run, is the least time that it can take, and so is what it multiplies
+and adds, over the rate of a dense product: the limits drawn. Only what a cache holds can be faster
+than the first. At the size of the sample every task runs on all cores as well; the
 machine must then have nothing else to do.
 """
 
 from __future__ import annotations
 
 import os
-import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.harness import diagram, machine
+from benchmarks.harness import diagram, machine, product
 from benchmarks.harness.diagram import exponent
 from benchmarks.harness.measure import attempted, measured
 from benchmarks.harness.packing import resized, sample_or_small
@@ -50,6 +50,8 @@ DURATION = {True: 6e-5, False: 6e-4}
 PRODUCTS = 400_000
 """Products that are timed together, times the number of spheres; at least 20."""
 CORES = os.cpu_count() or 1
+LIMITS = (("seconds_limit", "memory", "-"), ("seconds_arithmetic", "arithmetic", ":"))
+"""Columns of the least times of a product, what sets them, and how they are drawn."""
 COUNT_AT, RESOLUTION, FEW = 2e4, 1e4, 10
 """Hz of the exact count; Hz of the density of states; lowest modes against the size."""
 
@@ -70,35 +72,28 @@ def repetitions(spheres: int) -> int:
     return max(20, PRODUCTS // spheres)
 
 
-def products(path: str, compiled: bool) -> Callable[[], float]:
-    """Task: products K u by the contact operator or by the CSR matrix; returns bytes it must move.
-
-    The matrix or the contacts, the vector that is read, and the result, read and written.
-    """
+def products(path: str, compiled: bool) -> Callable[[], product.Needs]:
+    """Task: products K u by the contact operator or by the CSR matrix; returns what each needs."""
     network = read_network(path)
     times = repetitions(network.n_particles)
     u = np.ones(6 * network.n_particles)
     out = np.zeros_like(u)
     if not compiled:
         matrix = stiffness_matrix(network)
-        moved = matrix.data.nbytes + matrix.indices.nbytes + matrix.indptr.nbytes + 2 * u.nbytes
 
-        def by_matrix() -> float:
+        def by_matrix() -> product.Needs:
             for _ in range(times):
                 matrix @ u
-            return float(moved)
+            return product.of_matrix(matrix)
 
         return by_matrix
     compile_loop()
-    tracemalloc.start()
     operator = ContactOperator(network)
-    held = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
 
-    def by_contacts() -> float:
+    def by_contacts() -> product.Needs:
         for _ in range(times):
             operator.accumulate(u, out)
-        return float(held + 3 * u.nbytes)
+        return product.of_operator(operator)
 
     return by_contacts
 
@@ -156,12 +151,12 @@ def curves(n: int, quick: bool) -> dict[str, dict[str, Any]]:
 class Sweep:
     """Measures tasks on the network of one file."""
 
-    def __init__(self, folder: Path, quick: bool, bandwidth: float) -> None:
-        self.path, self.quick, self.bandwidth = folder / "scaling.network.h5", quick, bandwidth
+    def __init__(self, folder: Path, quick: bool, rates: tuple[float, float]) -> None:
+        self.path, self.quick, self.rates = folder / "scaling.network.h5", quick, rates
         self.bare = measured("benchmarks.scaling:nothing", times=3).peak_mb
 
     def row(self, curve: str, x: int, given: dict[str, Any], threads: int = 1) -> dict[str, Any]:
-        """One point; of a product, the bytes that it moves and the time they need on the bus."""
+        """One point; of a product, the bytes that it moves, and the least time for both limits."""
         task = "act" if "action" in given else "products"
         how = {"times": 3 if task == "products" and not self.quick else 1, "threads": threads}
         run = attempted(f"benchmarks.scaling:{task}", path=str(self.path), **how, **given)
@@ -170,8 +165,9 @@ class Sweep:
         if run.failure:
             return row | {"result": run.failure}
         if task == "products":
-            limit = {"seconds_limit": run.value / self.bandwidth}
-            return row | limit | {"seconds": run.seconds / repetitions(x), "mb": run.value / 1e6}
+            row |= product.limits(run.value, *self.rates)
+            mb = run.value["bytes"] / 1e6
+            return row | {"seconds": run.seconds / repetitions(x), "mb": mb}
         mb = max(run.peak_mb - self.bare, 1e-3)
         return row | {"seconds": run.seconds, "mb": mb, "result": run.value}
 
@@ -180,7 +176,8 @@ def run(quick: bool, folder: Path) -> Page:
     """Every size, then the whole sample on one thread and on all."""
     sample = sample_or_small(500, quick)
     rates = machine.bandwidth(32.0 if quick else 256.0)
-    sweep, rows = Sweep(folder, quick, max(rates.values())), []
+    arithmetic = machine.arithmetic()
+    sweep, rows = Sweep(folder, quick, (max(rates.values()), arithmetic)), []
     for size in SIZES[quick]:
         network = resized(sample, size)
         n = network.n_particles
@@ -197,8 +194,10 @@ def run(quick: bool, folder: Path) -> Page:
         "is what a task needs beyond the bare interpreter; of a product, the bytes that it has to "
         "move. `seconds_limit` is those bytes over the bandwidth of this run, "
         + ", ".join(f"{name} {rate / 1e9:.1f} GB/s" for name, rate in rates.items())
-        + " on one core. x: spheres. From the whole sample on it is repeated sideways: its length "
-        "stays, its cross-section grows. Exponents are fitted to the larger half of the points."
+        + f" on one core; `seconds_arithmetic` its operations over {arithmetic / 1e9:.1f} a "
+        "nanosecond, those of a dense product on one core. x: spheres. From the whole sample on it "
+        "is repeated sideways: its length stays, its cross-section grows. Exponents are fitted to "
+        "the larger half of the points."
     )
     said = notes(rows) + notes_on_cores(cores)
     return Page(TITLE, task, {"scaling": rows, "cores": cores}, said, {"scaling": draw(rows)})
@@ -244,16 +243,18 @@ def draw(rows: Rows) -> Figure:
             diagram.curve(ax, own, "x", quantity, label=name, **diagram.look(k))
             if quantity == "seconds" and own[0].get("seconds_limit"):
                 style = diagram.look(k) | {"marker": None, "lw": 0.7}
-                label_of_limit = f"memory limit of {curve}"
-                diagram.curve(ax, own, "x", "seconds_limit", label=label_of_limit, **style)
+                for column, what, dash in LIMITS:
+                    name = f"{what} limit of {curve}"
+                    diagram.curve(ax, own, "x", column, label=name, **style | {"ls": dash})
         ax.set(xlabel="number of spheres", ylabel=label)
         diagram.decades(ax)
-    diagram.legend_below(figure, axes[0, 0], len(names) + 2, "exponents of seconds, memory")
+    entries = len(names) + 2 * len(LIMITS)
+    diagram.legend_below(figure, axes[0, 0], entries, "exponents of seconds, memory")
     return figure
 
 
 def notes(rows: Rows) -> list[str]:
-    """Exponents, the largest point of each curve, and how near to the bus the products are."""
+    """Exponents, the largest point of each curve, and how near to both limits the products are."""
     said = []
     for curve in dict.fromkeys(row["curve"] for row in rows):
         own = [row for row in rows if row["curve"] == curve and row["seconds"]]
@@ -265,7 +266,8 @@ def notes(rows: Rows) -> list[str]:
         text = f"{curve}: {grow}{last['seconds']:.3g} s and {last['mb']:.3g} MB at "
         text += f"n = {last['x']:.0f}"
         if last.get("seconds_limit"):
-            text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit"
+            text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit, "
+            text += f"{last['seconds'] / last['seconds_arithmetic']:.2g} times that of arithmetic"
         said.append(text + ".")
     return said
 

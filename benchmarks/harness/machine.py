@@ -1,4 +1,4 @@
-"""The machine that a benchmark ran on, and how fast it moves memory."""
+"""The machine that a benchmark ran on, and how fast it moves memory and computes."""
 
 from __future__ import annotations
 
@@ -71,3 +71,17 @@ def bandwidth(megabytes: float = 256.0, times: int = 7) -> dict[str, float]:
         return 2 * 8 * size / max(min(seconds), 1e-9)
 
     return {"copy": best(lambda: np.copyto(a, b)), "dot": best(lambda: np.dot(a, b))}
+
+
+def arithmetic(rows: int = 1000, times: int = 5) -> float:
+    """Multiplications and additions a second of one core, best of `times` dense products.
+
+    In processor time like the tasks: of however many threads, it is the rate of one.
+    """
+    a = np.random.default_rng(1).random((rows, rows))
+    seconds = []
+    for _ in range(times):
+        start = time.process_time()
+        a @ a
+        seconds.append(time.process_time() - start)
+    return 2.0 * rows**3 / max(min(seconds), 1e-9)

@@ -13,7 +13,7 @@ import pytest
 from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import dem, density, modes, preparation, scaling, wave
 from benchmarks.__main__ import NAMED, main
-from benchmarks.harness import machine, yade
+from benchmarks.harness import machine, product, yade
 from benchmarks.harness.diagram import work_precision
 from benchmarks.harness.measure import Measured, attempted, measured, median_of, run_command
 from benchmarks.harness.packing import by_energy, resized, spectrum
@@ -25,6 +25,7 @@ from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.packing.validation import validate
 from modal.preparation.random_packing import random_network
+from modal.stiffness import contact_loops
 from modal.stiffness.matrices import stiffness_matrix
 from modal.waves.leapfrog import leapfrog
 from modal.waves.source import Pulse
@@ -47,7 +48,7 @@ COLUMNS = {
         "preparation": ("steps", "e", "Z", "stress_error", "unbalanced", "error_e", "seconds"),
     },
     "scaling": {
-        "scaling": ("curve", "x", "seconds", "mb", "seconds_limit"),
+        "scaling": ("curve", "x", "seconds", "mb", "seconds_limit", "seconds_arithmetic"),
         "cores": ("curve", "x", "threads", "seconds", "mb", "seconds_limit", "result"),
     },
     "large": {"large": ("task", "spheres", "seconds", "peak_mb")},
@@ -281,8 +282,42 @@ def test_products_move_what_they_must(packing):
     nonzeros, size = stiffness_matrix(network).nnz, 6 * network.n_particles
     # CSR: a number and an index of 4 or 8 bytes for each nonzero, one pointer a row, two vectors.
     low = 12 * nonzeros + 4 * (size + 1) + 16 * size
-    assert low <= by_matrix <= low + 4 * nonzeros + 4 * (size + 1)
-    assert by_contacts > 72 * network.n_contacts + 24 * size
+    assert low <= by_matrix["bytes"] <= low + 4 * nonzeros + 4 * (size + 1)
+    assert by_matrix["operations"] == 2 * nonzeros
+    assert by_contacts["bytes"] > 72 * network.n_contacts + 24 * size
+
+
+class Counted:
+    """A number that counts what is done with it."""
+
+    done = 0
+
+    def operate(self, _=None):
+        Counted.done += 1
+        return Counted()
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __iadd__ = __isub__ = operate
+
+    def __neg__(self):
+        return self
+
+
+def test_operations_of_a_contact_are_those_that_its_loop_makes():
+    """The loop itself, not compiled, for one contact of two spheres."""
+    loop = getattr(contact_loops._springs, "py_func", contact_loops._springs)
+    x, y, rows, scale = (
+        np.array([Counted() for _ in range(np.prod(shape))], object).reshape(shape)
+        for shape in ((2, 6, 1), (2, 6, 1), (1, 8), (2, 2))
+    )
+    Counted.done = 0
+    loop(0, 1, x, y, True, 2.0, rows, np.array([[0, 1]]), None, scale)
+    assert Counted.done == product.OPERATIONS
+
+
+def test_limits_are_needs_over_rates():
+    found = product.limits({"bytes": 6.0, "operations": 8.0}, 2.0, 16.0)
+    assert found == {"seconds_limit": 3.0, "seconds_arithmetic": 0.5}
+    assert machine.arithmetic(rows=50, times=1) > 0
 
 
 @pytest.mark.slow
