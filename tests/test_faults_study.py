@@ -204,6 +204,13 @@ def test_product_without_notes_is_made_again_where_its_content_says_so(reference
     assert made == {signals.name, modes.name}, plan
 
 
+def test_as_many_jobs_as_cores_whatever_openmp_may_take(start, monkeypatch):
+    """`nproc` answers with OMP_NUM_THREADS where that is set."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    cores = len(os.sched_getaffinity(0))
+    assert f"on {cores} cores" in plan_of(copy_of(start, "cores"), "--case", "2")
+
+
 @pytest.mark.slow
 def test_report_with_the_pages_of_what_was_made_and_how(reference):
     """One page of results, one of jobs; the second run makes nothing, and says so."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import math
 import os
@@ -138,6 +139,12 @@ def test_the_compiled_twin_needs_yade_for_no_walk(study):
     # 14.45 diameters for 35,201 spheres; as long for its width with fewer.
     twin = command(preparation="modal", spheres=1000)
     assert "modal pack --friction 0.01 --spheres 1000 --width 4.4091 --seed 1" in twin
+    # YADE takes a smaller packing from a table of one line, the committed one's in all else.
+    reduced = command(spheres=1000)
+    assert (
+        "'mu_comp spheres width seed' '0.01 1000 4.4091 1' > products/walks/mu0.01.table" in reduced
+    )
+    assert "yade_job.sh products/walks/mu0.01.table 0.01" in reduced
 
 
 def test_a_split_needs_six_further_waves(study):
@@ -208,6 +215,15 @@ def test_a_changed_friction_remakes_what_depends_on_it_and_nothing_else(made):
     assert sorted(name for _, name in jobs) == sorted(expected)
 
 
+def test_changed_settings_of_the_environment_make_waves_again(made, monkeypatch):
+    """As `wave.py` itself holds its product for stale then."""
+    monkeypatch.setenv("WAVE_DAMPING", "0.05 0.03")
+    jobs = plan(made, cases=[3], stage="wave")
+    assert jobs == [("yade_wave", "case03.signals.h5")]
+    monkeypatch.delenv("WAVE_DAMPING")
+    assert plan(made, cases=[3], stage="wave") == []
+
+
 def test_only_what_is_missing_is_planned(made):
     (made / "products/case03.signals.h5").unlink()
     jobs = planned(made, cases=[3], stage="analysis")
@@ -262,6 +278,41 @@ def test_table_without_the_compression_says_so(study):
     finally:
         table.write_text(before)
     assert done.returncode != 0 and "add a line to cases/compressions.table" in done.stderr
+
+
+def test_line_of_a_table_with_a_value_too_many_is_said(study):
+    table = study / "cases/random.table"
+    before = table.read_text()
+    table.write_text(before.replace("\n12 0.01 ", "\n12 0.01 0.01 "))
+    try:
+        done = snakemake(study, "--dry-run", cases=[12])
+    finally:
+        table.write_text(before)
+    assert done.returncode != 0 and "has 8 values for 7 names" in done.stderr
+    assert "nothing to be made" not in done.stdout
+
+
+def logger_plugin():
+    """The module of the study's own lines."""
+    sys.path.insert(0, str(ROOT / "workflow"))
+    try:
+        return importlib.import_module("snakemake_logger_plugin_study")
+    finally:
+        sys.path.remove(str(ROOT / "workflow"))
+
+
+def test_reason_of_a_failure_is_what_its_log_says_or_the_full_disk(tmp_path, monkeypatch):
+    """On a full disk the log has no room either: it is there and empty."""
+    plugin, log = logger_plugin(), tmp_path / "case02.log"
+    log.write_text("step 1\nerror: no such file; name another\nstep 2\n")
+    assert plugin._reason_of([log]) == ("no such file; name another", True)
+    log.write_text("Segmentation fault\n")
+    assert plugin._reason_of([log]) == ("Segmentation fault", False)
+    log.write_text("")
+    assert plugin._reason_of([log]) == ("no word", False)
+    full = shutil._ntuple_diskusage(1, 1, 0)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: full)
+    assert plugin._reason_of([log]) == (plugin.FULL, True)
 
 
 def front_door(*arguments: str) -> subprocess.CompletedProcess:
