@@ -229,8 +229,15 @@ class Case:
 
     @property
     def interval(self) -> float:
-        """Between records of the linear wave, s: two samples at 1.25 V / D, above all modes."""
-        return 0.4 * self.diameter * self.passage / self.network.length
+        """Between records of the linear wave, s: two samples at 1.25 V / D, above all modes.
+
+        Or a little less: a whole number of the run's intervals, so that the two share their times.
+        """
+        wanted = 0.4 * self.diameter * self.passage / self.network.length
+        if self.signals is None:
+            return wanted
+        own = float(self.signals.time[1] - self.signals.time[0])
+        return own * max(1, int(wanted / own))
 
     @cached_property
     def wave(self) -> Signals:

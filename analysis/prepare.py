@@ -14,8 +14,7 @@ import numpy as np
 
 from analysis.case import Case
 from analysis.estimators.structure_factor import structure_factor, write_structure
-from analysis.estimators.transfer import REACH
-from analysis.estimators.transfer import RESOLUTION as GAIN_RESOLUTION
+from analysis.estimators.transfer import gain_settings
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.waves.response import frequency_response, write_response
@@ -47,8 +46,7 @@ def prepare(case: Case, kinds: Sequence[str] = KINDS) -> list[Path]:
         made.append(case.path(kind))
         return provenance
 
-    first = 0.5 / case.passage
-    gain: dict[str, Any] = {"highest": REACH * first, "resolution": GAIN_RESOLUTION * first}
+    gain: dict[str, Any] = gain_settings(network, case.passage)
     if of_gain := wanted("response", **gain, pre_stress="none"):
         write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
     if case.is_crystal:

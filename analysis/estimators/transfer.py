@@ -26,8 +26,8 @@ DECAY = 7.0
 """gamma T: the cut leaves e^-7 = 1e-3 of the last reflection."""
 RESOLUTION = 0.376
 """In f_1 = V / 2 L: maxima lie f_1 apart."""
-REACH = 18
-"""Highest frequency of the gain of a network, in f_1 as well."""
+REACH = 0.5
+"""Highest frequency of the gain of a network, V / D; what a crystal passes ends at 0.45."""
 TRAVELS = DECAY / (0.5 * np.pi * RESOLUTION)
 """Travel times from wall to wall in a record that this resolution needs."""
 
@@ -79,10 +79,15 @@ class Gain:
         return float(1 / np.sinh(np.pi * self.resolution * passage))
 
 
+def gain_settings(network: Network, passage: float) -> dict[str, float]:
+    """Resolution and highest frequency, Hz, of a gain; `passage` (s) from wall to wall."""
+    diameters = network.length / (2 * float(network.radius.mean()))
+    return {"resolution": RESOLUTION * 0.5 / passage, "highest": REACH * diameters / passage}
+
+
 def network_gain(network: Network, passage: float) -> Gain:
-    """Gain of the springs at `RESOLUTION`, without a record; `passage` (s) from wall to wall."""
-    first = 0.5 / passage
-    found = frequency_response(network, highest=REACH * first, resolution=RESOLUTION * first)
+    """Gain of the springs by `gain_settings`, without a record; `passage` (s) from wall to wall."""
+    found = frequency_response(network, **gain_settings(network, passage))
     return Gain(found.frequency, found.gain, found.resolution)
 
 

@@ -25,7 +25,7 @@ def dispersion(cases: list[Measures]) -> Picture:
         title = f"{case.label}, {producer_name(record)}"
         if not case.is_crystal:  # the means of layers; a chain's scatter hides the ridge
             if record.layer_displacement is None:
-                record, title = case.wave, f"{case.label}, linear wave"
+                record, title = case.wave, f"{case.label}, {producer_name(case.wave)}"
             record, title = _of_layers(record), f"{title}, layers"
         f, k, amplitude = fk_map(record)
         top = 1.1 * m.band_edge if case.is_crystal else 2.2 * m.band

@@ -28,8 +28,7 @@ def _thin(count: int) -> slice:
 
 def producer_name(record: Signals) -> str:
     """How a legend calls what made a record."""
-    known = {"yade": "YADE", "linear": "linear wave (no YADE run)"}
-    return known.get(record.producer, record.producer)
+    return {"yade": "YADE", "linear": "linear wave"}.get(record.producer, record.producer)
 
 
 def _nearest(case: Case, record: Signals, wanted: float) -> tuple[int, float]:
@@ -126,7 +125,7 @@ def space_time(cases: list[Measures]) -> Picture:
         record, case = measured.case.record, measured.case
         z = 1e3 * (record.chain_position - case.network.wall_position[0])
         time = record.time[record.time <= _end(case, record) * (1 + 1e-9)]
-        step, every = _thin(len(time)), _thin(2 * len(z))
+        step, every = _thin(len(time)), _thin(len(z))  # every second layer alone would beat
         order = np.argsort(z)[every]  # a chain may step back
         time = time[step]
         u = 1e9 * record.chain_displacement[: record.time.searchsorted(time[-1], "right")]
@@ -193,14 +192,14 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
         case, band = m.case, m.passband
         panel = Panel(
             "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", case.label,
-            ylim=(0, 0.5 * band.highest / 1e3), legend="lower center",
+            ylim=(0, 0.5 * band.highest / 1e3), legend="lower center", legend_columns=2,
         )  # fmt: skip
         if case.is_crystal:
             panel.ylim = (0, band.highest / 1e3)
         for whose, reference, text, style in (
-            ("chain", "map", "chain, of the whole map", {"color": "k"}),
-            ("chain", "own", "chain, of each particle's maximum", {"color": "0.55"}),
-            ("layers", "map", "layer means, of the whole map", {"color": "#c05000", "ls": "--"}),
+            ("chain", "map", "chain, whole map", {"color": "k"}),
+            ("chain", "own", "chain, own maxima", {"color": "0.55", "ls": "-."}),
+            ("layers", "map", "layers, whole map", {"color": "#c05000", "ls": "--"}),
         ):
             distance, frequency, amplitude = band.map(case.wave, whose, band.common)
             curve = threshold_curves(frequency, amplitude, reference)[0]
@@ -211,7 +210,7 @@ def low_pass_chains(cases: list[Measures]) -> Picture:
         if np.isfinite(values).any():
             low, high = np.nanpercentile(values, (16, 84)) / 1e3
             look = {"color": "#0060a8", "alpha": 0.4}
-            panel.add("band", ends, [low] * 2, [high] * 2, "all columns, 16-84 %", **look)
+            panel.add("band", ends, [low] * 2, [high] * 2, "columns, 16-84 %", **look)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 

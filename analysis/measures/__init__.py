@@ -101,17 +101,20 @@ class Measures(Eigenmodes):
 
     @cached_property
     def off_linear(self) -> float:
-        """YADE less the linear wave at its own times, relative L2: layers' means, or a chain's.
+        """YADE less the linear wave at the times of both, relative L2: layers' means, or a chain's.
 
         Over the whole record; NaN without a run.
         """
         run = self.case.signals
         if run is None:
             return np.nan
-        linear = self.case.linear()
+        linear = self.case.wave
+        every = round(float(linear.time[1]) / float(run.time[1]))
         seen, wanted = run.layer_displacement, linear.layer_displacement
         if self.case.is_crystal or seen is None or wanted is None:
             seen, wanted = run.chain_displacement, linear.chain_displacement
+        seen = seen[::every][: len(wanted)]
+        wanted = wanted[: len(seen)]
         return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
 
 

@@ -36,7 +36,7 @@ class Shown:
 NINE = 2, 3, 4, 6, 7, 8, 30, 31, 32
 AT_100_KPA = 2, 6, 22, 30
 OF_CASES = (
-    Shown("fig01_samples", "samples", "Figure 1: samples", (2, 22), 1, 1.7, "x"),
+    Shown("fig01_samples", "samples", "Figure 1: samples", (2, 22), 1, 1.3, "x"),
     Shown("fig03_signals", "signals", "Figure 3: motion", (2, 6, 30), 3, 2.3, "columns"),
     Shown("fig04_stress", "signals_stress", "Figure 4: motion at 50 D", NINE, 1, 2.4, "xy", True),
     Shown("fig05_space_time", "space_time", "Figure 5: motion over distance and time", (2, 6)),
