@@ -68,17 +68,22 @@ def in_khz(found: Edge) -> Estimate:
     return Estimate(1e-3 * found.value, 1e-3 * found.error)
 
 
+NONE = 1e-6
+"""In parts of a value: an uncertainty that no reader is shown."""
+
+
 def number(found: float | Estimate | str, digits: int = 4) -> str:
     """A value, to the first digit of its uncertainty where there is one, else to `digits`.
 
-    Counts are whole; empty where there is no value.
+    Counts are whole; empty where there is no value. An uncertainty below `NONE` of the value, as of
+    a natural frequency, is none for a reader.
     """
     if isinstance(found, str):
         return found
     value, error = (found.value, found.error) if isinstance(found, Estimate) else (found, np.nan)
     if not np.isfinite(value):
         return ""
-    if not (np.isfinite(error) and error > 0):
+    if not (np.isfinite(error) and error > NONE * abs(value)):
         return f"{value:.0f}" if value == round(value) else f"{value:.{digits}g}"
     error = float(f"{error:.0e}")  # one digit, which may carry: 0.96 is 1
     places = -int(np.floor(np.log10(error)))

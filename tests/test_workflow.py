@@ -78,10 +78,11 @@ def test_a_crystal_needs_no_walk(study):
 
 def test_moduli_and_shear_waves_are_made_on_request(study):
     """No part of the study unless their files are asked for; then from the case's network."""
-    assert not {"moduli", "shear_wave"} & planned(study, cases=[30]).keys()
-    asked = ["products/case30.moduli.h5", "products/case30.shear.signals.h5"]
+    assert not {"moduli", "shear_wave", "band_modes"} & planned(study, cases=[30]).keys()
+    kinds = "moduli", "shear.signals", "band.modes"
+    asked = [f"products/case30.{kind}.h5" for kind in kinds]
     jobs = planned(study, *asked, cases=[30])
-    assert jobs["moduli"] == jobs["shear_wave"] == jobs["network"] == 1
+    assert jobs["moduli"] == jobs["shear_wave"] == jobs["band_modes"] == jobs["network"] == 1
     assert "yade_wave" not in jobs
 
 

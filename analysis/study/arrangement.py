@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from string import ascii_lowercase
 
 from analysis.figures import beyond, cases
 from analysis.figures.picture import Panel, Picture, merged, share_limits
@@ -120,6 +121,10 @@ def _together(shown: Shown, found: list[list[Panel]]) -> Picture:
             share_limits(panels[first :: shown.columns])
     elif shown.like:
         share_limits(panels, shown.like)
+    if len(panels) > 1:
+        for letter, panel in zip(ascii_lowercase, panels, strict=False):
+            if not panel.title.startswith("("):
+                panel.title = f"({letter}) {panel.title}"
     columns = min(shown.columns, len(panels))
     if columns == 2 and len(panels) == 3:  # a case is absent; no part of the grid stays blank
         columns = 3

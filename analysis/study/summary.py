@@ -71,8 +71,9 @@ def _headline(row: Row) -> str:
     """V_P and f_low-pass of a case, and what the paper has."""
     edge = number(row.values["f_low_pass_2_khz"])
     paper = stated("threshold_2", row.number)
-    text = f"{row.label}: V_P {number(row.values['v_p_first_peaks_m_per_s'])} m/s by first peaks, "
-    text += f"{number(row.values['v_p_long_waves_linear_m_per_s'])} m/s of long waves; f_low-pass "
-    text += f"{edge or 'unknown'} kHz" + (f" (the paper: {paper:g})" if paper else "")
     who = "YADE" if row.record == "yade" else "linear wave"
-    return f"{text}; f_max {number(row.values['f_max_khz'], 5)} kHz ({who})."
+    text = f"{row.label}, {who}: V_P {number(row.values['v_p_first_peaks_m_per_s'])} m/s by first "
+    text += "peaks, f_low-pass "
+    text += f"{edge or 'unknown'} kHz" + (f" (the paper: {paper:g})" if paper else "")
+    text += f"; V_P of long waves, linear {number(row.values['v_p_long_waves_linear_m_per_s'])} m/s"
+    return f"{text}; f_max {number(row.values['f_max_khz'], 5)} kHz."

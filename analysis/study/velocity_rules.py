@@ -12,12 +12,19 @@ from functools import cache
 import numpy as np
 
 from analysis.estimators.coherent import coherent_wave, longest_waves
-from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.damped_transform import mode_dispersion
+from analysis.estimators.effective_medium import of_contacts, of_means
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from analysis.estimators.low_pass import RECORD
 from analysis.estimators.resonances import long_wave_velocity
+from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import first_peak_velocity
+from analysis.measures.long_waves import LOW_ORDER
 from analysis.rows import Row, groups_of, law_of
 from analysis.table import Table
+from modal.packing.examples import fcc
+from modal.packing.state import contacts_per_particle, void_ratio
+from modal.stiffness.static_load import static_velocity
 from modal.theory.fcc import FccLattice
 
 RULES = {
@@ -37,13 +44,14 @@ RULES = {
 """Columns of table1.csv, and what they are called here."""
 WHY = {
     "first peaks": "the peak broadens and falls behind as it travels (dispersion)",
-    "long waves": "extrapolated to zero frequency",
+    "long waves": "extrapolated to zero frequency; of a crystal by the damped transform, unbiased",
     "2 L f_1": "walls give way: the column swings as a longer one",
     "Eq. 4": "the same, and the bend of the dispersion, which the fit takes off",
     "fitted": "wave number and phase of each shape are fitted",
     "walls": "phase velocity at a finite wavelength; the walls' contacts add delay",
     "static": "no wave; the springs of the state at rest",
-    "effective medium": "exact for the crystal; an upper bound for random packings",
+    "its contacts": "exact for the crystal; an upper bound for random packings",
+    "means": "the same, of e and Z alone",
 }
 """Part of a rule's name: where its bias comes from."""
 
@@ -54,10 +62,16 @@ def exact_biases(layers: int = 200) -> dict[str, float]:
     chain = LayerLattice.of_crystal(FccLattice(1e5), layers)
     length = (chain.layers - 1) * chain.distance + 2 * chain.wall_gap
     record = lattice_signals(chain, np.arange(0, length / chain.velocity, 4e-7))
-    f = chain.eigenmodes()[0] / (2 * np.pi)
+    omega, shape = chain.eigenmodes()
+    f = omega / (2 * np.pi)
     kappa = np.pi * np.arange(1, len(f) + 1) / length
     peaks = first_peak_velocity(record, 0.0, length)[0]
     coherent = longest_waves(coherent_wave(record, length))[0]
+    longer = lattice_signals(chain, np.arange(0, RECORD * length / chain.velocity, 4e-7))
+    walls, low = wall_velocity(longer, length), LOW_ORDER * chain.velocity / (2 * length)
+    network = fcc(1e5, (1, 1, layers))
+    contacts = float(contacts_per_particle(network).mean())
+    means = of_means(void_ratio(network), contacts, 1e5, float(network.radius[0]))
     found = {
         "v_p_first_peaks_linear_m_per_s": peaks,
         "v_p_first_peaks_yade_m_per_s": peaks,
@@ -66,7 +80,11 @@ def exact_biases(layers: int = 200) -> dict[str, float]:
         "v_p_long_waves_yade_m_per_s": coherent,
         "v_p_modes_first_m_per_s": 2 * length * f[0],
         "v_p_modes_eq_4_m_per_s": long_wave_velocity(f, kappa)[0],
-        "v_p_modes_fitted_m_per_s": chain_dispersion(record).velocity,
+        "v_p_modes_fitted_m_per_s": mode_dispersion(f, shape.T, chain.distance).velocity,
+        "v_p_walls_phase_m_per_s": at_frequency(*walls[:2], low),
+        "v_p_static_m_per_s": static_velocity(network)[0],
+        "v_p_emt_contacts_m_per_s": of_contacts(network).velocity,
+        "v_p_emt_means_m_per_s": means.velocity,
     }
     return {name: value / chain.velocity - 1 for name, value in found.items()}
 

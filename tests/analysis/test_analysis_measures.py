@@ -139,6 +139,7 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
         (Estimate(1226.7, 9.4), "1227 ± 9"),
         (Estimate(1226.7, 12.0), "1230 ± 10"),
         (Estimate(22.4263, 0.0961), "22.4 ± 0.1"),
+        (Estimate(215.352612, 3e-9), "215.4"),
         (Estimate(539.153), "539.2"),
         (215.3526, "215.4"),
         (107072.0, "107072"),

@@ -265,6 +265,9 @@ def test_known_biases_are_those_of_the_exact_chain():
     bias = exact_biases()
     assert -0.02 < bias["v_p_modes_first_m_per_s"] < -0.005
     assert abs(bias["v_p_modes_fitted_m_per_s"]) < 1e-4
+    assert abs(bias["v_p_emt_contacts_m_per_s"]) < 1e-6  # all spheres move with the mean strain
+    assert abs(bias["v_p_static_m_per_s"]) < 1e-3
+    assert -0.02 < bias["v_p_walls_phase_m_per_s"] < 0  # the walls are two more contacts
     assert abs(bias["v_p_long_waves_linear_m_per_s"]) < 5e-4
     assert -0.013 < bias["v_p_first_peaks_yade_m_per_s"] < -0.007
     table = velocities([made_up(6, 0.0, 1e5, v_p_static_m_per_s=500.0, void_ratio=0.5)])
