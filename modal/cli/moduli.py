@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from modal.cli.options import add_if_stale, network_command
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
 from modal.elasticity.response import SOLVERS
+from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
 from modal.elasticity.waves import unit_vector
 from modal.formats.hdf5 import sha256
 from modal.packing.plausibility import read_remarked
+from modal.stiffness.pre_stress import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -41,6 +45,10 @@ def add(commands: Any) -> None:
         action="store_true",
         help="write how each sphere moves beyond the strain, too",
     )
+    command.add_argument(
+        "--pre-stress", choices=TANGENTS, default="none",
+        help="what the forces of the contacts do to the velocities, of cells without walls; none",
+    )  # fmt: skip
     command.add_argument("-o", "--output", metavar="FILE", help="write *.moduli.h5")
     add_if_stale(command)
 
@@ -50,12 +58,19 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     asked = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
     for direction in asked.values():
         unit_vector(direction)
+    network = read_remarked(options.network, options.remarks.append)
+    stressed = options.pre_stress != "none"
     found = elastic_moduli(
-        read_remarked(options.network, options.remarks.append),
+        network,
         tolerance=options.tolerance,
         solver=options.solver,
-        non_affine=options.non_affine,
+        non_affine=options.non_affine or stressed,
     )
+    velocities = found.velocities
+    if stressed:
+        A = stressed_stiffness(network, found, options.pre_stress)
+        velocities = partial(stressed_velocities, A, found.density)
+        found = found if options.non_affine else replace(found, non_affine=None)
     options.remarks.extend(found.remarks())
     if options.output:
         write_moduli(options.output, found, sha256(options.network), options.made)
@@ -71,7 +86,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "anisotropy": found.anisotropy,
         "density_kg_per_m3": found.density,
         "velocity_m_per_s": {
-            name: found.velocities(direction).tolist() for name, direction in (AXES | asked).items()
+            name: velocities(direction).tolist() for name, direction in (AXES | asked).items()
         },
         "isotropic_velocity_m_per_s": [found.v_p, found.v_s],
         "relative_error": found.error,

@@ -160,13 +160,19 @@ def test_tolerance_is_that_of_the_moduli_not_of_the_affine_ones(solver):
         assert found.error <= tolerance
 
 
-def bloch_matrix(network: Network, wavevector: np.ndarray) -> np.ndarray:
-    """Hermitian (6n, 6n): the cell repeated for ever, contacts through a period with a phase."""
+def bloch_matrix(
+    network: Network, wavevector: np.ndarray, tangent: np.ndarray | None = None
+) -> np.ndarray:
+    """Shape (6n, 6n): the cell repeated for ever, contacts through a period with a phase.
+
+    Of the springs, or of each contact's `tangent` (m, 12, 12).
+    """
     n = network.n_particles
     K = np.zeros((n, 6, n, 6), complex)
     phase = np.exp(1j * (network.cell_shift * network.cell_size) @ wavevector)
+    tangent = contact_stiffness(network) if tangent is None else tangent
     for local, i, j, turn in zip(
-        contact_stiffness(network), network.particle_i, network.particle_j, phase, strict=True
+        tangent, network.particle_i, network.particle_j, phase, strict=True
     ):
         K[i, :, i] += local[:6, :6]
         K[j, :, j] += local[6:, 6:]

@@ -1,0 +1,84 @@
+"""What the forces that the contacts carry already do to the elastic stiffness, to first order.
+
+A packing under stress is no solid of 21 moduli: a rotation turns its forces, so that a wave asks
+for all nine displacement gradients G_kl = du_k / dx_l and the nominal stress P_ij = A_ijkl G_kl;
+along n, rho V^2 are the eigenvalues of A_ijkl n_j n_l (the small on large of elasticity). With the
+springs alone A is the stiffness tensor C. The tangent of the law adds dk to each contact, and to
+first order
+
+    V dA_ab = sum over contacts of q_a . dk q_b
+
+with q_a (12) what the springs' own answer to gradient a does to the two ends: the spheres follow
+the gradient, turn with it, and move beyond it. What is left out is of the order of the square of
+stress over modulus.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modal.elasticity.moduli import ElasticModuli
+from modal.elasticity.strain import branches, has_walls, turn
+from modal.elasticity.waves import INDEX, unit_vector
+from modal.formats.arrays import Floats
+from modal.formats.hdf5 import InputError
+from modal.packing.network import Network
+from modal.stiffness.matrices import tangent_of
+
+AT_ONCE = 20_000
+"""Contacts whose 12 x 12 tangents are held at once."""
+
+
+def stressed_stiffness(network: Network, moduli: ElasticModuli, pre_stress: str) -> Floats:
+    """Shape (3, 3, 3, 3), Pa: A of a cell periodic in all directions, not symmetric.
+
+    `moduli` are those of its springs, with `non_affine`; `pre_stress` is one of `TANGENTS`
+    (`modal.stiffness.pre_stress`). InputError for a packing with walls.
+    """
+    if moduli.non_affine is None:
+        raise InputError("the moduli lack the motions; ask for non_affine")
+    if has_walls(network):
+        raise InputError(
+            f"pre-stress {pre_stress!r}: in a slab the springs alone are known; take none, or a "
+            "cell periodic in all directions"
+        )
+    change = np.zeros((9, 9))
+    for first in range(0, network.n_contacts, AT_ONCE):
+        rows = np.arange(first, min(first + AT_ONCE, network.n_contacts))
+        some = network.with_contacts(rows)
+        dk = tangent_of(some, pre_stress) - tangent_of(some, "none")
+        q = _ends(some, moduli.non_affine)
+        change += np.einsum("aci,cij,bcj->ab", q, dk, q, optimize=True)
+    springs = moduli.stiffness[INDEX[:, :, None, None], INDEX[None, None]]
+    volume = network.area * network.length
+    return springs + change.reshape(3, 3, 3, 3) / volume
+
+
+def _ends(network: Network, non_affine: Floats) -> Floats:
+    """Shape (9, m, 12): motions of both spheres of each contact, centre of i at rest but for u."""
+    q = np.zeros((9, network.n_contacts, 12))
+    branch = branches(network)
+    for moved in range(3):
+        for along in range(3):
+            gradient = np.zeros((3, 3))
+            gradient[moved, along] = 1
+            row = q[3 * moved + along]
+            row[:, 6:9] = branch @ gradient.T
+            row[:, 3:6] = row[:, 9:12] = turn(gradient)
+            beyond = non_affine[INDEX[moved, along]]
+            row[:, :6] += beyond[network.particle_i]
+            row[:, 6:] += beyond[network.partner]
+    return q
+
+
+def stressed_velocities(stiffness: Floats, density: float, direction: ArrayLike) -> Floats:
+    """Shape (3,), m/s, the fastest first: the longest waves along a direction of a stressed cell.
+
+    `stiffness` as of `stressed_stiffness`, whose parts in shear forces make it unsymmetric.
+    """
+    n = unit_vector(direction)
+    square = np.linalg.eigvals(np.einsum("ijkl,j,l->ik", stiffness, n, n) / density).real
+    square.sort()
+    velocity: Floats = (np.sign(square) * np.sqrt(abs(square)))[::-1]
+    return velocity

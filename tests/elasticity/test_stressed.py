@@ -1,0 +1,102 @@
+"""Velocities of a cell that carries forces, against Bloch waves on the tangent of the law."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import polydisperse
+from places import PACKINGS
+from test_moduli import bloch_matrix, without_loose_spheres
+
+from modal.__main__ import main
+from modal.elasticity.moduli import elastic_moduli
+from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
+from modal.stiffness.pre_stress import contact_tangent
+
+
+def long_waves(network: Network, wavevector: np.ndarray, pre_stress: str) -> np.ndarray:
+    """V^2 (3,) of the three Bloch waves that move all spheres alike, m^2/s^2, ascending."""
+    matrix = bloch_matrix(network, wavevector, contact_tangent(network, pre_stress))
+    square, shape = np.linalg.eig(matrix)
+    alike = np.zeros((network.n_particles, 6, 3))
+    alike[:, range(3), range(3)] = np.sqrt(network.mass)[:, None]
+    share = np.linalg.norm(alike.reshape(-1, 3).T @ shape, axis=0) / np.linalg.norm(shape, axis=0)
+    return np.sort(square[np.argsort(share)[-3:]].real) / (wavevector @ wavevector)
+
+
+@pytest.mark.parametrize("pre_stress", ["normal", "full"])
+@pytest.mark.parametrize("direction", [(0, 0, 1), (1, -2, 3)])
+def test_first_order_of_the_bloch_waves(pre_stress, direction):
+    """60 spheres of radii 1:3, with a share of their forces, and half of it.
+
+    What is left of the change of V^2 is of second order: half as much, relative, at half the
+    forces. The branches bend by (kappa L)^2 in both alike; at a smaller kappa, or with smaller
+    forces, round-off of the largest eigenvalue would be seen.
+    """
+    network = without_loose_spheres(polydisperse(periodic_z=True, n=60))
+    n = np.array(direction) / np.linalg.norm(direction)
+    wavevector = 1e-2 / network.cell_size[0] * n
+    moduli = elastic_moduli(network, tolerance=1e-10, non_affine=True)
+    unloaded = long_waves(network, wavevector, "none")
+    assert np.sqrt(unloaded[::-1]) == pytest.approx(moduli.velocities(n), rel=1e-4)
+    errors = []
+    for share in (0.2, 0.1):
+        loaded = replace(
+            network,
+            force_normal=share * network.force_normal,
+            force_tangential=share * network.force_tangential,
+        )
+        A = stressed_stiffness(loaded, moduli, pre_stress)
+        found = (
+            stressed_velocities(A, moduli.density, n)[::-1] ** 2 - moduli.velocities(n)[::-1] ** 2
+        )
+        wanted = long_waves(loaded, wavevector, pre_stress) - unloaded
+        errors.append(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+    assert errors[0] < 5e-3
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_crystal_under_pressure_in_closed_form():
+    """Each contact pushes its spheres apart sideways by N / l: rho dV^2 = -sum N l (n.e)^2 / V0.
+
+    No sphere leaves the mean field of a crystal; e is the direction of the wave, and the part of
+    the motion p along a contact does not turn it: 1 - (n.p)^2.
+    """
+    crystal = gallery.fcc(1e7, (2, 2, 4), periodic_z=True)
+    moduli = elastic_moduli(crystal, non_affine=True)
+    A = stressed_stiffness(crystal, moduli, "normal")
+    volume = crystal.cell_size.prod()
+    branch = np.linalg.norm(crystal.lever_i - crystal.lever_j, axis=1)
+    weight = crystal.force_normal * branch * crystal.normal[:, 2] ** 2
+    e = np.array([0.0, 0.0, 1.0])
+    for p in np.eye(3):
+        less = (weight * (1 - (crystal.normal @ p) ** 2)).sum() / volume
+        with_forces = p @ np.einsum("ijkl,j,l->ik", A, e, e) @ p
+        C = moduli.stiffness[[4, 3, 2][int(np.argmax(p))]][[4, 3, 2][int(np.argmax(p))]]
+        assert with_forces - C == pytest.approx(-less, rel=1e-8)
+
+
+def test_command_and_what_it_refuses(tmp_path, capsys):
+    path = str(PACKINGS / "triaxial.network.h5")
+    told = []
+    for pre_stress in ("none", "full"):
+        assert main(["moduli", path, "--pre-stress", pre_stress, "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out))
+    v, w = (np.array(each["velocity_m_per_s"]["z"]) for each in told)
+    # The order of stress over modulus: 1 MPa over some 300 MPa.
+    assert 1e-4 < abs(w / v - 1).max() < 2e-2
+    assert told[0]["stiffness_pa"] == told[1]["stiffness_pa"]
+    slab = tmp_path / "slab.network.h5"
+    write_network(slab, gallery.fcc(cells=(2, 2, 12)))
+    assert main(["moduli", str(slab), "--pre-stress", "normal"]) == 2
+    assert "in a slab the springs alone" in capsys.readouterr().err
+    with pytest.raises(InputError, match="ask for non_affine"):
+        cell = read_network(path)
+        stressed_stiffness(cell, elastic_moduli(cell), "full")
