@@ -18,7 +18,7 @@ that round-off does not decide where a layer of a crystal belongs."""
 
 
 class Layers:
-    """Equal slabs from wall to wall, about one mean diameter thick.
+    """Equal slabs from wall to wall, or of a period along z, about one mean diameter thick.
 
     `position` (nl,) m: mean z of the firmly held particles in a slab; `layer` (n,) the slab of
     each particle, -1 for all others. Slabs without particles are left out.
@@ -34,8 +34,13 @@ class Layers:
         count = max(1, round(network.length / diameter))
         z = network.position[:, 2]
         # A crystal's layer may lie on an edge: round-off must not tear it apart.
-        slab = ((z - network.wall_position[0]) * (count / network.length) + EDGE).astype(int)
-        filled, layer = np.unique(np.clip(slab[bearing], 0, count - 1), return_inverse=True)
+        at = (z - network.wall_position[0]) * (count / network.length) + EDGE
+        if network.cell_periodic[2]:
+            # A centre may be told in another period than the cell's.
+            periods = np.floor(at / count)
+            z, at = z - periods * network.length, at - periods * count
+        slab = np.clip(at[bearing].astype(int), 0, count - 1)
+        filled, layer = np.unique(slab, return_inverse=True)
         self.layer = np.full(network.n_particles, -1)
         self.layer[bearing] = layer
         self._size = np.bincount(layer, minlength=len(filled))

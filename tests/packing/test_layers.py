@@ -86,3 +86,14 @@ def test_particles_on_hardly_loaded_contacts_are_left_out():
     assert np.flatnonzero(~firmly_held(weak)).tolist() == [40]
     assert np.flatnonzero(Layers(weak).layer < 0).tolist() == [40]
     assert firmly_held(replace(crystal, force_normal=0 * force)).all()
+
+
+def test_centres_told_in_another_period_are_in_their_layers():
+    """A cell without walls: z may be any whole number of periods off, as a DEM run leaves it."""
+    cell = gallery.fcc(cells=(2, 2, 6), periodic_z=True)
+    away = np.random.default_rng(2).integers(-2, 3, cell.n_particles)
+    position = cell.position + away[:, None] * [0, 0, cell.length]
+    layers, moved = Layers(cell), Layers(replace(cell, position=position))
+    assert len(layers.position) == round(cell.length / (2 * cell.radius[0]))
+    np.testing.assert_array_equal(moved.layer, layers.layer)
+    np.testing.assert_allclose(moved.position, layers.position, rtol=1e-12)

@@ -8,8 +8,10 @@ from scipy.linalg import eigh
 import modal
 from analysis.estimators.layer_lattice import driven_by_pulse
 from modal.formats.hdf5 import InputError
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
 from modal.waves.plane_source import crossings, propagate_from_plane
+from modal.waves.source import Pulse
 
 CRYSTAL, LAYERS = FccLattice(1e5), 40
 
@@ -64,6 +66,30 @@ def test_momentum_stays_zero_in_a_random_cell():
     total = np.mean([crossings(cell, h) for h in heights], axis=0) * cell.length
     rise = (cell.lever_i - cell.lever_j)[:, 2]
     assert total == pytest.approx(rise, abs=cell.length / 1000)
+
+
+@pytest.mark.parametrize("direction", ["x", "z"])
+def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
+    """Radii 1:3; planes between two images of the spheres are counted one by one."""
+    cell, axis = polydisperse(periodic_z=True, n=30), "xyz".index(direction)
+    height = 0.3 * cell.length
+    push = np.zeros((cell.n_particles, 6))
+    for c in range(cell.n_contacts):
+        i, j, n = cell.particle_i[c], cell.particle_j[c], cell.normal[c]
+        below, above = cell.position[[i, j], 2] + [0, cell.cell_shift[c, 2] * cell.length]
+        planes = height + np.arange(-3, 4) * cell.length
+        crossed = ((below < planes) & (planes <= above)).sum()
+        crossed -= ((above < planes) & (planes <= below)).sum()
+        opening = crossed * np.eye(3)[axis]
+        along, kt = n * (n @ opening), cell.stiffness_tangential[c]
+        force = cell.stiffness_normal[c] * along + kt * (opening - along)
+        push[i] -= [*force, *np.cross(cell.lever_i[c], force)]
+        push[j] += [*force, *np.cross(cell.lever_j[c], force)]
+    square, shape = eigh(stiffness_matrix(cell).toarray(), np.diag(mass_diagonal(cell)))
+    found = propagate_from_plane(cell, 2e-5, height, direction=direction)
+    motion = (shape.T @ push.ravel())[:, None] * Pulse().response(square.clip(0), found.time)
+    wanted = (shape[axis::6] @ motion).T
+    assert found.particle_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
 
 
 def test_sources_outside_are_refused(crystal):
