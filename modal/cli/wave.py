@@ -87,17 +87,18 @@ def _motion(options: argparse.Namespace) -> Motion:
     name = "file" if options.source else options.motion or "pulse"
     has = {
         "file": (),
-        "pulse": ("cycles",),
-        "chirp": ("last_frequency", "sweep"),
-        "step": ("sweep",),
+        "pulse": ("amplitude", "input_frequency", "cycles"),
+        "chirp": ("amplitude", "input_frequency", "last_frequency", "sweep"),
+        "step": ("amplitude", "sweep"),
     }
+    usual = {"amplitude": AMPLITUDE, "input_frequency": INPUT_FREQUENCY}
     if options.source and options.motion:
         raise InputError("--source and --motion: take one of them")
-    for option in ("cycles", "last_frequency", "sweep"):
-        given = getattr(options, option) is not None
+    for option in ("amplitude", "input_frequency", "cycles", "last_frequency", "sweep"):
+        given = getattr(options, option) != usual.get(option)
         if given and option not in has.get(name, ()):
             raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
-        if not given and option in has.get(name, ()) and option != "cycles":
+        if not given and option in has.get(name, ()) and option not in (*usual, "cycles"):
             raise InputError(f"--motion {name} needs {typed(option)}")
     if name == "file":
         return read_motion(options.source)

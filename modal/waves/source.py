@@ -200,7 +200,8 @@ def _lag(x: Floats) -> Floats:
 
 
 FINE = 100
-"""Straight pieces in the shortest period of a motion that is given by samples."""
+"""Straight pieces in the shortest period of a motion that is given by samples: they leave a sine by
+5e-4 of its amplitude at most, (2 pi / 100)^2 / 8."""
 
 
 def chirp(amplitude: float, first: float, last: float, duration: float) -> SampledMotion:

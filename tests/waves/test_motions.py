@@ -117,6 +117,11 @@ def test_commands_name_what_a_motion_lacks(tmp_path, capsys):
         (["--sweep", "1e-5"], "the motion is a pulse"),
         (["--motion", "step", "--sweep", "0"], "above 0"),
         (["--motion", "step", "--source", "x.txt"], "take one of them"),
+        (
+            ["--motion", "step", "--sweep", "1e-5", "--input-frequency", "2e5"],
+            "--input-frequency: the motion is a step",
+        ),
+        (["--source", "x.txt", "--amplitude", "1e-9"], "--amplitude: the motion is a file"),
     ):
         assert main([*command, *options]) == 2
         said = capsys.readouterr().err
