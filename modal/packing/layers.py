@@ -43,10 +43,11 @@ class Layers:
         filled, layer = np.unique(slab, return_inverse=True)
         self.layer = np.full(network.n_particles, -1)
         self.layer[bearing] = layer
+        # Particles that are not held fall into an extra bin in front, which is dropped.
+        self._bin = self.layer + 1
         self._size = np.bincount(layer, minlength=len(filled))
         self.position = self.means(z)
 
     def means(self, values: Floats) -> Floats:
         """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
-        # Particles that are not held fall into an extra bin in front, which is dropped.
-        return np.bincount(self.layer + 1, values, len(self._size) + 1)[1:] / self._size
+        return np.bincount(self._bin, values, len(self._size) + 1)[1:] / self._size

@@ -12,7 +12,6 @@ from modal.loops import (
     compiled_part,
     cross,
     dot,
-    elementwise,
     fingerprint,
     numba,
     plus,
@@ -20,29 +19,17 @@ from modal.loops import (
 )
 
 
-@elementwise
-def spring_forces(w, d, n, difference, kt, lateral):
-    """Forces of the springs for the motion `d` of the contact point, and of pre-stress as well.
-
-    `w`: relative motion of the centres; `n`: the normal. The normal pre-stress pushes the centres
-    apart sideways and has no torque.
-    """
-    spring = kt * d[0], kt * d[1], kt * d[2]
-    spring = plus(spring, difference * dot(n, d), n)
-    return spring, plus(plus(spring, lateral, w), -lateral * dot(n, w), n)
-
-
-def _springs(first, last, x, y, single, factor, rows, ends, aside, scale):
+def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scale):
     rotating = x.shape[1] == 6
     width = x.shape[2] if single is None else 1
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
         n = rows[c, 0], rows[c, 1], rows[c, 2]
-        difference, kt, lateral = factor * rows[c, 3], factor * rows[c, 4], factor * rows[c, 5]
+        difference, kt = factor * rows[c, 3], factor * rows[c, 4]
         ti, ri = scale[i, 0], scale[i, 1]
         # A wall does not move; its index is negative.
         tj, rj = (scale[j, 0], scale[j, 1]) if j >= 0 else (0.0, 0.0)
-        arm_i, arm_j = rows[c, 6] * ri, rows[c, 7] * rj
+        arm_i, arm_j = rows[c, 5] * ri, rows[c, 6] * rj
         for v in range(width):
             w = -ti * x[i, 0, v], -ti * x[i, 1, v], -ti * x[i, 2, v]
             if j >= 0:
@@ -59,7 +46,13 @@ def _springs(first, last, x, y, single, factor, rows, ends, aside, scale):
                     if j >= 0:
                         off_j = aside[c, 3], aside[c, 4], aside[c, 5]
                         d = plus(d, rj, cross((x[j, 3, v], x[j, 4, v], x[j, 5, v]), off_j))
-            spring, force = spring_forces(w, d, n, difference, kt, lateral)
+            spring = kt * d[0], kt * d[1], kt * d[2]
+            spring = plus(spring, difference * dot(n, d), n)
+            force = spring
+            if lateral is not None:
+                # The normal pre-stress pushes the centres apart sideways and has no torque.
+                push = factor * lateral[c]
+                force = plus(plus(spring, push, w), -push * dot(n, w), n)
             y[i, 0, v] -= ti * force[0]
             y[i, 1, v] -= ti * force[1]
             y[i, 2, v] -= ti * force[2]
@@ -125,7 +118,7 @@ def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
             if rotating:
                 turn = plus(cross(s, d), twist, s)
                 torque = plus(
-                    (rows[c, 6] * turn[0], rows[c, 6] * turn[1], rows[c, 6] * turn[2]),
+                    (rows[c, 5] * turn[0], rows[c, 5] * turn[1], rows[c, 5] * turn[2]),
                     -along / 2,
                     m,
                 )
@@ -133,7 +126,7 @@ def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
                 y[i, 4, v] -= qi * torque[1]
                 y[i, 5, v] -= qi * torque[2]
                 if j >= 0:
-                    torque = plus(torque, rows[c, 7] - rows[c, 6], turn)
+                    torque = plus(torque, rows[c, 6] - rows[c, 5], turn)
                     y[j, 3, v] -= qj * torque[0]
                     y[j, 4, v] -= qj * torque[1]
                     y[j, 5, v] -= qj * torque[2]
@@ -153,7 +146,22 @@ def _mix(first, last, x, y, single, own, kept, fresh, sums, slab):
 
 
 def _combine_by_slabs(
-    x, y, single, factor, own, kept, rows, ends, slabs, pieces, fresh, aside, shear, scale, sums
+    x,
+    y,
+    single,
+    factor,
+    own,
+    kept,
+    rows,
+    ends,
+    slabs,
+    pieces,
+    fresh,
+    lateral,
+    aside,
+    shear,
+    scale,
+    sums,
 ):
     """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
 
@@ -172,7 +180,7 @@ def _combine_by_slabs(
                 if mixing:
                     here, there = pieces[piece, 1], pieces[piece + 1, 1]
                     _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
-                _springs(first, last, x, y, single, factor, rows, ends, aside, scale)
+                _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scale)
                 if shear is not None:
                     _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
     if mixing:

@@ -1,6 +1,6 @@
 """K u without a matrix: one loop over the contacts, compiled by numba where it is installed.
 
-It reads 72 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
+It reads 64 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
 Without numba the assembled matrix does the same.
 """
 
@@ -115,7 +115,7 @@ class ContactOperator(LinearOperator):
         contact_loops.combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
             *(float(factor), float(own), float(kept)),
-            *(on.rows, on.ends, on.slabs, on.pieces, on.fresh, on.aside, on.shear),
+            *(on.rows, on.ends, on.slabs, on.pieces, on.fresh, on.lateral, on.aside, on.shear),
             *(self._scale, of_slabs),
         )
         if sums is not None and of_slabs is not None:

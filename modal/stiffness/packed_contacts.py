@@ -28,10 +28,10 @@ CENTRAL = 16 * np.finfo(float).eps
 class PackedContacts:
     """Contacts in the order of the loops, m of them; lengths in m, stiffnesses in N/m.
 
-    rows (m, 8): normal, kn - kt, kt, -N / l, and how far the two levers reach along the normal, the
-    second one backwards; ends (m, 2) int32, walls negative. aside (m, 6): the parts of both levers
-    across the normal, None where all levers lie along it. shear (m, 4): the tangential force on j,
-    N, and 1 / l, for the full tangent, else None.
+    rows (m, 7): normal, kn - kt, kt, and how far the two levers reach along the normal, the second
+    one backwards; ends (m, 2) int32, walls negative. lateral (m,): -N / l of a pre-stress, else
+    None. aside (m, 6): the parts of both levers across the normal, None where all levers lie along
+    it. shear (m, 4): the tangential force on j, N, and 1 / l, for the full tangent, else None.
 
     slabs (s + 1,): the piece with which each begins, and their number p. pieces (p + 1, 2): the
     first contact of each, and its first sphere in `fresh` (n,) int32, the spheres by the piece that
@@ -43,6 +43,7 @@ class PackedContacts:
     slabs: Ints
     pieces: Ints
     fresh: Ints
+    lateral: Floats | None
     aside: Floats | None
     shear: Floats | None
 
@@ -50,11 +51,12 @@ class PackedContacts:
     def of(cls, network: Network, pre_stress: str) -> PackedContacts:
         """The contacts of a network; `pre_stress` as in `modal.stiffness.pre_stress`."""
         order, slabs = _order_along_z(network)
-        ends, rows = np.empty((len(order), 2), np.int32), np.zeros((len(order), 8))
+        ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
+        lateral = None
         pressed, sheared = forces_of(network, pre_stress)
         if pressed is not None:
             per_distance = 1 / centre_distance(network)[order]
-            rows[:, 5] = -pressed[order] * per_distance
+            lateral = -pressed[order] * per_distance
         levers = (network.lever_i, 1.0), (network.lever_j, -1.0)
         longest, furthest_off = np.zeros(2), np.zeros(2)
         # A part at a time: what is in between takes little memory.
@@ -67,7 +69,7 @@ class PackedContacts:
             own[:, 3] = network.stiffness_normal[here] - own[:, 4]
             for k, (lever, sign) in enumerate(levers):
                 along, off = _along_and_off(lever[here], normal)
-                own[:, 6 + k] = sign * along
+                own[:, 5 + k] = sign * along
                 longest[k] = abs(along).max(initial=longest[k])
                 furthest_off[k] = abs(off).max(initial=furthest_off[k])
         aside = None
@@ -77,7 +79,8 @@ class PackedContacts:
         shear = None
         if sheared is not None:
             shear = np.column_stack([-sheared[order], per_distance])
-        return cls(rows, ends, *_pieces(ends, slabs, network.n_particles), aside, shear)
+        in_pieces = _pieces(ends, slabs, network.n_particles)
+        return cls(rows, ends, *in_pieces, lateral, aside, shear)
 
 
 def _along_and_off(lever: Floats, normal: Floats) -> tuple[Floats, Floats]:
