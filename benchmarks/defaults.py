@@ -127,9 +127,9 @@ def states(rows: Rows) -> Iterator[Default]:
     yield Default(
         "density of states",
         f"{resolution / 1e3:g} kHz, standard error {tolerance:g}",
-        f"the coarsest whose kernel, {best['error_of_kernel']:.1e}, errs less than the "
-        f"{best['vectors']:.0f} vectors that this standard error takes, "
-        f"{best['error_of_vectors']:.1e}",
+        f"the coarsest whose kernel, {best['error_of_kernel']:.1e}, errs less than this standard "
+        f"error; the {best['vectors']:.0f} vectors that it takes err by at most "
+        f"{best['error_of_vectors']:.1e} in this draw",
         # The largest of many errors is within three times the one that was asked for.
         resolution == best["resolution_hz"] and best["error_of_vectors"] < 3 * tolerance,
     )
@@ -138,14 +138,14 @@ def states(rows: Rows) -> Iterator[Default]:
 def settled(rows: Rows) -> Iterator[Default]:
     """When a state of the compression is reached."""
     stress, residual = SETTLED
-    best = preparation.knee(rows)
-    moved = max(row["error_e"] for row in preparation.stops(rows)[best])
+    best, runs = preparation.knee(rows), preparation.stops(rows)
+    moved = max(row["error_e"] for row in runs[residual])
     yield Default(
         "settled state",
         f"residual {residual:g}, stress {stress:g}",
-        f"e then moves by {moved:.1e} at most; three times tighter lowers that by less than "
-        f"{preparation.BUYS:g} times, or not all runs meet it",
-        (stress, residual) == (preparation.STRESS_ERROR * best, best),
+        f"e then moves by {moved:.1e} at most; up to {best:g} every run keeps it to "
+        f"{preparation.DIGIT:g}, half of the last digit that the paper states",
+        stress == preparation.STRESS_ERROR * residual and residual <= best,
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +50,8 @@ UNBALANCED = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 """Stop criteria: mean residual force over mean contact force; stresses to `STRESS_ERROR` times."""
 STRESS_ERROR = 3.0
 END = "end of the run"
-BUYS = 1.5
-"""A criterion three times tighter that lowers the error by less than this buys nothing."""
+DIGIT = 5e-4
+"""Half of the last digit to which the paper states void ratios."""
 BY_MINIMISER = "no friction, 1 MPa to 100 kPa by the minimiser"
 IN_MOTION = "no friction, the same by the servo"
 CHECK = 50
@@ -214,17 +214,15 @@ def stops(rows: Rows) -> dict[float, Rows]:
 
 
 def knee(rows: Rows) -> float:
-    """The loosest criterion after which the next one hardly lowers the error of e.
+    """The loosest criterion from which on every run keeps e to `DIGIT`; else the tightest.
 
-    The error is the largest of all runs; only criteria that as many runs as ever have met count.
+    Only criteria that as many runs as ever have met count.
     """
     met = stops(rows)
     most = max(map(len, met.values()))
-    error = {c: max(row["error_e"] for row in own) for c, own in met.items() if len(own) == most}
-    for loose, tight in pairwise(error):
-        if error[loose] < BUYS * error[tight]:
-            return loose
-    return min(error)
+    full = sorted(criterion for criterion, own in met.items() if len(own) == most)
+    good = takewhile(lambda c: all(row["error_e"] * row["e"] <= DIGIT for row in met[c]), full)
+    return max(good, default=full[0])
 
 
 def notes(rows: Rows) -> list[str]:
