@@ -266,8 +266,9 @@ def notes(rows: Rows) -> list[str]:
         text = f"{curve}: {grow}{last['seconds']:.3g} s and {last['mb']:.3g} MB at "
         text += f"n = {last['x']:.0f}"
         if last.get("seconds_limit"):
-            text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit, "
-            text += f"{last['seconds'] / last['seconds_arithmetic']:.2g} times that of arithmetic"
+            text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit"
+        if last.get("seconds_arithmetic"):
+            text += f", {last['seconds'] / last['seconds_arithmetic']:.2g} times that of arithmetic"
         said.append(text + ".")
     return said
 
