@@ -37,7 +37,7 @@ autodoc_typehints = "signature"
 python_use_unqualified_type_names = True
 suppress_warnings = ["config.cache"]
 sphinx_gallery_conf = {
-    "examples_dirs": "../examples",
+    "examples_dirs": "../examples",  # not its folders: in them nothing is called README
     "gallery_dirs": "examples",
     "filename_pattern": r"\.py$",
     "within_subsection_order": "FileNameSortKey",
