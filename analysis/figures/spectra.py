@@ -131,6 +131,8 @@ def structure(cases: list[Measures]) -> Picture:
         if m.scattering is not None:
             f_ridge, own, _ = m.scattering.of_waves()
             narrow.line(f_ridge / 1e3, own / 1e3, text, **style)
+            if len(own):  # a tenth of the resolution is no width any more
+                narrow.ylim = (1e-4 * found.resolution, 3e-3 * float(own.max()))
         wave = m.coherent
         rate = wave.attenuation * wave.group_velocity / np.pi
         seen = (rate > 0) & (wave.frequency > 0.1 * m.band)
