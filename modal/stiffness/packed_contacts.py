@@ -74,8 +74,8 @@ class PackedContacts:
                 furthest_off[k] = abs(off).max(initial=furthest_off[k])
         aside = None
         if (furthest_off > CENTRAL * longest).any():
-            off = [_along_and_off(lever, network.normal)[1][order] for lever, _ in levers]
-            aside = np.hstack(off)
+            across = [_along_and_off(lever, network.normal)[1][order] for lever, _ in levers]
+            aside = np.hstack(across)
         shear = None
         if sheared is not None:
             shear = np.column_stack([-sheared[order], per_distance])
