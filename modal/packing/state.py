@@ -139,17 +139,17 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     """Layers of about `thickness`, m (one mean diameter), from wall to wall.
 
     A sphere's volume is split at the edges as the spherical caps that they cut off; volume and
-    force beyond a wall count to the last layer.
+    force beyond a wall count to the last layer, beyond a period to the layer that they enter there.
     """
     diameter = 2 * float(network.radius.mean())
     count = max(1, round(network.length / (thickness or diameter)))
     edges = np.linspace(network.wall_position[0], network.wall_position[1], count + 1)
     volume = _volume(network) / count
     z, radius = network.position[:, 2], network.radius
-    solid = np.zeros(count + 1)
+    solid, periodic = np.zeros(count + 1), bool(network.cell_periodic[2])
     solid[-1] = sphere_volume(radius).sum()
-    for edge in range(1, count):
-        height = np.clip(edges[edge] - z + radius, 0, 2 * radius)
+    for edge in range(count + 1) if periodic else range(1, count):
+        height = np.clip(edges[edge] - _images(z, network) + radius, 0, 2 * radius)
         solid[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
     layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
     particles = np.bincount(layer, minlength=count)
@@ -161,8 +161,16 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
         void_ratio=volume / np.maximum(np.diff(solid), np.finfo(float).tiny) - 1,
         coordination=ends / np.maximum(particles, 1),
         particles=particles,
-        bulk=(edges[:-1] >= reach[0]) & (edges[1:] <= reach[1]),
+        bulk=periodic | ((edges[:-1] >= reach[0]) & (edges[1:] <= reach[1])),
     )
+
+
+def _images(height: Floats, network: Network) -> Floats:
+    """Shape (1, k) or (3, k): heights, m, with those a period below and above if there is one."""
+    period = network.cell_size[2]
+    shifts = np.array([-period, 0.0, period] if network.cell_periodic[2] else [0.0])
+    images: Floats = height + shifts[:, None]
+    return images
 
 
 def _has_forces(network: Network) -> bool:
@@ -178,8 +186,10 @@ def _stress_along_z(network: Network, edges: Floats) -> Floats:
     low, span = np.minimum(start, start + rise), np.maximum(abs(rise), thinnest)
     below = np.zeros((len(edges), 3))
     below[-1] = virial.sum(axis=0)
-    for edge in range(1, len(edges) - 1):
-        below[edge] = np.clip((edges[edge] - low) / span, 0, 1) @ virial
+    inner = range(len(edges)) if network.cell_periodic[2] else range(1, len(edges) - 1)
+    for edge in inner:
+        share = np.clip((edges[edge] - _images(low, network)) / span, 0, 1)
+        below[edge] = share.sum(axis=0) @ virial
     return np.diff(below, axis=0)
 
 

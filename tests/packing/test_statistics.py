@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from places import SHEARED
+from places import PACKINGS, SHEARED
 
 from modal.__main__ import main
 from modal.packing import examples as gallery
 from modal.packing.contact_law import RADIUS
 from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import (
     coordination_without_rattlers,
@@ -231,3 +231,29 @@ def test_scatter_of_two_seeds():
     assert abs(z[0] - z[1]) < 0.3
     # Two seeds are two packings, which chance does not make alike to seven digits.
     assert abs(e[0] / e[1] - 1) > 1e-7
+
+
+def test_layers_of_a_cell_without_walls_know_no_end():
+    """YADE's packing in balance: the same stress along z crosses every plane, of the period too.
+
+    Net forces are 1e-6 of the contact forces. Moved by a layer, all layers follow round the cell.
+    """
+    network = read_network(PACKINGS / "triaxial.network.h5")
+    layers = profile(network)
+    assert layers.bulk.all()
+    assert layers.stress[:, 2] == pytest.approx(layers.stress[:, 2].mean(), rel=1e-5)
+    assert layers.stress.mean(axis=0) == pytest.approx(np.diag(stress_tensor(network)), rel=1e-12)
+    volume = network.cell_size.prod() / len(layers.void_ratio)
+    solid = (4 / 3 * np.pi * network.radius**3).sum()
+    assert (volume / (1 + layers.void_ratio)).sum() == pytest.approx(solid, rel=1e-12)
+    step, low = np.diff(layers.edges)[0], network.wall_position[0]
+    position = network.position.copy()
+    position[:, 2] += step
+    over = position[:, 2] >= network.wall_position[1]
+    position[over, 2] -= network.cell_size[2]
+    assert over.any() and position[:, 2].min() >= low
+    shift = network.cell_shift.copy()
+    shift[:, 2] += over[network.partner].astype(int) - over[network.particle_i]
+    moved = profile(replace(network, position=position, cell_shift=shift))
+    assert moved.void_ratio == pytest.approx(np.roll(layers.void_ratio, 1), rel=1e-9)
+    assert moved.stress == pytest.approx(np.roll(layers.stress, 1, axis=0), rel=1e-9)
