@@ -87,7 +87,8 @@ def gain_settings(network: Network, passage: float) -> dict[str, float]:
 
 def network_gain(network: Network, passage: float) -> Gain:
     """Gain of the springs by `gain_settings`, without a record; `passage` (s) from wall to wall."""
-    found = frequency_response(network, **gain_settings(network, passage))
+    wanted = gain_settings(network, passage)
+    found = frequency_response(network, resolution=wanted["resolution"], highest=wanted["highest"])
     return Gain(found.frequency, found.gain, found.resolution)
 
 

@@ -81,7 +81,7 @@ def exact_biases(layers: int = 200) -> dict[str, float]:
         "v_p_modes_first_m_per_s": 2 * length * f[0],
         "v_p_modes_eq_4_m_per_s": long_wave_velocity(f, kappa)[0],
         "v_p_modes_fitted_m_per_s": mode_dispersion(f, shape.T, chain.distance).velocity,
-        "v_p_walls_phase_m_per_s": at_frequency(*walls[:2], low),
+        "v_p_walls_phase_m_per_s": at_frequency(walls[0], walls[1], low),
         "v_p_static_m_per_s": static_velocity(network)[0],
         "v_p_emt_contacts_m_per_s": of_contacts(network).velocity,
         "v_p_emt_means_m_per_s": means.velocity,
