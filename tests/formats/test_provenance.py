@@ -285,7 +285,7 @@ def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
     write_network(tmp_path / "case02.network.h5", gallery.fcc(1e5, (1, 1, 60)))
     command = ["prepare", "2", "--products", str(tmp_path)]
     assert analysis_main(command) == 0
-    monkeypatch.setattr("analysis.prepare.GAIN_RESOLUTION", 0.5)
+    monkeypatch.setattr("analysis.estimators.transfer.RESOLUTION", 0.5)
     capsys.readouterr()
     assert analysis_main(command) == 0
     assert "case02.response.h5: stale, resolution was " in capsys.readouterr().out

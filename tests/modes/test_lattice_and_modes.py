@@ -12,7 +12,7 @@ from packings import scaled
 from scipy.linalg import eigh_tridiagonal
 
 from modal.formats.hdf5 import InputError
-from modal.modes import dense, measured
+from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
@@ -113,7 +113,7 @@ def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 3, 1.5))
     problem = Eigenproblem.of(network)
     whole = dense.all_modes(problem)
-    monkeypatch.setattr(measured, "TOGETHER", 7)
+    monkeypatch.setattr(from_vectors, "TOGETHER", 7)
     parts = dense.all_modes(problem)
     for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
         assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name

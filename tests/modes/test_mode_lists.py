@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.modes import dense, measured
+from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes import lowest as intervals
 from modal.modes.mode_set import Choice, ModeSet, read_modes, subset, write_modes
@@ -95,7 +95,7 @@ def test_mode_shapes_are_in_the_file(tmp_path, capsys, monkeypatch, path):
 def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monkeypatch):
     """216 modes of 36 spheres take 373 kB: one byte less allowed, they stay out and it is said."""
     network = gallery.fcc(cells=(3, 3, 4))
-    monkeypatch.setattr(measured, "LARGEST_SHAPES", 8 * 216**2 - 1)
+    monkeypatch.setattr(from_vectors, "LARGEST_SHAPES", 8 * 216**2 - 1)
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     write_network(source, network)
     assert main(["modes", str(source), "--all", "-o", str(out)]) == 0
@@ -175,7 +175,7 @@ def test_residuals_are_relative_to_each_mode_s_own_omega_squared():
     angle = 1e-3
     mixed = np.cos(angle) * vector[:, :1] + np.sin(angle) * vector[:, -1:]
     rayleigh = np.cos(angle) ** 2 * square[0] + np.sin(angle) ** 2 * square[-1]
-    found = measured.measure(problem, np.array([rayleigh]), mixed, None)
+    found = from_vectors.measure(problem, np.array([rayleigh]), mixed, None)
     expected = np.sin(angle) * np.cos(angle) * (square[-1] - square[0]) / rayleigh
     assert found.residual[0] == pytest.approx(expected, rel=1e-9)
 
