@@ -1,12 +1,14 @@
-"""Packings written as other programs write them: dumps and tables, sound and spoilt."""
+"""Packings written as other programs write them, sound and spoilt, and what `import` says."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import packings
 
+from modal.__main__ import main
 from modal.packing.network import Network
 
 PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
@@ -133,3 +135,19 @@ def liggghts(network: Network, folder: Path) -> tuple[Path, Path]:
         rows.append(" ".join(f"{number:.17g}" for number in numbers))
     contacts.write_text("\n".join([*lines[:8], f"ITEM: ENTRIES {names}", *rows]) + "\n")
     return atoms, contacts
+
+
+def imported(capsys, *arguments: object) -> dict:
+    """What `import` prints as JSON."""
+    status = main(["import", *map(str, arguments), "--json"])
+    out, err = capsys.readouterr()
+    assert status == 0, err
+    return json.loads(out)
+
+
+def refused(capsys, *arguments: object) -> str:
+    """The one line with which `import` refuses."""
+    assert main(["import", *map(str, arguments)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    return error

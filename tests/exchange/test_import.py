@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +9,9 @@ from pathlib import Path
 import numpy as np
 import program_files
 import pytest
-from places import PACKINGS
-from program_files import PAIR, respelt, sorted_ends
+from program_files import PAIR, imported, refused, respelt, sorted_ends
 
 import modal
-from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
 from modal.packing.network_file import read_network
 from modal.stiffness.law_tangent import law_tangent
@@ -23,22 +20,6 @@ from modal.stiffness.pre_stress import contact_tangent
 from modal.stiffness.springs import contact_stiffness
 
 FILE = "out.network.h5"
-
-
-def imported(capsys, *arguments: object) -> dict:
-    """What `import` prints as JSON."""
-    status = main(["import", *map(str, arguments), "--json"])
-    out, err = capsys.readouterr()
-    assert status == 0, err
-    return json.loads(out)
-
-
-def refused(capsys, *arguments: object) -> str:
-    """The one line with which `import` refuses."""
-    assert main(["import", *map(str, arguments)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    return error
 
 
 @pytest.mark.parametrize("periodic_z", [True, False])
@@ -177,74 +158,6 @@ def test_cgs_is_the_same_packing(tmp_path, capsys):
     found = read_network(tmp_path / FILE)
     for name in ("mass", "stiffness_normal", "stiffness_tangential", "force_normal"):
         np.testing.assert_allclose(getattr(found, name), getattr(want, name), rtol=1e-9)
-
-
-def test_mercury_gives_the_frequencies_of_its_chains(tmp_path, capsys):
-    """CubicPackingSelfTest: 25 columns of five spheres on a floor, springs of one stiffness.
-
-    A chain of n masses, fixed at one end: 2 sqrt(k / m) sin((2 j - 1) pi / (4 n + 2)) / (2 pi).
-    """
-    file = PACKINGS / "mercury_CubicPacking.restart"
-    told = imported(capsys, file, "-o", tmp_path / FILE)
-    assert (told["spheres"], told["contacts"], told["wall_contacts"]) == (125, 125, 25)
-    frequency = modal.eigenmodes(read_network(tmp_path / FILE), all=True).frequency
-    k, m, n = 75857.5125578386, 1 / 1.00000000895498, 5
-    exact = np.sqrt(k / m) / np.pi * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n + 2))
-    np.testing.assert_allclose(exact[[0, -1]], [12.4766965, 84.1184433], rtol=1e-8)
-    np.testing.assert_allclose(frequency[-125:], np.repeat(exact, 25), rtol=1e-8)
-
-
-def test_mercury_of_the_older_format(tmp_path, capsys):
-    """restart_version 2 lists numbers without names; two spheres on a floor, springs as above."""
-    file = tmp_path / "old.restart"
-    overlap = 1e-3
-    file.write_text(
-        "restart_version 2\nname two\nxmin 0 xmax 5 ymin 0 ymax 5 zmin 0 zmax 3\n"
-        "Species 1\nk 2000 disp 25 kt 500 dispt 25 mu 0.5 rho 1.9098593 dim_particle 3\n"
-        "Walls 1\nnumFiniteWalls 0 normal 0 0 -1 position 0\n"
-        "WallsPeriodic 2\nnormal 1 0 0 pos_left 0 pos_right 5 shift 5 0 0\n"
-        "normal 0 1 0 pos_left 0 pos_right 5 shift 0 5 0\nParticles 2\n"
-        f"1 1 {0.5 - overlap!r} 0 0 0 0.5 0 0 0 0 0 0 1 10 0\n"
-        f"1 1.000000000001 {1.5 - 2 * overlap!r} 0 0 0 0.5 0 0 0 0 0 0 1 10 1 1e-5 0 0 0 -1 25\n"
-    )
-    imported(capsys, file, "-o", tmp_path / FILE)
-    found = read_network(tmp_path / FILE)
-    assert found.particle_j.tolist() == [-1, 1]
-    np.testing.assert_allclose(found.force_normal, 2000 * overlap, rtol=1e-9)
-    assert found.cell_periodic.tolist() == [True, True, False]
-    frequency = modal.eigenmodes(found, all=True).frequency
-    longitudinal = np.sqrt(2000 * (3 + np.array([-1, 1]) * np.sqrt(5)) / 2) / (2 * np.pi)
-    for each in longitudinal:
-        assert abs(frequency / each - 1).min() < 1e-8
-    file.write_text(file.read_text().replace("shift 5 0 0", "shift 5 0 1"))
-    assert "line 9: the period is angled" in refused(capsys, file, "-o", tmp_path / FILE)
-
-
-def mercury(tmp_path: Path, old: str, new: str) -> Path:
-    path = tmp_path / "spoilt.restart"
-    text = (PACKINGS / "mercury_CubicPacking.restart").read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-    return path
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("LinearViscoelasticSpecies", "LinearPlasticViscoelasticSpecies", "line 12: .*hysteretic"),
-        ("LinearViscoelasticSpecies", "LinearViscoelasticBondedSpecies", "line 12: .*bonded"),
-        ("stiffness 75857.5", "stiffness x75857.5", "line 12: stiffness x.* is no number"),
-        ("Boundaries 0", "Boundaries 1\nAngledPeriodicBoundary normal 1 0 0", "line 21: .*angled"),
-        ("particleWallIds 120 4", "particleWallIds 120 0", "line 173: a contact with wall 0"),
-        ("particleIds 115 116", "particleIds 120 121", "line 149: the contact of line 148 again"),
-        ("particleIds 120 121", "particleIds 120 900", "line 148: particle 900 is not"),
-        ("BaseParticle id 1 ", "MultiParticle id 1 ", "line 23: MultiParticle is no sphere"),
-        ("invMass 1.00000000895498", "invMass 0", "line 22: a fixed particle"),
-    ],
-)
-def test_mercury_is_refused_by_line(tmp_path, capsys, old, new, said):
-    error = refused(capsys, mercury(tmp_path, old, new), "-o", tmp_path / FILE)
-    assert re.search(said, error), error
 
 
 def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:

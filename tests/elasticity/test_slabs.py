@@ -1,0 +1,100 @@
+"""Moduli of slabs between walls: the bulk's and the walls', told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.elasticity.moduli import elastic_moduli
+from modal.formats.hdf5 import InputError
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.stiffness.static_load import static_velocity
+from modal.theory.fcc import FccLattice
+
+
+def test_crystal_between_walls_has_the_bulk_of_the_endless_one():
+    """Soft ends of the bulk: the sum over layers l against the integral over its length L.
+
+    The weight's slope kinks by pi^2 / (2 fade^2) at four places, each of which costs at most 0.048
+    l^3 / 6 of that (Euler and Maclaurin): together 8e-5 of L.
+    """
+    crystal = FccLattice(1e5)
+    found = elastic_moduli(gallery.fcc(cells=(2, 2, 80)))
+    scale = crystal.stiffness.max()
+    assert found.region == "bulk"
+    assert found.stiffness == pytest.approx(crystal.stiffness, abs=1e-4 * scale)
+    # What the slope along z is made of has no ends.
+    assert found.stiffness[2:5, 2:5] == pytest.approx(crystal.stiffness[2:5, 2:5], abs=1e-8 * scale)
+    assert found.density == pytest.approx(crystal.mass * np.sqrt(2) / crystal.spacing**3, rel=1e-4)
+    # Springs in a row: 79 between layers, and at each end a wall, over the distance of the walls.
+    network = gallery.fcc(cells=(2, 2, 80))
+    wall = network.stiffness_normal[network.with_wall][0]
+    give = 79 / crystal.C + 2 / wall
+    assert found.whole[2, 2] == pytest.approx(network.length / give / crystal.spacing**2, rel=1e-7)
+
+
+def disordered(network: Network, spheres: int) -> Network:
+    """A crystal whose contacts have any stiffness, the same again after so many `spheres`."""
+    random = np.random.default_rng(5)
+    key = np.column_stack([network.particle_i % spheres, np.round(4 * network.normal).astype(int)])
+    pair = ~network.with_wall
+    kinds, kind = np.unique(key[pair], axis=0, return_inverse=True)
+    factor = np.ones((2, network.n_contacts))
+    factor[:, pair] = random.uniform(0.1, 1.9, (2, len(kinds)))[:, kind.ravel()]
+    return replace(
+        network,
+        stiffness_normal=network.stiffness_normal * factor[0],
+        stiffness_tangential=network.stiffness_tangential * factor[1],
+    )
+
+
+def test_bulk_of_a_disordered_slab_is_that_of_the_endless_disorder():
+    """Four layers of random springs, again and again: between walls, and for ever.
+
+    The bulk holds 14 of them. What motion beyond the strain gives back is 0.09 of the moduli; ends
+    that do not fit would leave 1/14 of that, 6e-3, soft ends and weights leave far less.
+    """
+    slab = disordered(gallery.fcc(cells=(2, 2, 80)), 16)
+    endless = elastic_moduli(disordered(gallery.fcc(cells=(2, 2, 4), periodic_z=True), 16))
+    found = elastic_moduli(slab)
+    scale = endless.stiffness.max()
+    assert abs(endless.affine - endless.stiffness).max() > 0.08 * scale
+    assert found.stiffness == pytest.approx(endless.stiffness, abs=1e-3 * scale)
+    assert found.asymmetry < 1e-3
+    # Nothing moves beyond the strain: only the ends are left, and both sums know no balance.
+    assert found.affine == pytest.approx(endless.affine, abs=1e-4 * scale)
+    assert found.affine == pytest.approx(found.affine.T, abs=1e-12 * scale)
+    # The same slope by another program: a wall pushes, one direction at a time.
+    velocity, modulus = static_velocity(slab)
+    assert found.stiffness[2, 2] == pytest.approx(modulus, rel=1e-3)
+    # Density between edges that cut the crystal anywhere: up to a layer of some 60.
+    assert found.velocities((0, 0, 1))[0] == pytest.approx(velocity, rel=0.01)
+
+
+@pytest.mark.parametrize("solver", ["pardiso", "gradients"])
+def test_walls_that_slide_cannot_shear_the_bulk(solver):
+    """Without tangential springs at the walls yz and zx move these alone; soft ones still grip."""
+    pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
+    slab = disordered(gallery.fcc(cells=(2, 2, 40)), 16)
+    grip = elastic_moduli(slab, solver=solver)
+    soft, smooth = (
+        replace(
+            slab, stiffness_tangential=slab.stiffness_tangential * np.where(slab.with_wall, f, 1)
+        )
+        for f in (0.01, 0)
+    )
+    found = elastic_moduli(soft, solver=solver)
+    assert found.region == grip.region == "bulk"
+    assert found.stiffness == pytest.approx(grip.stiffness, abs=1e-5 * grip.stiffness.max())
+    slides = elastic_moduli(smooth, solver=solver)
+    assert slides.region == "slab with walls" and len(slides.soft_strains()) == 2
+    assert any("slide" in remark for remark in slides.remarks())
+    with pytest.raises(InputError, match="not stable"):
+        slides.debye_level  # noqa: B018
+
+
+def test_short_slabs_say_that_their_walls_count():
+    found = elastic_moduli(gallery.fcc(cells=(2, 2, 6)))
+    assert found.region == "slab with walls"
+    assert any("walls together" in remark for remark in found.remarks())
