@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eig
-from scipy.sparse.linalg import LinearOperator, eigs, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
 
 from modal.arguments import checked
 from modal.display import axes_of, quantity
@@ -87,8 +87,9 @@ def damped_modes(
     Near is the rate lambda to 2 pi i `near` in the complex plane: a mode that decays fast is far
     from its own frequency. Motions that do not oscillate, overdamped or without energy, are not
     among them. No count says that the list is complete: of several modes with one rate, as crystals
-    have, a large packing's list may lack some. InputError where fewer oscillate, and where the
-    factorisation would take more than the memory: `decay_rates` of elastic modes then serves.
+    have, a large packing's list may lack some. InputError where fewer oscillate or converge, and
+    where the factorisation would take more than the memory: `decay_rates` of elastic modes then
+    serves.
 
     >>> import modal
     >>> crystal = modal.fcc(cells=(1, 1, 20))
@@ -157,14 +158,22 @@ def _rates_near(
     start[size:] *= abs(shift)
     asked, most = count, 2 * size - 2
     while True:
-        rate, vector = eigs(
-            LinearOperator(whole, apply, dtype=complex),
-            k=asked,
-            sigma=shift,
-            OPinv=LinearOperator(whole, invert, dtype=complex),
-            v0=start,
-            tol=1e-10,
-        )
+        try:
+            rate, vector = eigs(
+                LinearOperator(whole, apply, dtype=complex),
+                k=asked,
+                sigma=shift,
+                OPinv=LinearOperator(whole, invert, dtype=complex),
+                v0=start,
+                tol=1e-10,
+            )
+        except ArpackError as error:
+            # Its subclass for a search without an end has what did converge.
+            done = len(getattr(error, "eigenvalues", ()))
+            raise InputError(
+                f"{done} of {asked} modes near {shift.imag / (2 * np.pi):g} Hz converged; ask for "
+                "fewer, or near another frequency"
+            ) from error
         # Of a pair of conjugate rates the one that turns forwards, which is the nearer one.
         forwards = rate.imag > slow
         if forwards.sum() >= count or asked == most:

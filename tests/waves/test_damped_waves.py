@@ -10,6 +10,7 @@ from scipy.linalg import eig, expm
 import modal
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
+from modal.modes import damped
 from modal.modes.damped import damped_modes, decay_rates
 from modal.modes.problem import Eigenproblem
 from modal.packing.examples import column
@@ -186,6 +187,15 @@ def test_only_what_oscillates_is_a_mode():
         damped_modes(PAIR, ContactDamping(1.5, 0), near=1e3, count=1)
     with pytest.raises(InputError, match="1.5 modes asked"):
         damped_modes(PAIR, ContactDamping(0.1, 0), near=1e3, count=1.5)
+
+
+def test_modes_that_do_not_converge_are_said_in_one_line(monkeypatch):
+    """Arnoldi's iteration is given one restart for forty of thousands of nearly equal rates."""
+    crystal, own = modal.fcc(cells=(2, 2, 12)), damped.eigs
+    monkeypatch.setattr(damped, "eigs", lambda *a, **k: own(*a, **k, maxiter=1, ncv=43))
+    with pytest.raises(InputError, match=r"of 40 modes near 150000 Hz converged; ask") as found:
+        damped_modes(crystal, DAMPING, near=1.5e5, count=40)
+    assert "\n" not in str(found.value)
 
 
 def test_modes_of_the_endless_crystal_decay_as_its_chain_does():
