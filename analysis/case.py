@@ -219,8 +219,16 @@ class Case:
 
     @cached_property
     def response(self) -> Response | None:
-        """Gain over frequency, from `python -m modal response`."""
-        return read_response(self.product("response")) if self.has("response") else None
+        """Gain over frequency, from `python -m modal response`, of elastic contacts and P-waves."""
+        if not self.has("response"):
+            return None
+        found = read_response(self.product("response"))
+        if found.damping or found.direction != "z":
+            raise InputError(
+                f"{self.path('response')}: of viscous contacts or of an S-wave, which the report's "
+                "gain is not; leave it out, or make it without --damping and --direction"
+            )
+        return found
 
     @cached_property
     def passage(self) -> float:

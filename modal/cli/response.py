@@ -8,6 +8,7 @@ from typing import Any
 from modal.cli.options import PRE_STRESS, add_if_stale, network_command
 from modal.formats.hdf5 import sha256
 from modal.packing.plausibility import read_remarked
+from modal.stiffness.damping import ContactDamping
 from modal.stiffness.pre_stress import TANGENTS
 from modal.waves.response import frequency_response, write_response
 from modal.waves.signals import DIRECTIONS
@@ -36,6 +37,10 @@ def add(commands: Any) -> None:
         choices=DIRECTIONS,
         help="of the wall's motion: z (default), or x or y for S-waves",
     )
+    command.add_argument(
+        "--damping", nargs=2, type=float, metavar=("N", "T"),
+        help="of the contacts, over the critical: normal, tangential; at real frequencies then",
+    )  # fmt: skip
     command.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
     add_if_stale(command)
 
@@ -48,11 +53,13 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         resolution=options.resolution,
         pre_stress=options.pre_stress,
         direction=options.direction or "z",
+        damping=ContactDamping(*options.damping) if options.damping else None,
     )
     if options.output:
         write_response(options.output, found, sha256(options.network), options.made)
+    own = [found.damping.normal, found.damping.tangential] if found.damping else None
     return {
-        "resolution_hz": found.resolution,
+        **({"damping": own} if own else {"resolution_hz": found.resolution}),
         "frequencies": len(found.frequency),
         "highest_frequency_hz": float(found.frequency[-1]),
         "products_with_k": found.products,

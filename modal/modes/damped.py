@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eig
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from modal.arguments import checked
 from modal.display import axes_of, quantity
@@ -24,12 +24,11 @@ from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem, check_count
 from modal.packing.network import Network
-from modal.solvers.factor import SUPERLU_FILL
+from modal.solvers.complex_factor import factorise_complex
 from modal.solvers.lanczos import SEED
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
-from modal.workload import refuse_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,15 +99,9 @@ def damped_modes(
     problem = Eigenproblem.of(network)
     if not 0 < near < np.inf:
         raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
-    check_count(problem, count, problem.size - 2)
+    check_count(problem, count, problem.size - (0 if problem.size <= FEW else 2))
     A = problem.assembled()
     C = _scaled_dashpots(problem, damping)
-    refuse_above(
-        0.0,
-        2 * SUPERLU_FILL * A.nnz,
-        "complex modes take seconds to hours",
-        "take decay_rates of elastic modes",
-    )
     shift = 2j * np.pi * near
     slow = max(STANDS * abs(shift), 10 * np.sqrt(problem.resolution))
     rate, phi = (_all_rates if problem.size <= FEW else _rates_near)(A, C, shift, count, slow)
@@ -142,7 +135,9 @@ def _rates_near(
     """The same of those nearest to `shift`, 1/s, `count` or more, as far as there are so many."""
     size = A.shape[0]
     identity = sp.identity(size, format="csr")
-    factor = splu((A + shift * C + shift**2 * identity).tocsc())
+    # A shift on the imaginary axis: its square is real.
+    stiff = (A + (shift**2).real * identity).tocsr()
+    factor = factorise_complex(stiff, shift.imag * C, "take decay_rates of elastic modes")
 
     def invert(state: Complex) -> Complex:
         first, second = state[:size], state[size:]
@@ -177,6 +172,7 @@ def _rates_near(
         # Of a pair of conjugate rates the one that turns forwards, which is the nearer one.
         forwards = rate.imag > slow
         if forwards.sum() >= count or asked == most:
+            factor.release()
             return rate[forwards], vector[:size, forwards]
         asked = min(2 * asked, most)
 

@@ -7,7 +7,8 @@ w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it to
 
     1 / (z - x) = 4 / (w - 1/w) * (1/2 + sum_k w^-k T_k(x)).
 
-About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies. The format
+About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies. Of viscous contacts
+the response is that at real frequencies (`modal.waves.damped_response`). The format
 "granular-frequency-response", version 1, is defined here.
 """
 
@@ -26,11 +27,14 @@ from modal.formats.hdf5 import InputError, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.solvers.same_bits import same_bits_product
+from modal.solvers.spectrum import bound_of_spectrum
+from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
+from modal.waves.damped_response import REMEDY, damped_rows
 from modal.waves.propagate import moments_within_spectrum
 from modal.waves.receivers import Receivers
-from modal.workload import refuse_endless
+from modal.workload import refuse_above, refuse_endless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +52,8 @@ class Response:
     frequency (nf,) Hz; source_stress, receiver_stress (nf,) complex, Pa/m, compression positive;
     chain_displacement (nf, nc) and layer_displacement (nf, nl) complex, m/m; `resolution` Hz, the
     full width at half height of a single resonance in power; `products` with K; `direction` of the
-    wall and of all motions and stresses.
+    wall and of all motions and stresses. With `damping` of the contacts resonances have their own
+    widths, `resolution` is 0 and there are no products.
     """
 
     frequency: Floats
@@ -61,12 +66,16 @@ class Response:
     resolution: float
     products: int
     direction: str = "z"
+    damping: ContactDamping | None = None
 
     def __repr__(self) -> str:
         ends = " to ".join(quantity(float(f), "Hz") for f in self.frequency[[0, -1]])
+        width = f"resolution {quantity(self.resolution, 'Hz')}"
+        if self.damping:
+            width = f"damping {self.damping.normal:g} {self.damping.tangential:g}"
         return (
-            f"<Response: {len(self.frequency)} frequencies from {ends}, resolution "
-            f"{quantity(self.resolution, 'Hz')}, gain up to {self.gain.max():.4g}>"
+            f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, gain up to "
+            f"{self.gain.max():.4g}>"
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -102,6 +111,7 @@ def frequency_response(
     tolerance: float = 1e-6,
     pre_stress: str = "none",
     direction: str = "z",
+    damping: ContactDamping | None = None,
 ) -> Response:
     """What a steady motion of the source wall does at each frequency: motions, stresses, gain.
 
@@ -110,9 +120,13 @@ def frequency_response(
     has `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig. 19), and complex
     motions and stresses per metre of the wall's motion. `tolerance` bounds what the expansion
     leaves out relative to the value on resonance; `pre_stress` as in
-    `modal.stiffness.pre_stress`; `direction` of the wall's motion, x or y for S-waves. InputError
-    for packings without walls or stiffness, and where it would take more than a day or the memory;
-    GrowthError where K has negative directions.
+    `modal.stiffness.pre_stress`; `direction` of the wall's motion, x or y for S-waves.
+
+    With `damping` (`modal.stiffness.damping`) the contacts have dashpots and the response is that
+    at real frequencies, which are as close as said, by a factorisation for each of them.
+
+    InputError for packings without walls or stiffness, and where it would take more than a day or
+    the memory; GrowthError where K has negative directions.
 
     >>> import modal
     >>> gain = frequency_response(modal.fcc(cells=(1, 1, 30)), highest=2e4)
@@ -121,6 +135,21 @@ def frequency_response(
     """
     if not (0 < resolution < np.inf and 0 < tolerance < 1):
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
+    if damping is not None and not damping.none:
+        if pre_stress != "none":
+            raise InputError(f"pre-stress {pre_stress!r} with damping: take none")
+        own = Receivers(network, direction=direction)
+        top, _ = bound_of_spectrum(ContactOperator(network, mass_scaled=True))
+        end = _end(top, highest, resolution)
+        refuse_above(
+            0.0,
+            64.0 * end / resolution * own.count,
+            f"a damped response at {4 * end / resolution:.2g} frequencies takes",
+            REMEDY,
+        )
+        frequency = np.arange(resolution / 4, end, resolution / 4)
+        found = damped_rows(network, damping, own, frequency)
+        return _response(own, frequency, found, resolution=0.0, products=0, damping=damping)
     receivers = Receivers(network, pre_stress=pre_stress, mass_scaled=True, direction=direction)
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
@@ -128,9 +157,7 @@ def frequency_response(
     planned: dict[float, tuple[Floats, Complex]] = {}
 
     def count_for(top: float) -> int:
-        end = np.sqrt(top) / (2 * np.pi) if highest is None else highest
-        if not resolution < end < np.inf:
-            raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
+        end = _end(top, highest, resolution)
         orders, frequencies = (
             np.sqrt(top) / (2 * gamma) * np.log(1 / tolerance),
             4 * end / resolution,
@@ -162,18 +189,40 @@ def frequency_response(
         # A - s = top / 2 (X - z), hence the sign.
         scale = -8 / top / (w[part] - 1 / w[part])
         value[part] = scale[:, None] * same_bits_product(power, rows)
+    return _response(receivers, frequency, value, resolution=resolution, products=products)
+
+
+def _end(top: float, highest: float | None, resolution: float) -> float:
+    """Hz: where the frequencies end; `top` is the end of the spectrum in omega^2, 1/s^2."""
+    end = float(np.sqrt(top)) / (2 * np.pi) if highest is None else highest
+    if not resolution < end < np.inf:
+        raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
+    return end
+
+
+def _response(
+    receivers: Receivers,
+    frequency: Floats,
+    rows: Complex,
+    *,
+    resolution: float,
+    products: int,
+    damping: ContactDamping | None = None,
+) -> Response:
+    """The response of the rows (nf, receivers.count) that are observed at the frequencies."""
     c, nl = 2 + len(receivers.chain), len(receivers.layers.position)
     return Response(
         frequency=frequency,
-        source_stress=(receivers.source_stiffness - value[:, 0]) / receivers.area,
-        receiver_stress=value[:, 1] / receivers.area,
+        source_stress=(receivers.source_stiffness - rows[:, 0]) / receivers.area,
+        receiver_stress=rows[:, 1] / receivers.area,
         chain_particle=receivers.chain,
-        chain_displacement=value[:, 2:c],
+        chain_displacement=rows[:, 2:c],
         layer_position=receivers.layers.position,
-        layer_displacement=value[:, c : c + nl],
+        layer_displacement=rows[:, c : c + nl],
         resolution=resolution,
         products=products,
-        direction=direction,
+        direction=receivers.direction,
+        damping=damping,
     )
 
 
@@ -187,6 +236,8 @@ def write_response(
     with new_product(path, SCHEMA, VERSION, made) as file:
         file.attrs["network_sha256"] = network_sha256
         file.attrs.update(resolution=response.resolution, direction=response.direction)
+        if response.damping:
+            file.attrs["damping"] = [response.damping.normal, response.damping.tangential]
         put(file, "frequency", response.frequency, "Hz")
         put(file, "gain", response.gain, "1")
         put(file, "chain/particle", response.chain_particle.astype(np.int32), "1")
@@ -220,6 +271,8 @@ def read_response(path: str | Path) -> Response:
         try:
             resolution = float(file.attrs["resolution"])
             direction = str(file.attrs.get("direction", "z"))
+            ratios = file.attrs.get("damping")
+            damping = None if ratios is None else ContactDamping(*map(float, ratios))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: {error}; incomplete, make it again") from error
     return Response(
@@ -229,5 +282,6 @@ def read_response(path: str | Path) -> Response:
         resolution=resolution,
         products=0,
         direction=direction,
+        damping=damping,
         **complexes,
     )

@@ -1,0 +1,62 @@
+"""Frequency response of a packing with viscous contacts, at real frequencies.
+
+With dashpots a resonance has a width of its own, and no window is needed: per unit motion of the
+source wall, exp(-i omega t), the motion is u = (K - i omega C - omega^2 M)^-1 (b - i omega c), b
+and c what springs and dashpots of the wall do. It is solved for each frequency by one complex
+factorisation; neither moments of K nor a wave serve, since a mode that is slow decays slowest.
+"""
+
+from __future__ import annotations
+
+import time as clock
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.formats.arrays import Complex, Floats
+from modal.formats.hdf5 import InputError
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.progress import progress
+from modal.solvers.complex_factor import factorise_complex
+from modal.stiffness.damping import ContactDamping
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.walls import wall_pattern
+from modal.waves.receivers import Receivers
+from modal.workload import refuse_above
+
+REMEDY = "take fewer frequencies, or a smaller packing"
+
+
+def damped_rows(
+    network: Network, damping: ContactDamping, receivers: Receivers, frequency: Floats
+) -> Complex:
+    """Shape (nf, receivers.count): what is observed at the frequencies (nf,), Hz, above 0.
+
+    The first two are the forces on the walls, springs and dashpots together, as of a wave:
+    `receivers` observe the motion itself, not mass-scaled. InputError where the factorisations
+    would take more than the memory or more than a day.
+    """
+    dashpots = damping.dashpots(network)
+    K, C = (stiffness_matrix(of).tocsr() for of in (network, dashpots))
+    mass = sp.diags(mass_diagonal(network), format="csr")
+    drag, to_source, held = wall_pattern(dashpots, SOURCE_WALL, axis=receivers.axis)
+    _, to_receiver, _ = wall_pattern(dashpots, RECEIVER_WALL, axis=receivers.axis)
+    rows: Complex = np.empty((len(frequency), receivers.count), complex)
+    parts = np.empty((2, receivers.count))
+    started = clock.perf_counter()
+    for k in progress(len(frequency), "response"):
+        omega = 2 * np.pi * frequency[k]
+        factor = factorise_complex((K - omega**2 * mass).tocsr(), -omega * C, REMEDY)
+        u = factor.solve(receivers.source - 1j * omega * drag)
+        factor.release()
+        for part, out in zip((u.real, u.imag), parts, strict=True):
+            receivers.observe(np.ascontiguousarray(part), out)
+        rows[k] = parts[0] + 1j * parts[1]
+        rows[k, :2] -= 1j * omega * np.array([to_source @ u - held, to_receiver @ u])
+        if k == 0:
+            seconds = len(frequency) * (clock.perf_counter() - started)
+            task = f"a damped response at {len(frequency)} frequencies takes"
+            refuse_above(seconds, 0.0, task, REMEDY)
+    if not np.isfinite(rows).all():
+        raise InputError(f"the damped response is not finite at a frequency of its own; {REMEDY}")
+    return rows
