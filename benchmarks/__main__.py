@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from benchmarks import defaults
-from benchmarks.harness import machine, report
+from benchmarks.harness import machine
 from modal.formats.hdf5 import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "scaling")
@@ -50,8 +50,6 @@ def done(name: str, quick: bool, folder: Path) -> bool:
     try:
         with tempfile.TemporaryDirectory() as scratch:
             page = importlib.import_module(f"benchmarks.{name}").run(quick, Path(scratch))
-        if not quick:
-            page.notes += defaults.notes(page.tables)
     except Exception as error:  # the others are half an hour's work: none is lost to this one
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         print(f"error: {name}: {kind}{error}", file=sys.stderr, flush=True)
@@ -61,7 +59,8 @@ def done(name: str, quick: bool, folder: Path) -> bool:
         f"{time.perf_counter() - start:.0f} s. {machine.description()}. "
         f"Programs that wanted a core meanwhile: {machine.load():.1f} (this one included)."
     )
-    print(report.write(page, name, folder) + "\n", flush=True)
+    page.write(name, folder)
+    print(page.markdown() + "\n", flush=True)
     index(folder, quick)
     return True
 

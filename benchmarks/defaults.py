@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks import dem, density, modes, preparation, time_step, wave
+from benchmarks.harness import report
 from benchmarks.harness.measure import ROOT
-from benchmarks.harness.report import Rows, markdown_table, read_csv
+from benchmarks.harness.report import Rows, read_csv
 from modal.modes.density import density_of_states
 from modal.preparation.protocol import SETTLED
 from modal.waves.propagate import propagate
@@ -159,16 +160,6 @@ SOURCES: dict[str, Callable[[Rows], Iterator[Default]]] = {
 """Table of rows -> defaults that follow from it."""
 
 
-def notes(tables: dict[str, Rows]) -> list[str]:
-    """What the tables of a page say of the defaults."""
-    return [
-        f"Default, {default.what}: {default.value}; {default}."
-        for name, rows in tables.items()
-        if name in SOURCES
-        for default in SOURCES[name](rows)
-    ]
-
-
 def table(folder: Path) -> str:
     """The defaults whose rows are in a folder, as Markdown."""
     rows = [
@@ -177,4 +168,4 @@ def table(folder: Path) -> str:
         if (folder / f"{name}.csv").exists()
         for found in source(read_csv(folder / f"{name}.csv"))
     ]
-    return markdown_table(("default", "value", "reason", "rows"), rows)
+    return report.table(rows, digits=3).markdown().rstrip("\n") if rows else ""

@@ -7,27 +7,23 @@ tangent, and with its leapfrog of the same time step, which leaves the contact l
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.estimators.damped_transform import chain_dispersion, rms_deviation
 from analysis.estimators.layer_lattice import LayerLattice
-from benchmarks.harness import lammps, yade
+from benchmarks.harness.lammps import Lammps
 from benchmarks.harness.measure import Measured
 from benchmarks.harness.report import Rows
-from modal.modes.highest import highest_modes
-from modal.modes.problem import Eigenproblem
+from benchmarks.harness.yade import Yade, in_yades_order
 from modal.packing import examples as gallery
 from modal.packing.affine import affine_velocity
 from modal.packing.network import Network
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Pulse
+from modal.waves.source import AMPLITUDE, Pulse
 
 WIDTH = 3
 """Spheres a side; a planar wave does not see the width, and three are the least that YADE takes."""
@@ -91,55 +87,28 @@ def linear_twin(network: Network, signals: Signals, pre_stress: str) -> Signals:
     )
 
 
-def step_and_records(network: Network, fraction: float) -> tuple[float, int]:
-    """Time step, s, that divides the pulse, at most `fraction` of its limit; steps a record."""
-    highest = float(highest_modes(Eigenproblem.of(network), 1, certify=False).frequency[-1])
-    steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
-    return 1 / (INPUT_FREQUENCY * steps), max(1, round(steps * INPUT_FREQUENCY * INTERVAL))
-
-
 class Crystal:
-    """FCC at 100 kPa, 3 x 3 x `layers`; `times` to repeat a short run; products go to `folder`."""
+    """FCC at 100 kPa, 3 x 3 x `layers`, and the wave that crosses it once."""
 
-    def __init__(self, layers: int, folder: Path, times: int) -> None:
-        self.folder, self.times = folder, times
-        self.network = yade.in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, layers)))
+    def __init__(self, layers: int) -> None:
+        self.network = in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, layers)))
         self.chain = LayerLattice.of_network(self.network)
         self.duration = self.network.length / affine_velocity(self.network)
 
-    def yade_rows(self, quick: bool) -> Rows:
-        """Time step at two amplitudes, and recording interval; seconds are those of the steps."""
-        yade.prepare_wave(self.network, self.folder)
-        start = yade.wave_start(self.folder, self.times)
+    def rows(self, program: Yade | Lammps, quick: bool) -> Rows:
+        """A program's sweep of the time step at two amplitudes; YADE's of the recording too."""
         runs = [
-            (f"YADE, 2A = {2e9 * amplitude:g} nm", fraction, amplitude, INTERVAL)
+            (named(program.name, amplitude), fraction, amplitude, INTERVAL)
             for amplitude, fractions in FRACTIONS[quick].items()
             for fraction in fractions
         ]
-        runs += [(RECORDING, FRACTION, SMALL, interval) for interval in INTERVALS[quick]]
+        if isinstance(program, Yade):
+            runs += [(RECORDING, FRACTION, SMALL, interval) for interval in INTERVALS[quick]]
         rows = []
         for method, fraction, amplitude, interval in runs:
             setting = {"fraction": fraction, "amplitude": amplitude, "interval": interval}
-            found, spent = yade.wave(
-                self.folder, times=self.times, duration=self.duration, **setting
-            )
-            rows.append(self.row(method, fraction, found, yade.steps_alone(spent, start)))
-        return rows
-
-    def lammps_rows(self, quick: bool) -> Rows:
-        """Time step at two amplitudes; seconds include the start, which is short."""
-        rows = []
-        for amplitude, fractions in FRACTIONS[quick].items():
-            for fraction in fractions:
-                step, every = step_and_records(self.network, fraction)
-                setting = {"duration": self.duration, "time_step": step, "every": every}
-                z, spent = lammps.wave(
-                    self.folder, self.network, amplitude=amplitude, times=self.times, **setting
-                )
-                same = leapfrog(self.network, motion=Pulse(amplitude), **setting)
-                found = replace(same, chain_displacement=z[: len(same.time)])
-                method = f"LAMMPS, 2A = {2e9 * amplitude:g} nm"
-                rows.append(self.row(method, fraction, found, spent))
+            found, spent = program.wave(duration=self.duration, **setting)
+            rows.append(self.row(method, fraction, found, spent))
         return rows
 
     def row(self, method: str, fraction: float, found: Signals, spent: Measured) -> dict[str, Any]:
@@ -172,9 +141,14 @@ class Crystal:
         }
 
 
+def named(program: str, amplitude: float) -> str:
+    """Column `method` of a program's sweep over the time step at one amplitude A, m."""
+    return f"{program}, 2A = {2e9 * amplitude:g} nm"
+
+
 def steps_of(rows: Rows, amplitude: float = AMPLITUDE, program: str = "YADE") -> Rows:
-    """A program's sweep over the time step at one amplitude A, m."""
-    return [row for row in rows if row["method"] == f"{program}, 2A = {2e9 * amplitude:g} nm"]
+    """The rows of that sweep."""
+    return [row for row in rows if row["method"] == named(program, amplitude)]
 
 
 def step_knee(rows: Rows) -> dict[str, Any] | None:

@@ -67,7 +67,7 @@ ERRORS = {
     "error_Z": "error of Z (-)",
     "stress_error": "stress error (-)",
 }
-COLUMNS = ("step", "seconds", "e", "Z", "stress_error", "unbalanced")
+COLUMNS = ("steps", "seconds", "e", "Z", "stress_error", "unbalanced")
 Trace = dict[str, Any]
 """How a run's state changed, by column."""
 
@@ -125,11 +125,11 @@ def minimiser(path: str) -> Callable[[], dict[str, float]]:
     def action() -> dict[str, float]:
         low, rest = minimise(sample, STRESS, tolerance=1e-5)
         network = low.network()
-        state = {"e": network.study["void_ratio"], "Z": network.study["coordination_number"]}
-        residual = balance_of(low, network)[1].residual
-        return {name: float(value) for name, value in state.items()} | {
+        return {
             "steps": rest.steps,
-            "unbalanced": float(residual),
+            "e": float(network.study["void_ratio"]),
+            "Z": float(network.study["coordination_number"]),
+            "unbalanced": balance_of(low, network)[1].residual,
         }
 
     return action
@@ -144,26 +144,22 @@ def compressed(folder: Path, start: Sample, inertial_number: float, steps: int) 
     return {name: np.array(column) for name, column in trace.items()}
 
 
-def first_met(trace: Trace, unbalanced: float) -> int | None:
-    """Index at which both criteria are first met, None if they never are."""
-    met = (trace["unbalanced"] < unbalanced) & (trace["stress_error"] < STRESS_ERROR * unbalanced)
-    return int(np.argmax(met)) if met.any() else None
-
-
 def stop_rows(trace: Trace, what: dict[str, Any]) -> Rows:
-    """A row for each stop criterion that the run has met, and one for its end."""
-    end = len(trace["step"]) - 1
+    """A row for each stop criterion that the run has met before its end, and one for that."""
+    end = len(trace["steps"]) - 1
+    stops: list[tuple[float | str, int]] = []
+    for residual in UNBALANCED:
+        balanced = trace["unbalanced"] < residual
+        met = balanced & (trace["stress_error"] < STRESS_ERROR * residual)
+        if met[:end].any():
+            stops.append((residual, int(np.argmax(met))))
     rows = []
-    for unbalanced in (*UNBALANCED, None):
-        k = end if unbalanced is None else first_met(trace, unbalanced)
-        if k is None or (unbalanced and k == end):
-            continue
-        row = {**what, "stop_unbalanced": unbalanced or END, "steps": int(trace["step"][k])}
-        row |= {name: float(trace[name][k]) for name in ("e", "Z", "stress_error", "unbalanced")}
-        for name in ("e", "Z"):
-            moved = abs(float(trace[name][k] / trace[name][-1] - 1))
-            row[f"error_{name}"] = moved if unbalanced else None
-        rows.append(row | {"seconds": float(trace["seconds"][k])})
+    for stop, k in (*stops, (END, end)):
+        state = {name: float(column[k]) for name, column in trace.items()}
+        moved = {f"error_{name}": abs(state[name] / trace[name][-1] - 1) for name in ("e", "Z")}
+        errors = moved if k < end else dict.fromkeys(moved)
+        steps = int(trace["steps"][k])
+        rows.append({**what, "stop_unbalanced": stop, **state, "steps": steps, **errors})
     return rows
 
 
@@ -173,15 +169,10 @@ def frictionless_rows(quick: bool, folder: Path) -> Rows:
     moved = compressed(folder, start, 0.01, STEPS[quick])
     path = str(folder / "start.sample.h5")
     low = measured("benchmarks.preparation:minimiser", path=path)
-    end = {name: float(moved[{"steps": "step"}.get(name, name)][-1]) for name in low.value}
+    end = {name: float(moved[name][-1]) for name in (*low.value, "seconds")}
     return [
         {"method": BY_MINIMISER, **low.value, "seconds": low.seconds},
-        {
-            "method": IN_MOTION,
-            **end,
-            "steps": int(end["steps"]),
-            "seconds": float(moved["seconds"][-1]),
-        },
+        {"method": IN_MOTION, **end, "steps": int(end["steps"])},
     ]
 
 

@@ -1,10 +1,9 @@
 """Seconds and bytes against the number of spheres, and the limits of the machine.
 
 Smaller packings are the lower parts of the sample of case 6, so they stay as slender; larger ones
-are the sample repeated sideways. What a product K u has to read, over the bytes a second that the
-memory delivers in this very run, is the least time that it can take, and so is what it multiplies
-and adds, over the rate of a dense product: the limits drawn. Only what a cache holds can be faster
-than the first. At the size of the sample every task runs on all cores as well; the
+are the sample repeated sideways. A product K u takes at least what it reads over the bytes a second
+of this very run, unless a cache holds it, and what it multiplies and adds over the rate of a dense
+product: the limits drawn. At the size of the sample every task runs on all cores as well; the
 machine must then have nothing else to do.
 """
 
@@ -12,7 +11,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -75,33 +73,22 @@ def repetitions(spheres: int) -> int:
 def products(path: str, compiled: bool) -> Callable[[], product.Needs]:
     """Task: products K u by the contact operator or by the CSR matrix; returns what each needs."""
     network = read_network(path)
-    times = repetitions(network.n_particles)
     u = np.ones(6 * network.n_particles)
     out = np.zeros_like(u)
-    if not compiled:
+    if compiled:
+        compile_loop()
+        operator = ContactOperator(network)
+        needs, multiply = product.of_operator(operator), lambda: operator.accumulate(u, out)
+    else:
         matrix = stiffness_matrix(network)
+        needs, multiply = product.of_matrix(matrix), lambda: matrix @ u
 
-        def by_matrix() -> product.Needs:
-            for _ in range(times):
-                matrix @ u
-            return product.of_matrix(matrix)
+    def action() -> product.Needs:
+        for _ in range(repetitions(network.n_particles)):
+            multiply()
+        return needs
 
-        return by_matrix
-    compile_loop()
-    operator = ContactOperator(network)
-
-    def by_contacts() -> product.Needs:
-        for _ in range(times):
-            operator.accumulate(u, out)
-        return product.of_operator(operator)
-
-    return by_contacts
-
-
-def density(network: Network) -> str:
-    """The density of states, floppy modes split off; its products."""
-    states = density_of_states(network, resolution=RESOLUTION)
-    return f"{states.products} products"
+    return action
 
 
 def modes(network: Network, which: str, limits: Sequence[float]) -> str:
@@ -117,7 +104,7 @@ def modes(network: Network, which: str, limits: Sequence[float]) -> str:
 ACTIONS: dict[str, Callable[..., str]] = {
     "assembly": lambda network: f"{stiffness_matrix(network).nnz} nonzeros",
     "wave": lambda network, duration: f"{propagate(network, duration).products} products",
-    "density": density,
+    "density": lambda network, width: f"{density_of_states(network, width).products} products",
     "count": lambda network, at: f"{count_below(Eigenproblem.of(network), at)} modes",
     "modes": modes,
 }
@@ -138,7 +125,7 @@ def curves(n: int, quick: bool) -> dict[str, dict[str, Any]]:
         "product K u, contacts": {"compiled": True},
         f"linear wave, {1e3 * lasting:g} ms": {"action": "wave", "duration": lasting},
         "highest mode": {"action": "modes", "which": "highest", "limits": [1]},
-        f"density, {RESOLUTION / 1e3:g} kHz": {"action": "density"},
+        f"density, {RESOLUTION / 1e3:g} kHz": {"action": "density", "width": RESOLUTION},
     }
     if n <= ASSEMBLED:
         tasks |= {"product K u, CSR": {"compiled": False}, "assembly of K": {"action": "assembly"}}
@@ -182,7 +169,7 @@ def run(quick: bool, folder: Path) -> Page:
         network = resized(sample, size)
         n = network.n_particles
         write_network(sweep.path, network)
-        del network
+        del network  # the tasks need the memory
         rows += [sweep.row(curve, n, given) for curve, given in curves(n, quick).items()]
     names = list(dict.fromkeys(row["curve"] for row in rows))
     rows.sort(key=lambda row: names.index(row["curve"]))
@@ -204,10 +191,7 @@ def run(quick: bool, folder: Path) -> Page:
 
 
 def cores_rows(sweep: Sweep, sample: Network, known: dict[str, dict[str, Any]]) -> Rows:
-    """Every task on one thread, where its row is not known, and on all.
-
-    Many modes as well, and the product for spheres numbered at random.
-    """
+    """Every task and many modes on one thread, where its row is not known, and on all."""
     n, rows = sample.n_particles, []
     (low, high), most = BAND[sweep.quick], MODES[sweep.quick]
     tasks = curves(n, sweep.quick)
@@ -219,17 +203,11 @@ def cores_rows(sweep: Sweep, sample: Network, known: dict[str, dict[str, Any]]) 
     write_network(sweep.path, sample)
     for name, given in tasks.items():
         rows += [known.get(name) or sweep.row(name, n, given), sweep.row(name, n, given, CORES)]
-    old = np.random.default_rng(1).permutation(n)
-    new, j = np.argsort(old), sample.particle_j
-    ends = {"particle_i": new[sample.particle_i], "particle_j": np.where(j < 0, j, new[j])}
-    same = {k: getattr(sample, k)[old] for k in ("position", "radius", "mass", "inertia")}
-    write_network(sweep.path, replace(sample, **same, **ends))
-    name, given = next(iter(tasks.items()))
-    return rows + [sweep.row(f"{name}, numbered at random", n, given, k) for k in (1, CORES)]
+    return rows
 
 
 def draw(rows: Rows) -> Figure:
-    """Seconds, with the limits of the products, and megabytes; exponents in the legend."""
+    """Seconds, with the limits of the products, and megabytes."""
     figure, axes = diagram.panels(1, 2, width=4.6, height=3.9)
     names = list(dict.fromkeys(row["curve"] for row in rows))
     for ax, quantity, label in (
@@ -238,9 +216,7 @@ def draw(rows: Rows) -> Figure:
     ):
         for k, curve in enumerate(names):
             own = [row for row in rows if row["curve"] == curve]
-            slopes = (exponent(own, "seconds"), exponent(own, "mb"))
-            name = f"{curve}: " + ", ".join("-" if s is None else f"{s:.2f}" for s in slopes)
-            diagram.curve(ax, own, "x", quantity, label=name, **diagram.look(k))
+            diagram.curve(ax, own, "x", quantity, label=curve, **diagram.look(k))
             if quantity == "seconds" and own[0].get("seconds_limit"):
                 style = diagram.look(k) | {"marker": None, "lw": 0.7}
                 for column, what, dash in LIMITS:
@@ -248,8 +224,7 @@ def draw(rows: Rows) -> Figure:
                     diagram.curve(ax, own, "x", column, label=name, **style | {"ls": dash})
         ax.set(xlabel="number of spheres", ylabel=label)
         diagram.decades(ax)
-    entries = len(names) + 2 * len(LIMITS)
-    diagram.legend_below(figure, axes[0, 0], entries, "exponents of seconds, memory")
+    diagram.legend_below(figure, axes[0, 0])
     return figure
 
 
@@ -260,15 +235,14 @@ def notes(rows: Rows) -> list[str]:
         own = [row for row in rows if row["curve"] == curve and row["seconds"]]
         if not own:
             continue
-        seconds, memory, last = exponent(own, "seconds"), exponent(own, "mb"), own[-1]
-        grow = "" if seconds is None else f"seconds grow as n^{seconds:.2f}"
-        grow += "" if memory is None else f", bytes as n^{memory:.2f}; "
-        text = f"{curve}: {grow}{last['seconds']:.3g} s and {last['mb']:.3g} MB at "
-        text += f"n = {last['x']:.0f}"
-        if last.get("seconds_limit"):
-            text += f", {last['seconds'] / last['seconds_limit']:.2g} times the memory's limit"
-        if last.get("seconds_arithmetic"):
-            text += f", {last['seconds'] / last['seconds_arithmetic']:.2g} times that of arithmetic"
+        last = own[-1]
+        text = f"{curve}: {last['seconds']:.3g} s and {last['mb']:.3g} MB at n = {last['x']:.0f}"
+        for quantity, growing in (("seconds", "seconds"), ("mb", "bytes")):
+            slope = exponent(own, quantity)
+            text += "" if slope is None else f", {growing} grow as n^{slope:.2f}"
+        for column, what, _ in LIMITS:
+            if last.get(column):
+                text += f", {last['seconds'] / last[column]:.2g} times the limit of {what}"
         said.append(text + ".")
     return said
 

@@ -13,23 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.dem import (
-    ERRORS,
-    FRACTION,
-    INTERVAL,
-    LAYERS,
-    RECORDING,
-    REFERENCE,
-    SMALL,
-    WIDTH,
-    Crystal,
-    relative,
-    step_and_records,
-)
-from benchmarks.dem import notes as notes_on_dem
-from benchmarks.harness import diagram, lammps, yade
+from benchmarks import dem
+from benchmarks.harness import diagram
+from benchmarks.harness.lammps import Lammps
 from benchmarks.harness.measure import measured
+from benchmarks.harness.packing import step_and_records
 from benchmarks.harness.report import Page, Rows
+from benchmarks.harness.yade import Yade
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.waves.leapfrog import leapfrog
@@ -46,8 +36,8 @@ LITTLE_MORE = 1.1
 def chebyshev_task(path: str, duration: float, tolerance: float) -> Callable[[], int]:
     """Task: the linear wave; returns its products."""
     network = read_network(path)
-    propagate(network, 1e-5, interval=INTERVAL)  # compiles the loop
-    return lambda: propagate(network, duration, interval=INTERVAL, tolerance=tolerance).products
+    propagate(network, 1e-5, interval=dem.INTERVAL)  # compiles the loop
+    return lambda: propagate(network, duration, interval=dem.INTERVAL, tolerance=tolerance).products
 
 
 def leapfrog_task(path: str, duration: float, time_step: float, every: int) -> Callable[[], int]:
@@ -66,15 +56,15 @@ def chebyshev_rows(network: Network, path: Path, quick: bool, duration: float) -
     """The wave of the springs at each tolerance, against the tightest."""
 
     def displacement(tolerance: float) -> np.ndarray:
-        found = propagate(network, duration, interval=INTERVAL, tolerance=tolerance)
+        found = propagate(network, duration, interval=dem.INTERVAL, tolerance=tolerance)
         return found.signals.chain_displacement
 
-    exact, rows = displacement(REFERENCE), []
+    exact, rows = displacement(dem.REFERENCE), []
     for tolerance in TOLERANCES[quick]:
         setting = {"path": str(path), "duration": duration, "tolerance": tolerance}
         spent = measured("benchmarks.wave:chebyshev_task", times=1 if quick else 3, **setting)
         what = {"method": "linear, Chebyshev", "setting": f"tolerance {tolerance:g}"}
-        error = relative(displacement(tolerance), exact)
+        error = dem.relative(displacement(tolerance), exact)
         rows.append({**what, "products": spent.value, "error": error, **spent.cost})
     return rows
 
@@ -85,20 +75,20 @@ def leapfrog_rows(
     """The linear leapfrog at each time step, against the wave without one."""
     rows = []
     for fraction in fractions:
-        step, every = step_and_records(network, fraction)
+        step, every = step_and_records(network, fraction, dem.INTERVAL)
         setting = {"duration": duration, "time_step": step, "every": every}
         times = 1 if quick else 3
         spent = measured("benchmarks.wave:leapfrog_task", times=times, path=str(path), **setting)
         found = leapfrog(network, **setting)
-        exact = propagate(network, duration, interval=step * every, tolerance=REFERENCE).signals
+        exact = propagate(network, duration, interval=step * every, tolerance=dem.REFERENCE).signals
         rows.append(
             {
                 "method": "linear, leapfrog",
                 "setting": f"{fraction:g} of the limit",
                 "time_step_over_limit": fraction,
                 "products": spent.value,
-                "error": relative(found.chain_displacement, exact.chain_displacement),
-                "error_of_layers": relative(found.layer_displacement, exact.layer_displacement),
+                "error": dem.relative(found.chain_displacement, exact.chain_displacement),
+                "error_of_layers": dem.relative(found.layer_displacement, exact.layer_displacement),
                 **spent.cost,
             }
         )
@@ -107,36 +97,35 @@ def leapfrog_rows(
 
 def run(quick: bool, folder: Path) -> Page:
     """All programs that are installed, on one crystal."""
-    crystal, path = Crystal(LAYERS[quick], folder, 1 if quick else 3), folder / "crystal.network.h5"
+    crystal, path = dem.Crystal(dem.LAYERS[quick]), folder / "crystal.network.h5"
     network, duration = crystal.network, crystal.duration
     write_network(path, network)
-    rows = chebyshev_rows(network, path, quick, duration)
-    rows += leapfrog_rows(network, path, quick, duration, STEPS[quick])
-    dem: Rows = []
+    linear = chebyshev_rows(network, path, quick, duration)
+    linear += leapfrog_rows(network, path, quick, duration, STEPS[quick])
+    programs: Rows = []
     missing = []
-    for name, program, its_rows in (
-        ("YADE", yade, crystal.yade_rows),
-        ("LAMMPS", lammps, crystal.lammps_rows),
-    ):
+    for program in (Yade, Lammps):
         if program.available():
-            dem += its_rows(quick)
+            programs += crystal.rows(program(folder, network, 1 if quick else 3), quick)
         else:
-            missing.append(f"{name}, which is optional, is not installed here.")
+            missing.append(f"{program.name}, which is optional, is not installed here.")
     task = (
-        f"FCC crystal of {WIDTH} x {WIDTH} x {LAYERS[quick]} spheres at 100 kPa, pulse of 100 kHz, "
-        f"{1e3 * duration:.3g} ms. Seconds of YADE are those of its steps, those of LAMMPS include "
-        "its short start. `apart_from_tangent`: difference from the leapfrog of the tangent with "
-        "the same step, which leaves the contact law's non-linearity. `dispersion_linear`: error "
-        "of the springs' leapfrog with the same step. `velocity_tangent`: error of V_P with "
-        f"pre-stress. The recording interval varies at {FRACTION:g} of the limit, 2A = "
-        f"{2e9 * SMALL:g} nm."
+        f"FCC crystal of {dem.WIDTH} x {dem.WIDTH} x {dem.LAYERS[quick]} spheres at 100 kPa, pulse "
+        f"of 100 kHz, {1e3 * duration:.3g} ms. Seconds of YADE are those of its steps, those of "
+        "LAMMPS include its short start. `apart_from_tangent`: difference from the leapfrog of the "
+        "tangent with the same step, which leaves the contact law's non-linearity. "
+        "`dispersion_linear`: error of the springs' leapfrog with the same step. "
+        "`velocity_tangent`: error of V_P with pre-stress. The recording interval varies at "
+        f"{dem.FRACTION:g} of the limit, 2A = {2e9 * dem.SMALL:g} nm."
     )
-    shown = [row for row in rows + dem if row["method"] != RECORDING]
-    label = {"error": "relative error of the signals (-)"}
-    figures = {"wave": diagram.work_precision(shown, label)}
-    if dem:
-        figures["fcc_time_step"] = diagram.work_precision(dem, ERRORS, ["seconds"])
-    return Page(TITLE, task, {"wave": rows + dem}, notes(rows + dem) + missing, figures)
+    rows = linear + programs
+    shown = [row for row in rows if row["method"] != dem.RECORDING]
+    figures = {
+        "wave": diagram.work_precision(shown, {"error": "relative error of the signals (-)"})
+    }
+    if programs:
+        figures["fcc_time_step"] = diagram.work_precision(programs, dem.ERRORS, ["seconds"])
+    return Page(TITLE, task, {"wave": rows}, notes(rows) + missing, figures)
 
 
 def knee(rows: Rows) -> dict[str, Any]:
@@ -161,5 +150,5 @@ def notes(rows: Rows) -> list[str]:
         f"{tight[0]['products']:.0f} to {tight[-1]['products']:.0f} products.",
         f"Leapfrog: order {order:.2f}, {last['error']:.1e} in {last['seconds']:.3g} s, "
         f"{last['seconds'] / best['seconds']:.2g} times Chebyshev with {best['setting']}.",
-        *notes_on_dem(rows),
+        *dem.notes(rows),
     ]

@@ -65,7 +65,7 @@ def work_precision(
                 curve(ax, own, error, cost, label=method, **look(k))
             ax.set(xlabel=error_label, ylabel=COSTS[cost])
             decades(ax)
-    legend_below(figure, axes[0, 0], len(methods))
+    legend_below(figure, axes[0, 0])
     return figure
 
 
@@ -81,21 +81,13 @@ def decades(ax: Axes) -> None:
             put(10.0**floor, 10.0 ** max(floor + 1, np.ceil(np.log10(high))))
 
 
-def legend_below(figure: Figure, ax: Axes, entries: int, title: str | None = None) -> None:
+def legend_below(figure: Figure, ax: Axes) -> None:
     """The legend of all panels in one place, below them."""
     handles, labels = ax.get_legend_handles_labels()
     width = figure.get_size_inches()[0]
     widest = max((len(label) for label in labels), default=1)
-    columns = max(1, min(entries, int(width / (0.065 * widest + 0.45))))
-    figure.legend(
-        handles,
-        labels,
-        loc="outside lower center",
-        ncols=columns,
-        fontsize=8,
-        title=title,
-        title_fontsize=8,
-    )
+    columns = max(1, min(len(labels), int(width / (0.065 * widest + 0.45))))
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
 
 
 def exponent(rows: Sequence[Row], quantity: str) -> float | None:

@@ -54,34 +54,27 @@ def load() -> float:
     return os.getloadavg()[1]
 
 
-def bandwidth(megabytes: float = 256.0, times: int = 7) -> dict[str, float]:
-    """Bytes a second that one core reads (dot) and reads and writes (copy), best of `times`.
-
-    Of arrays that no cache holds, in processor time like the tasks.
-    """
-    size = int(megabytes * 1e6 / 8)
-    a, b = np.ones(size), np.ones(size)
-
-    def best(action: Callable[[], object]) -> float:
-        seconds = []
-        for _ in range(times):
-            start = time.process_time()
-            action()
-            seconds.append(time.process_time() - start)
-        return 2 * 8 * size / max(min(seconds), 1e-9)
-
-    return {"copy": best(lambda: np.copyto(a, b)), "dot": best(lambda: np.dot(a, b))}
-
-
-def arithmetic(rows: int = 1000, times: int = 5) -> float:
-    """Multiplications and additions a second of one core, best of `times` dense products.
-
-    In processor time like the tasks: of however many threads, it is the rate of one.
-    """
-    a = np.random.default_rng(1).random((rows, rows))
+def fastest(action: Callable[[], object], times: int = 5) -> float:
+    """Least processor time, s, of several runs; of however many threads, it is that of one."""
     seconds = []
     for _ in range(times):
         start = time.process_time()
-        a @ a
+        action()
         seconds.append(time.process_time() - start)
-    return 2.0 * rows**3 / max(min(seconds), 1e-9)
+    return max(min(seconds), 1e-9)
+
+
+def bandwidth(megabytes: float = 256.0) -> dict[str, float]:
+    """Bytes a second that one core reads (dot), and reads and writes (copy).
+
+    Of arrays that no cache holds.
+    """
+    a, b = np.ones((2, int(megabytes * 1e6 / 8)))
+    actions = {"copy": lambda: np.copyto(a, b), "dot": lambda: np.dot(a, b)}
+    return {name: (a.nbytes + b.nbytes) / fastest(action) for name, action in actions.items()}
+
+
+def arithmetic(rows: int = 1000) -> float:
+    """Multiplications and additions a second of one core, in a dense product."""
+    a = np.random.default_rng(1).random((rows, rows))
+    return 2.0 * rows**3 / fastest(lambda: a @ a)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT
+from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
@@ -16,6 +18,7 @@ from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.stiffness.springs import contact_kinematics, contact_springs
+from modal.waves.source import INPUT_FREQUENCY
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
 """35,201 spheres without friction at 100 kPa."""
@@ -98,3 +101,13 @@ def resized(sample: Network, spheres: int) -> Network:
         **{k: getattr(sample, k)[:spheres] for k in ("position", "radius", "mass", "inertia")},
         wall_position=np.array([sample.wall_position[0], top]),
     )
+
+
+def step_and_records(network: Network, fraction: float, interval: float) -> tuple[float, int]:
+    """Time step, s, at most `fraction` of its limit, and its number from record to record.
+
+    The step divides the period of the pulse; `interval` of the records, s, is met to half a step.
+    """
+    highest = float(highest_modes(Eigenproblem.of(network), 1, certify=False).frequency[-1])
+    steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
+    return 1 / (INPUT_FREQUENCY * steps), max(1, round(steps * INPUT_FREQUENCY * interval))

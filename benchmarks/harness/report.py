@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,35 +26,34 @@ class Page:
     notes: list[str] = field(default_factory=list)
     figures: dict[str, Figure] = field(default_factory=dict)
 
+    def markdown(self) -> str:
+        """The page; figures and numbers are files beside it."""
+        parts = [f"## {self.title}", self.task]
+        parts += [f"![{self.title}]({name}.png)" for name in self.figures]
+        parts.append("\n".join(f"- {note}" for note in self.notes))
+        for name, rows in self.tables.items():
+            parts += [f"`{name}.csv`:", table(rows, digits=3).markdown().rstrip("\n")]
+        return "\n\n".join(part for part in parts if part)
 
-def columns(rows: Rows) -> list[str]:
-    """Keys of all rows in the order in which they come first."""
-    return list(dict.fromkeys(name for row in rows for name in row))
+    def write(self, name: str, folder: Path) -> None:
+        """Write NAME.md, the tables and the figures."""
+        for stem, rows in self.tables.items():
+            table(rows, digits=8).write_csv(folder / f"{stem}.csv")
+        for stem, figure in self.figures.items():
+            figure.savefig(folder / f"{stem}.png", dpi=DOTS_PER_INCH)
+        (folder / f"{name}.md").write_text(self.markdown() + "\n")
 
 
-def shown(value: Any) -> str:
-    """A value in a cell of a table: three digits, nothing for None."""
-    if value is None:
-        return ""
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def markdown_table(names: Sequence[str], rows: Rows) -> str:
-    """Rows as a Markdown table."""
-    cells = [[shown(row.get(name)) for name in names] for row in rows]
-    return Table("", names, cells).markdown().rstrip("\n")
-
-
-def write_csv(rows: Rows, path: Path) -> None:
-    """Rows as CSV, numbers with eight digits."""
+def table(rows: Rows, digits: int) -> Table:
+    """Rows as text, an empty cell for None; columns in the order in which they come first."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
 
     def text(value: Any) -> str:
         if value is None:
             return ""
-        return f"{value:.8g}" if isinstance(value, float) else str(value)
+        return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
-    names = columns(rows)
-    Table("", names, [[text(row.get(name)) for name in names] for row in rows]).write_csv(path)
+    return Table("", names, [[text(row.get(name)) for name in names] for row in rows])
 
 
 def read_csv(path: Path) -> Rows:
@@ -69,25 +67,3 @@ def read_csv(path: Path) -> Rows:
 
     with open(path, newline="") as file:
         return [{name: value(text) for name, text in row.items()} for row in csv.DictReader(file)]
-
-
-def markdown(page: Page) -> str:
-    """The page; figures and numbers are files beside it."""
-    parts = [f"## {page.title}", page.task]
-    parts += [f"![{page.title}]({name}.png)" for name in page.figures]
-    parts.append("\n".join(f"- {note}" for note in page.notes))
-    for name, rows in page.tables.items():
-        parts += [f"`{name}.csv`:", markdown_table(columns(rows), rows)]
-    return "\n\n".join(part for part in parts if part)
-
-
-def write(page: Page, name: str, folder: Path) -> str:
-    """Write NAME.md, the tables and the figures; returns the page's text."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for table, rows in page.tables.items():
-        write_csv(rows, folder / f"{table}.csv")
-    for stem, figure in page.figures.items():
-        figure.savefig(folder / f"{stem}.png", dpi=DOTS_PER_INCH)
-    text = markdown(page)
-    (folder / f"{name}.md").write_text(text + "\n")
-    return text

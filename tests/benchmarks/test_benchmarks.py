@@ -13,11 +13,12 @@ import pytest
 from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import dem, density, modes, preparation, scaling, wave
 from benchmarks.__main__ import NAMED, main
-from benchmarks.harness import machine, product, yade
+from benchmarks.harness import machine, product
 from benchmarks.harness.diagram import work_precision
 from benchmarks.harness.measure import Measured, attempted, measured, median_of, run_command
 from benchmarks.harness.packing import by_energy, resized, spectrum
-from benchmarks.harness.report import Page, read_csv, write
+from benchmarks.harness.report import Page, read_csv
+from benchmarks.harness.yade import in_yades_order
 from modal.formats.hdf5 import InputError
 from modal.modes.density import density_of_states
 from modal.modes.problem import Eigenproblem
@@ -151,7 +152,8 @@ def test_page_has_every_column_and_its_figure(tmp_path):
     ]
     figure = work_precision(rows, {"error": "error (-)"})
     page = Page("Title", "Task.", {"numbers": rows}, ["note"], {"shown": figure})
-    text = write(page, "job", tmp_path)
+    page.write("job", tmp_path)
+    text = (tmp_path / "job.md").read_text()
     assert "| b | 0 | 2 |  | none |" in text
     assert "![Title](shown.png)" in text and (tmp_path / "shown.png").stat().st_size > 0
     assert read_csv(tmp_path / "numbers.csv") == [rows[0] | {"failure": None}, rows[1]]
@@ -164,7 +166,7 @@ def test_machine_is_described_without_names():
     text = machine.description()
     assert "cores" in text
     assert "/" not in text
-    assert all(rate > 0 for rate in machine.bandwidth(1.0, times=1).values())
+    assert all(rate > 0 for rate in machine.bandwidth(1.0).values())
 
 
 def test_energy_of_the_springs_gives_the_frequencies(packing):
@@ -188,7 +190,7 @@ def test_lower_part_keeps_its_stiffness():
 
 
 def test_dispersion_error_of_the_time_step_has_order_two():
-    network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
+    network = in_yades_order(gallery.fcc(cells=(2, 2, 30)))
     chain = LayerLattice.of_network(network)
     found = [
         dem.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
@@ -201,7 +203,7 @@ def test_dispersion_error_of_the_time_step_has_order_two():
 
 def test_pre_stress_shifts_the_velocity_and_springs_do_not():
     """C loses 2 N / l where the springs give 2 (kn + kt): V_P falls by half of that share."""
-    network = yade.in_yades_order(gallery.fcc(cells=(2, 2, 30)))
+    network = in_yades_order(gallery.fcc(cells=(2, 2, 30)))
     chain = LayerLattice.of_network(network)
     inner = network.particle_j >= 0
     lateral = np.median(network.force_normal[inner]) / (2 * network.radius[0])
@@ -252,7 +254,7 @@ def test_stop_criteria_are_read_from_one_run():
     step = 50.0 * np.arange(200)
     settling = np.exp(-step / 500)
     trace = {
-        "step": step,
+        "steps": step,
         "seconds": 1e-3 * step,
         "e": 0.7 * (1 + settling),
         "Z": 4 * (1 - settling),
@@ -317,7 +319,7 @@ def test_operations_of_a_contact_are_those_that_its_loop_makes():
 def test_limits_are_needs_over_rates():
     found = product.limits({"bytes": 6.0, "operations": 8.0}, 2.0, 16.0)
     assert found == {"seconds_limit": 3.0, "seconds_arithmetic": 0.5}
-    assert machine.arithmetic(rows=50, times=1) > 0
+    assert machine.arithmetic(rows=50) > 0
 
 
 @pytest.mark.slow
