@@ -65,13 +65,13 @@ def apart(a: Signals, b: Signals) -> float:
     return relative(one, other)
 
 
-def errors(signals: Signals, chain: LayerLattice) -> dict[str, float]:
+def errors(signals: Signals, lattice: LayerLattice) -> dict[str, float]:
     """Relative errors of what the estimator says of a record."""
     found = chain_dispersion(signals, decay=DECAY)
     return {
-        "error_f_low_pass": abs(found.low_pass_frequency / chain.low_pass_frequency - 1),
-        "error_velocity": abs(found.velocity / chain.velocity - 1),
-        "error_dispersion": rms_deviation(found, chain.velocity, chain.low_pass_frequency),
+        "error_f_low_pass": abs(found.low_pass_frequency / lattice.low_pass_frequency - 1),
+        "error_velocity": abs(found.velocity / lattice.velocity - 1),
+        "error_dispersion": rms_deviation(found, lattice.velocity, lattice.low_pass_frequency),
     }
 
 
@@ -92,7 +92,7 @@ class Crystal:
 
     def __init__(self, layers: int) -> None:
         self.network = in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, layers)))
-        self.chain = LayerLattice.of_network(self.network)
+        self.lattice = LayerLattice.of_network(self.network)
         self.duration = self.network.length / affine_velocity(self.network)
 
     def rows(self, program: Yade | Lammps, quick: bool) -> Rows:
@@ -132,9 +132,9 @@ class Crystal:
             "error": apart(found, converged),
             **spent.cost,
             "apart_from_tangent": apart(found, tangent),
-            **errors(found, self.chain),
-            "dispersion_linear": errors(springs, self.chain)["error_dispersion"],
-            "velocity_tangent": errors(tangent, self.chain)["error_velocity"],
+            **errors(found, self.lattice),
+            "dispersion_linear": errors(springs, self.lattice)["error_dispersion"],
+            "velocity_tangent": errors(tangent, self.lattice)["error_velocity"],
             "time_step_over_limit": fraction,
             "two_A_nm": 2e9 * found.amplitude,
             "interval_us": 1e6 * float(found.time[1]),

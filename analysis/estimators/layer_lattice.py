@@ -61,7 +61,7 @@ class LayerLattice:
 
     @classmethod
     def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> LayerLattice:
-        """The chain of an FCC crystal between flat walls of its own material."""
+        """The layers of an FCC crystal between flat walls of its own material."""
         material, radius = crystal.material, crystal.radius
         wall = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
         return cls(
@@ -76,7 +76,7 @@ class LayerLattice:
 
     @classmethod
     def of_network(cls, network: Network) -> LayerLattice:
-        """The chain whose theory belongs to an FCC crystal (`is_fcc`) of equal layers."""
+        """The lattice whose theory belongs to an FCC crystal (`is_fcc`) of equal layers."""
         z = np.sort(network.position[:, 2])
         layers = 1 + int(np.count_nonzero(np.diff(z) > 0.5 * network.radius.min()))
         inner = network.particle_j >= 0
@@ -142,16 +142,16 @@ def _response(time: np.ndarray, omega: np.ndarray, drive: float) -> np.ndarray:
 
 
 def lattice_signals(
-    chain: LayerLattice, time: np.ndarray, amplitude: float = 2.5e-9, frequency: float = 1e5
+    lattice: LayerLattice, time: np.ndarray, amplitude: float = 2.5e-9, frequency: float = 1e5
 ) -> Signals:
-    """Signals of the exact chain, as a run would have recorded them at `time` (nt,) s."""
-    u = chain.displacement(time, amplitude, frequency)
+    """Signals of the exact lattice, as a run would have recorded them at `time` (nt,) s."""
+    u = lattice.displacement(time, amplitude, frequency)
     source = source_pulse(time, amplitude, frequency)
-    spring = chain.wall_stiffness / chain.area
+    spring = lattice.wall_stiffness / lattice.area
     return Signals(
         time=np.asarray(time, float),
-        chain_particle=np.arange(chain.layers),
-        chain_position=chain.wall_gap + chain.distance * np.arange(float(chain.layers)),
+        chain_particle=np.arange(lattice.layers),
+        chain_position=lattice.wall_gap + lattice.distance * np.arange(float(lattice.layers)),
         chain_displacement=u,
         source_displacement=source,
         source_stress=spring * (source - u[:, 0]),
@@ -166,6 +166,6 @@ def lattice_signals(
     )
 
 
-def exact_twin(signals: Signals, chain: LayerLattice) -> Signals:
-    """The exact chain at the very times, amplitude and input frequency of a recorded run."""
-    return lattice_signals(chain, signals.time, signals.amplitude, signals.input_frequency)
+def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
+    """The exact lattice at the very times, amplitude and input frequency of a recorded run."""
+    return lattice_signals(lattice, signals.time, signals.amplitude, signals.input_frequency)

@@ -33,11 +33,11 @@ from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
 
 INTERVAL, NOISE, DRAWS = 4e-7, 0.05, 10
-CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
-LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
-PASSAGE = LENGTH / CHAIN.velocity
-DIAMETER = np.sqrt(2) * CHAIN.distance
-HIGHEST = REACH[True] * CHAIN.velocity / DIAMETER
+LATTICE = LayerLattice.of_crystal(FccLattice(1e5))
+LENGTH = (LATTICE.layers - 1) * LATTICE.distance + 2 * LATTICE.wall_gap
+PASSAGE = LENGTH / LATTICE.velocity
+DIAMETER = np.sqrt(2) * LATTICE.distance
+HIGHEST = REACH[True] * LATTICE.velocity / DIAMETER
 """Spectra end here, Hz."""
 
 
@@ -58,7 +58,7 @@ class Condition:
     def records(self) -> list[Signals]:
         """The exact record, or so many draws of it with noise."""
         time = np.arange(0, self.passages * PASSAGE, INTERVAL)
-        clean = lattice_signals(CHAIN, time, frequency=self.frequency)
+        clean = lattice_signals(LATTICE, time, frequency=self.frequency)
         if not self.noise:
             return [clean]
         rng = np.random.default_rng(SEED)
@@ -102,9 +102,9 @@ def _walls(record: Signals) -> float:
     if found is None:
         return np.nan
     kappa = 10 * np.pi / LENGTH
-    frequency = CHAIN.low_pass_frequency * np.sin(kappa * CHAIN.distance / 2)
+    frequency = LATTICE.low_pass_frequency * np.sin(kappa * LATTICE.distance / 2)
     exact = 2 * np.pi * frequency / kappa
-    return at_frequency(found[0], found[1], frequency) / exact * CHAIN.velocity
+    return at_frequency(found[0], found[1], frequency) / exact * LATTICE.velocity
 
 
 VELOCITIES: dict[str, Callable[[Signals], float]] = {
@@ -145,16 +145,16 @@ def _coherent_group(record: Signals, reach: float) -> tuple[float, float]:
     """RMS and largest relative error of the group velocity up to `reach` of the band edge."""
     found = coherent_wave(record, LENGTH)
     f = found.frequency
-    inside = (f > 0.05 * CHAIN.low_pass_frequency) & (f < reach * CHAIN.low_pass_frequency)
-    exact = CHAIN.velocity * np.sqrt(1 - (f[inside] / CHAIN.low_pass_frequency) ** 2)
+    inside = (f > 0.05 * LATTICE.low_pass_frequency) & (f < reach * LATTICE.low_pass_frequency)
+    exact = LATTICE.velocity * np.sqrt(1 - (f[inside] / LATTICE.low_pass_frequency) ** 2)
     return _errors(found.group_velocity[inside] / exact - 1)
 
 
 def _damped_group(record: Signals, reach: float) -> tuple[float, float]:
     found = chain_dispersion(record)
-    kappa = np.linspace(0.02, 2 / np.pi * np.arcsin(reach), 400) * np.pi / CHAIN.distance
+    kappa = np.linspace(0.02, 2 / np.pi * np.arcsin(reach), 400) * np.pi / LATTICE.distance
     group = np.gradient(found.omega(kappa), kappa)[1:-1]
-    exact = CHAIN.velocity * np.cos(kappa * CHAIN.distance / 2)[1:-1]
+    exact = LATTICE.velocity * np.cos(kappa * LATTICE.distance / 2)[1:-1]
     return _errors(group / exact - 1)
 
 
@@ -164,8 +164,8 @@ def _errors(off: np.ndarray) -> tuple[float, float]:
 
 def two_arrivals(share: float, noise: float, draws: int) -> list[Signals]:
     """Pulses of speeds V_P and 0.6 V_P, the slower `share` as high, without dispersion."""
-    record = lattice_signals(CHAIN, np.arange(0, PASSAGE, INTERVAL))
-    delay = record.chain_position / CHAIN.velocity
+    record = lattice_signals(LATTICE, np.arange(0, PASSAGE, INTERVAL))
+    delay = record.chain_position / LATTICE.velocity
     u = source_pulse(record.time[:, None] - delay, 2.5e-9, 1e5)
     u = u + share * source_pulse(record.time[:, None] - delay / 0.6, 2.5e-9, 1e5)
     record = replace(record, chain_displacement=u)
@@ -224,7 +224,7 @@ def _arrivals() -> Table:
         for noise, draws in ((0.0, 1), (NOISE, DRAWS)):
             records = two_arrivals(share, noise, draws)
             for rule in ("first peaks, middle half", "5 % of the maximum, middle half"):
-                row.append(_cell([VELOCITIES[rule](r) for r in records], CHAIN.velocity))
+                row.append(_cell([VELOCITIES[rule](r) for r in records], LATTICE.velocity))
         rows.append(row)
     header = ["height of the slower pulse", "first peaks", "5 % of the maximum"]
     header += [f"{name}, {100 * NOISE:g} % noise" for name in header[1:]]
@@ -235,8 +235,8 @@ def trial() -> list[Table]:
     """All tables."""
     noise = f"± scatter of a record, {DRAWS} draws"
     return [
-        _bias(f"V_P: bias in % ({noise})", VELOCITIES, CHAIN.velocity),
-        _bias(f"f_low-pass: bias in % ({noise})", EDGES, CHAIN.low_pass_frequency),
+        _bias(f"V_P: bias in % ({noise})", VELOCITIES, LATTICE.velocity),
+        _bias(f"f_low-pass: bias in % ({noise})", EDGES, LATTICE.low_pass_frequency),
         _groups(),
         _arrivals(),
     ]

@@ -47,8 +47,8 @@ def dispersion(cases: list[Measures]) -> Picture:
         panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-40, vmax=0)
         kappa = kappa_line = np.linspace(0, widest, 101)
         if case.is_crystal:
-            chain = case.lattice
-            theory = eq_9(kappa, chain.stiffness, chain.mass, chain.distance) / (2e3 * np.pi)
+            lattice = case.lattice
+            theory = eq_9(kappa, lattice.stiffness, lattice.mass, lattice.distance) / (2e3 * np.pi)
             panel.line(kappa, theory, "theory (Eq. 9)", color="k")
             ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)
             text = f"{producer_name(record)}, damped transform"

@@ -58,7 +58,7 @@ def _signal(case: Case, wanted: float) -> Panel:
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if case.is_crystal:
         twin = exact_twin(record, case.lattice)
-        _curve(panel, twin, n, end, "exact chain", **thin)
+        _curve(panel, twin, n, end, "exact lattice", **thin)
     elif record is not case.wave:
         m = int(np.flatnonzero(case.wave.chain_particle == record.chain_particle[n])[0])
         _curve(panel, case.wave, m, end, "linear wave", **thin)

@@ -1,7 +1,7 @@
 """V_P by every rule in one table, the known bias of each, and its powers of stress and void ratio.
 
 The bias is that of the rule on the exact planar wave of the FCC crystal, whose V_P is Eq. 6's; of
-rules that read no signal it follows from the exact chain of 200 layers. A random packing has no
+rules that read no signal it follows from the exact lattice of 200 layers. A random packing has no
 exact answer: there the springs under a steady push are what the others can be held against.
 """
 
@@ -58,17 +58,17 @@ WHY = {
 
 @cache
 def exact_biases(layers: int = 200) -> dict[str, float]:
-    """Relative error of the rules on the exact chain of the crystal at 100 kPa, by their column."""
-    chain = LayerLattice.of_crystal(FccLattice(1e5), layers)
-    length = (chain.layers - 1) * chain.distance + 2 * chain.wall_gap
-    record = lattice_signals(chain, np.arange(0, length / chain.velocity, 4e-7))
-    omega, shape = chain.eigenmodes()
+    """Relative error of the rules on the exact lattice at 100 kPa, by their column."""
+    lattice = LayerLattice.of_crystal(FccLattice(1e5), layers)
+    length = (lattice.layers - 1) * lattice.distance + 2 * lattice.wall_gap
+    record = lattice_signals(lattice, np.arange(0, length / lattice.velocity, 4e-7))
+    omega, shape = lattice.eigenmodes()
     f = omega / (2 * np.pi)
     kappa = np.pi * np.arange(1, len(f) + 1) / length
     peaks = first_peak_velocity(record, 0.0, length)[0]
     coherent = longest_waves(coherent_wave(record, length))[0]
-    longer = lattice_signals(chain, np.arange(0, RECORD * length / chain.velocity, 4e-7))
-    walls, low = wall_velocity(longer, length), LOW_ORDER * chain.velocity / (2 * length)
+    longer = lattice_signals(lattice, np.arange(0, RECORD * length / lattice.velocity, 4e-7))
+    walls, low = wall_velocity(longer, length), LOW_ORDER * lattice.velocity / (2 * length)
     network = fcc(1e5, (1, 1, layers))
     contacts = float(contacts_per_particle(network).mean())
     means = of_means(void_ratio(network), contacts, 1e5, float(network.radius[0]))
@@ -80,17 +80,17 @@ def exact_biases(layers: int = 200) -> dict[str, float]:
         "v_p_long_waves_yade_m_per_s": coherent,
         "v_p_modes_first_m_per_s": 2 * length * f[0],
         "v_p_modes_eq_4_m_per_s": long_wave_velocity(f, kappa)[0],
-        "v_p_modes_fitted_m_per_s": mode_dispersion(f, shape.T, chain.distance).velocity,
+        "v_p_modes_fitted_m_per_s": mode_dispersion(f, shape.T, lattice.distance).velocity,
         "v_p_walls_phase_m_per_s": at_frequency(walls[0], walls[1], low),
         "v_p_static_m_per_s": static_velocity(network)[0],
         "v_p_emt_contacts_m_per_s": of_contacts(network).velocity,
         "v_p_emt_means_m_per_s": means.velocity,
     }
-    return {name: value / chain.velocity - 1 for name, value in found.items()}
+    return {name: value / lattice.velocity - 1 for name, value in found.items()}
 
 
 def table_of_biases() -> Table:
-    """Each rule, its error on the exact chain, and where it comes from."""
+    """Each rule, its error on the exact lattice, and where it comes from."""
     known = exact_biases()
     lines = []
     for name, text in RULES.items():

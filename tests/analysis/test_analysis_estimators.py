@@ -1,4 +1,4 @@
-"""Bias of every estimator on exact signals, and the exact chain against a leapfrog."""
+"""Bias of every estimator on exact signals, and the exact lattice against a leapfrog."""
 
 from dataclasses import replace
 

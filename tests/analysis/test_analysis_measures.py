@@ -34,7 +34,7 @@ def crystal(tmp_path_factory):
 
 
 def test_standing_waves_of_a_crystal_are_its_pure_modes():
-    """Without disorder one mode bears each standing wave, at the exact chain's frequency."""
+    """Without disorder one mode bears each standing wave, at the exact lattice's frequency."""
     network = fcc(cells=(1, 1, 40))
     case = Case("case02", None)
     case.network = network

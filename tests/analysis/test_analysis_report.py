@@ -197,7 +197,7 @@ def test_coherent_wave_of_the_exact_chain(passages):
 
 @pytest.mark.parametrize("passages", [1.0, 1.3, 1.73, 1.95, 4.0])
 def test_coherent_wave_does_not_see_the_reflection(passages):
-    """The exact chain, however long the record: cut by its own speed, not by a given one.
+    """The exact lattice, however long the record: cut by its own speed, not by a given one.
 
     A record of one passage is 0.016 % off, by its window; what the reflection adds must stay below
     that, twice 0.016 % in all.

@@ -72,7 +72,7 @@ def test_files_have_the_columns_that_others_read(made):
 
 
 def test_numbers_of_the_crystal(made):
-    """Known answers: the record is the exact chain's, the void ratio that of touching spheres."""
+    """Known answers: the record is the exact lattice's, the void ratio that of touching spheres."""
     row = read(made / "table1.csv")[0]
     network = fcc(1e5, (1, 1, 200))
     chain = LayerLattice.of_network(network)
