@@ -29,7 +29,7 @@ HELP
 }
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
 number() { [[ "${2:-}" =~ ^[1-9][0-9]{0,7}$ ]] || fail "$1 needs a number, for example $1 $3"; }
-stages=(state sample highest wave linear modes response density structure split analysis)
+stages=(state sample highest wave linear modes response density structure shear moduli split analysis)
 cases=() stage=analysis jobs='' options=() products=products seed='' slurm='' only=''
 while [ $# -gt 0 ]; do
     case "$1" in

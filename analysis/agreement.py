@@ -37,7 +37,7 @@ OTHER_RUNS = {
 
 @dataclass(frozen=True)
 class Motion:
-    """Displacements along z per amplitude of the source, at the same times (nt,).
+    """Displacements per amplitude of the source, along its motion, at the same times (nt,).
 
     `chain` (nt, nc); `layers` (nt, nl) and `particles` (nt, n), force-bearing ones only, are None
     where the run has not recorded them.
@@ -144,6 +144,7 @@ class Agreement:
         duration, interval = float(self.run.time[-1]), self.run.time_step * self.every
         every_one = self.run.particle_displacement is not None
         settings: dict[str, Any] = {"motion": pulse, "pre_stress": pre_stress}
+        settings["direction"] = self.run.direction
         settings["particles"] = every_one  # at full size some GB, where nothing is held against it
         if exact_in_time:
             wave = propagate(self.network, duration, interval=interval, **settings).signals

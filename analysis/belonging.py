@@ -7,6 +7,7 @@ from pathlib import Path
 
 from analysis.case import Case, find
 from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
+from modal.elasticity.moduli_file import SCHEMA as MODULI
 from modal.formats.hdf5 import InputError, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY
@@ -25,8 +26,9 @@ KIND_OF = {
     STRUCTURE: "structure",
     DENSITY: "density",
     RESPONSE: "response",
+    MODULI: "moduli",
 }
-"""Kinds of product by their schema; modes are of several kinds."""
+"""Kinds of product by their schema; modes are of several kinds, and so are signals."""
 PACKINGS = "network", "sample"
 
 
@@ -67,9 +69,15 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
 
 
 def kind_of(path: str | Path) -> str:
-    """The kind of product that a file is, by its schema; of modes also by which were asked for."""
+    """The kind of product that a file is, by its schema.
+
+    Of modes also by which were asked for, of signals by the direction of the wall and by who made
+    them.
+    """
     with open_h5(path) as file:
         schema = _text(file.attrs.get("schema", ""))
+        slid = schema == SIGNALS and _text(file.attrs.get("direction", "z")) != "z"
+        by_yade = _text(file.attrs.get("producer", "")) == "yade"
         choice = Choice.of_attributes(dict(file.attrs)) if schema == MODES else Choice("all")
     if schema == MODES:
         settings = read_provenance(path).settings or {}
@@ -78,6 +86,8 @@ def kind_of(path: str | Path) -> str:
         if choice.kind == "highest":
             return "highest.modes"
         return "band.modes" if choice.low > 0 else "modes"
+    if slid:
+        return "shear_yade.signals" if by_yade else "shear.signals"
     if schema not in KIND_OF:
         raise InputError(f"{path}: schema is {schema!r}, of no product that a report reads")
     return KIND_OF[schema]

@@ -15,6 +15,8 @@ from analysis.estimators.low_pass import RECORD
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import matching_case
+from modal.elasticity.moduli import ElasticModuli
+from modal.elasticity.moduli_file import read_moduli
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Source, packing_of, require_same_packing
 from modal.modes.density import read_density
@@ -30,13 +32,18 @@ KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""
 OTHER_WAVES = tuple(
     f"{run}.signals"
-    for run in ("100kHz", "reverse", "tenth", "small", "small_reverse", "no_slip", "half_step")
+    for run in (
+        *("100kHz", "shear_yade"),
+        *("reverse", "tenth", "small", "small_reverse", "no_slip", "half_step"),
+    )
 )
-"""Further YADE runs of a case: its pulse at 100 kHz where its own is another, and those that split
-its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
+"""Further YADE runs of a case: its pulse at 100 kHz where its own is another, an S-wave, and those
+that split its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
+SHEAR = "shear_yade.signals", "signals", "shear.signals"
+"""Where S-waves are: by YADE as a further run, or as the case's own run; and the linear one."""
 EXTRA_KINDS = (
     *("sample", "highest.modes", "band.modes"),
-    *("linear.signals", "structure", "density", "response"),
+    *("linear.signals", "structure", "density", "response", "shear.signals", "moduli"),
     *OTHER_WAVES,
 )
 """Read where they are there: compact sample, highest modes, those of a band, what names say."""
@@ -188,23 +195,34 @@ class Case:
 
     @cached_property
     def signals(self) -> Signals | None:
-        """Signals of the wave run."""
-        if not self.has("signals"):
+        """Signals of the wave run; None where its wall slid, which is no P-wave but in `shear`."""
+        found = self._recorded("signals")
+        return found if found is not None and found.direction == "z" else None
+
+    @cached_property
+    def shear(self) -> list[Signals]:
+        """S-waves, YADE's first: of each producer one, that of the first of `SHEAR`."""
+        found: dict[str, Signals] = {}
+        for record in map(self._recorded, SHEAR):
+            if record is not None and record.direction != "z":
+                found.setdefault(record.producer, record)
+        return list(found.values())
+
+    def _recorded(self, kind: str) -> Signals | None:
+        if not self.has(kind):
             return None
-        signals = read_signals(self.product("signals"))
+        signals = read_signals(self.product(kind))
         if signals.chain_displacement.shape[0] < 50 or signals.chain_displacement.shape[1] < 10:
-            raise InputError(
-                f"{self.path('signals')}: fewer than 50 times or 10 particles; record more"
-            )
+            raise InputError(f"{self.path(kind)}: fewer than 50 times or 10 particles; record more")
         books = signals.balance
         if books is not None and not books.kept:
             self.notes.append(
-                f"{self.path('signals')}: the energy drifts by {books.drift:.1e}, limit "
+                f"{self.path(kind)}: the energy drifts by {books.drift:.1e}, limit "
                 f"{books.limit:.1e}, and {books.gap:.1e} of the source wall's work is not "
                 "accounted for; do not trust this run"
             )
         if signals.chain_particle.max() >= self.network.n_particles:
-            raise InputError(f"{self.path('signals')}: its chain leaves the network; run it again")
+            raise InputError(f"{self.path(kind)}: its chain leaves the network; run it again")
         return signals
 
     @cached_property
@@ -229,6 +247,11 @@ class Case:
                 "gain is not; leave it out, or make it without --damping and --direction"
             )
         return found
+
+    @cached_property
+    def moduli(self) -> ElasticModuli | None:
+        """Elastic moduli, from `python -m modal moduli`."""
+        return read_moduli(self.product("moduli")) if self.has("moduli") else None
 
     @cached_property
     def passage(self) -> float:

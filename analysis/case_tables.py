@@ -11,6 +11,7 @@ from analysis.estimators.low_pass import Edge
 from analysis.estimators.power_law import power_law
 from analysis.measures import Measures, groups
 from analysis.measures.estimate import Estimate
+from analysis.shear_table import table_of_shear
 from analysis.table import Table
 from modal.formats.hdf5 import InputError
 
@@ -208,5 +209,6 @@ def tables(cases: list[Measures]) -> dict[str, Table]:
         "paper": Table("Numbers stated by the paper", HEADER, deviations(cases)),
         "fits": table_of_fits(cases),
         "choices": table_of_choices(cases),
+        "shear": table_of_shear(cases, number),
     }
     return {name: table for name, table in found.items() if table.rows}

@@ -51,7 +51,8 @@ def report(cases: list[Measures], output: Path, command: list[str]) -> list[Path
     above = (
         "<p>After Otsubo, O'Sullivan, Hanley and Sim, Granular Matter 19:50 (2017). Values with ± "
         "carry their standard error; that of a threshold's frequency is half the quartile distance "
-        "of its values. YADE is the recorded run; linear wave, the wave of its network's springs "
+        "of its values. V_P is of a wall that pushes, V_S of one that slides. "
+        "YADE is the recorded run; linear wave, the wave of its network's springs "
         "alone, without the pre-stress of the contacts; unless they name YADE, values are of the "
         "linear wave.</p>" + made_by(shown(command))
     )

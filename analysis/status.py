@@ -9,6 +9,7 @@ from typing import Any
 
 from analysis.case import EXTRA_KINDS, KINDS, OTHER_WAVES, Case
 from analysis.estimators import structure_factor
+from modal.elasticity import moduli_file
 from modal.formats.hdf5 import InputError, open_h5
 from modal.formats.provenance import (
     PACKING,
@@ -33,6 +34,7 @@ FORMATS = {
     "density": density,
     "response": response,
     "structure": structure_factor,
+    "moduli": moduli_file,
 }
 """Last word of a kind: the module that has its SCHEMA and VERSION."""
 OTHER_NAMES = {"friction": "mu_wave"}

@@ -64,7 +64,8 @@ ANALYSIS_BELOW = {
     "rows": {"estimators", "measures"},
     "comparable": {"paper", "rows"},
     "deviations": {"estimators", "measures", "paper"},
-    "case_tables": {"deviations", "estimators", "measures", "table"},
+    "shear_table": {"measures", "table"},
+    "case_tables": {"deviations", "estimators", "measures", "shear_table", "table"},
     "figures": {
         *("case", "comparable", "crystal", "estimators", "measures", "packings", "paper"),
         "rows",

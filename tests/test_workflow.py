@@ -84,6 +84,10 @@ def test_moduli_and_shear_waves_are_made_on_request(study):
     jobs = planned(study, *asked, cases=[30])
     assert jobs["moduli"] == jobs["shear_wave"] == jobs["band_modes"] == jobs["network"] == 1
     assert "yade_wave" not in jobs
+    for stage, rule in (("moduli", "moduli"), ("shear", "shear_wave")):
+        assert planned(study, cases=[2, 30], stage=stage)[rule] == 2
+    jobs = planned(study, "products/case30.shear_yade.signals.h5", cases=[30])
+    assert jobs["further_wave"] == 1 and "shear_wave" not in jobs
 
 
 def test_a_committed_sample_spares_the_walk_unless_told_otherwise(study):

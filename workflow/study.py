@@ -31,6 +31,8 @@ CRYSTAL_KINDS = {
     "linear": ["linear.signals"],
     "modes": ["modes", "translations.modes"],
     "response": ["response"],
+    "shear": ["shear.signals"],
+    "moduli": ["moduli"],
 }
 RANDOM_KINDS = CRYSTAL_KINDS | {
     "modes": ["modes"],
@@ -46,6 +48,8 @@ OF_WAVE = (
 COMPARED = "sample", "highest", "wave", "modes", "response"
 REPORTED = *COMPARED, "density", "structure"
 """Stages of which a case's comparison, and a report, read the files."""
+FURTHER = "shear", "moduli"
+"""Stages that are no part of the study; a report reads their files where they are there."""
 
 
 class Study:
@@ -164,6 +168,10 @@ class Study:
     def whole(self, *stages: str) -> list[str]:
         """Files of these stages, of all cases."""
         return [path for case in self.cases for stage in stages for path in self.files(case, stage)]
+
+    def further(self) -> list[str]:
+        """Files of the further stages that are there."""
+        return [path for path in self.whole(*FURTHER) if Path(path).exists()]
 
     def other_pulses(self) -> list[str]:
         """Waves with the pulse of 100 kHz, of the cases whose own pulse is another."""

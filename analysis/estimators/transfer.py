@@ -85,10 +85,18 @@ def gain_settings(network: Network, passage: float) -> dict[str, float]:
     return {"resolution": RESOLUTION * 0.5 / passage, "highest": REACH * diameters / passage}
 
 
-def network_gain(network: Network, passage: float) -> Gain:
-    """Gain of the springs by `gain_settings`, without a record; `passage` (s) from wall to wall."""
+def network_gain(network: Network, passage: float, direction: str = "z") -> Gain:
+    """Gain of the springs by `gain_settings`, without a record; `passage` (s) from wall to wall.
+
+    Of a wall that moves along `direction`: z for P-waves, x or y for S-waves.
+    """
     wanted = gain_settings(network, passage)
-    found = frequency_response(network, resolution=wanted["resolution"], highest=wanted["highest"])
+    found = frequency_response(
+        network,
+        resolution=wanted["resolution"],
+        highest=wanted["highest"],
+        direction=direction,
+    )
     return Gain(found.frequency, found.gain, found.resolution)
 
 

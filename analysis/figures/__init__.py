@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.figures import beyond, modes, packing, spectra, velocities, waves
+from analysis.figures import beyond, modes, packing, shear, spectra, velocities, waves
 from analysis.figures import cases as of_cases
 from analysis.figures.picture import Picture
 from analysis.figures.render import save
@@ -57,6 +57,7 @@ FIGURES: dict[str, Entry] = {
     "density_excess": Entry("", beyond.density_excess, of_rows=True),
     "low_pass_chains": Entry("", waves.low_pass_chains),
     "structure": Entry("", spectra.structure),
+    "shear_waves": Entry("", shear.shear_waves),
     "stress_dependence": Entry("", velocities.stress_dependence, crystals_only=True),
 }
 

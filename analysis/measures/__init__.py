@@ -15,6 +15,7 @@ from analysis.case import Case
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.transfer import Gain, network_gain
 from analysis.measures.eigenmodes import Eigenmodes
+from analysis.measures.shear_wave import ShearWave
 
 
 class Measures(Eigenmodes):
@@ -24,6 +25,11 @@ class Measures(Eigenmodes):
         super().__init__(case)
         self.row: Any = None
         """What `analysis.rows` has measured of it."""
+
+    @cached_property
+    def shear(self) -> list[ShearWave]:
+        """Its S-waves, YADE's first; none where no wall has slid."""
+        return [ShearWave(self.case, record) for record in self.case.shear]
 
     @cached_property
     def scattering(self) -> Scattering | None:

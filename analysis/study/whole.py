@@ -28,6 +28,7 @@ from analysis.report import provenance_table, shown, without_folder
 from analysis.rows import Row, row_of
 from analysis.status import names_in
 from analysis.study.arrangement import arrange, wanted
+from analysis.study.elasticity import add_elasticity, table_of_elasticity
 from analysis.study.summary import summary
 from analysis.study.tables import (
     table_1,
@@ -67,6 +68,7 @@ def measure(folder: Path, name: str, *, rows_alone: bool = False) -> Measured:
     case.check()
     m = Measures(case)
     found = Measured(row_of(m))
+    add_elasticity(found.row, m)
     if rows_alone:
         return found
     for figure in wanted(found.row.number):
@@ -188,6 +190,7 @@ def study(
         "laws": table_of_laws(rows, at_1_kpa),
         "energy": table_of_energy(rows),
         "scattering": table_of_scattering(rows),
+        "elasticity": table_of_elasticity(rows),
         "choices": table_of_choices({x.row.label: x.choices for x in found if x.choices}),
         **splits(folder),
     }
