@@ -23,6 +23,7 @@ from modal.modes.density import read_density
 from modal.modes.mode_set import ModeSet, read_modes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
+from modal.packing.state import FORCES, stress_tensor
 from modal.waves.propagate import propagate
 from modal.waves.response import Response, read_response
 from modal.waves.signals import Signals, read_signals
@@ -150,7 +151,18 @@ class Case:
 
     @property
     def stress(self) -> float:
-        """Stress, Pa, as the network's study states it; NaN if it does not."""
+        """Stress, Pa, as the network's study states it; else the mean that its contacts bear.
+
+        That to three digits; NaN without contact forces.
+        """
+        stated = self.stated_stress
+        if np.isfinite(stated) or any(getattr(self.network, name) is None for name in FORCES):
+            return stated
+        return float(f"{np.trace(stress_tensor(self.network)) / 3:.3g}")
+
+    @property
+    def stated_stress(self) -> float:
+        """Stress, Pa, that the packing was made for, as its network says; NaN if it does not."""
         return float(self.network.study.get("stress", np.nan))
 
     @property
@@ -168,7 +180,7 @@ class Case:
     @cached_property
     def unsettled(self) -> str:
         """Why its state does not count as settled; empty where it does."""
-        return why_unsettled(self.network, np.nan if self.is_crystal else self.stress)
+        return why_unsettled(self.network, np.nan if self.is_crystal else self.stated_stress)
 
     def _modes(self, kind: str) -> ModeSet | None:
         return read_modes(self.product(kind)) if self.has(kind) else None

@@ -125,7 +125,7 @@ def choices_of(m: Measures) -> list[list[str]]:
 
 
 def table_of_choices(cases: list[Measures]) -> Table:
-    """f_low-pass under every choice of the threshold rule: what its number is worth."""
+    """f_low-pass under every choice that the threshold rule leaves open."""
     header = ["f_low-pass, kHz: whose spectra, threshold", *(m.case.label for m in cases)]
     columns = [m.passband.choices() for m in cases]
     rows = [[row[0][0], *(_chosen(edge) for _, edge in row)] for row in zip(*columns, strict=True)]

@@ -92,7 +92,7 @@ def law_of(members: list[Row], x: str, y: str) -> PowerLaw:
 
 
 def _peak(m: Measures, own: Estimate) -> Estimate:
-    """First peaks with the error of the fit and what the choice of the chain is worth."""
+    """First peaks with the error of the fit and the scatter over all columns."""
     chain = m.columns.error if np.isfinite(m.columns.error) else 0.0
     return Estimate(own.value, float(np.hypot(own.error, chain)))
 

@@ -54,12 +54,9 @@ def names_in(folder: Path) -> list[str]:
 
 def stale_files(folder: Path, tables: Path, names: Sequence[str]) -> list[Path]:
     """The products of these cases that are stale: made from what has changed since."""
-    settings, found = _settings_of_cases(tables), []
-    for case in (Case(name, folder) for name in names):
-        kinds = (kind for kind in (*KINDS, *EXTRA_KINDS) if case.has(kind))
-        row = settings.get(case.name, {})
-        found += [case.path(kind) for kind in kinds if _changes(case, kind, row)]
-    return found
+    settings = _settings_of_cases(tables)
+    cases = [Case(name, folder) for name in names]
+    return [case.path(kind) for case in cases for kind in _stale(case, settings)]
 
 
 def status_table(folder: Path, tables: Path) -> str:
@@ -74,11 +71,7 @@ def status_table(folder: Path, tables: Path) -> str:
     settings = _settings_of_cases(tables)
     for name in names:
         case = Case(name, folder)
-        stale = {
-            kind: why
-            for kind in (*KINDS, *EXTRA_KINDS)
-            if case.has(kind) and (why := _changes(case, kind, settings.get(name, {})))
-        }
+        stale = _stale(case, settings)
         if any(case.has(kind) for kind in KINDS):
             marks = ("stale" if k in stale else "yes" if case.has(k) else "-" for k in KINDS)
             cells = (mark.ljust(len(kind)) for mark, kind in zip(marks, KINDS, strict=True))
@@ -87,6 +80,13 @@ def status_table(folder: Path, tables: Path) -> str:
     if len(lines) == 1:
         lines.append("no case has a product yet")
     return "\n".join([*lines, *reasons])
+
+
+def _stale(case: Case, settings: dict[str, dict[str, Any]]) -> dict[str, list[str]]:
+    """Kinds of a case's products that are stale, and what of each has changed."""
+    row = settings.get(case.name, {})
+    kinds = [kind for kind in (*KINDS, *EXTRA_KINDS) if case.has(kind)]
+    return {kind: why for kind in kinds if (why := _changes(case, kind, row))}
 
 
 def _changes(case: Case, kind: str, row: dict[str, Any]) -> list[str]:

@@ -58,8 +58,8 @@ def threads_for(spheres: int) -> int:
     """How many threads a loop over so many spheres takes; results are the same to the bit.
 
     One where more are not worth their start. On cores that other programs use a thread waits for
-    its turn in every step: OMP_NUM_THREADS, which the README sets to 1 there, bounds the threads as
-    NUMBA_NUM_THREADS does.
+    its turn in every step: OMP_NUM_THREADS=1, which docs/command_line.md recommends there, bounds
+    the threads as NUMBA_NUM_THREADS does.
     """
     if spheres < ENOUGH:
         return 1

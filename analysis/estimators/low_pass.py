@@ -223,7 +223,8 @@ class Passband:
     def of_columns(self) -> np.ndarray:
         """f_low-pass (columns, thresholds), Hz, along each column of the linear wave.
 
-        A column is a diameter wide: what the choice of a chain is worth. NaN where unknown.
+        A column is a diameter wide. Their scatter says how much the value depends on which chain is
+        taken. NaN where unknown.
         """
         network, length = self.network, self.network.length
         bearing = np.flatnonzero(self._bearing)

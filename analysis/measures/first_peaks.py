@@ -40,7 +40,8 @@ class FirstPeaks(BandEnd):
     def _as_the_run(self, wave: Signals) -> Signals:
         """Motions of the linear wave as far as the run's record goes.
 
-        A peak counts when it exceeds half of the particle's largest: later waves must be as far.
+        A peak counts when it exceeds half of the particle's largest, which may come late: two
+        records give the same peaks only if they are equally long.
         """
         run = self.case.signals
         end = RECORDED * self.case.passage if run is None else float(run.time[-1])
@@ -62,7 +63,8 @@ class FirstPeaks(BandEnd):
     def columns(self) -> Estimate:
         """The same along every column of the sample, a sphere wide: mean and scatter of dL/dt.
 
-        On the linear wave, which is recorded on every particle: what one chain is worth.
+        Of the linear wave, which is recorded on every particle. The scatter says how much the
+        velocity depends on which chain is taken.
         """
         case, network = self.case, self.case.network
         bearing = np.flatnonzero(force_bearing(network))

@@ -91,7 +91,7 @@ class LongWaves:
 
     @cached_property
     def static(self) -> float:
-        """V_P, m/s, of the springs under a steady push: no wave, no estimator of one.
+        """V_P, m/s, of the springs under a steady push, independent of all rules that read waves.
 
         NaN for samples too short to have a bulk, or whose springs do not hold all of it.
         """

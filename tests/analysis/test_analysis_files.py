@@ -95,11 +95,11 @@ def test_report_of_a_crystal_that_is_no_case(folder, tmp_path):
 
 
 def test_report_of_a_random_packing_that_is_no_case(folder, tmp_path):
-    """Without stress or friction in its study; the highest frequency is its file's."""
+    """Without stress or friction in its study: its contacts tell the one; f_max is its file's."""
     given = files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5")
     assert main(["report", *given, "-o", str(tmp_path)]) == 0
     rows = table_of(tmp_path / "table1.csv")
-    assert rows["quantity"] == ["random (heap)"]
+    assert rows["quantity"] == ["random, 100 kPa (heap)"]
     top = cases_of_files(given)[0].highest.frequency[-1]
     assert float(rows["f_max, kHz"][0]) == pytest.approx(top / 1e3, rel=1e-3)  # four digits
     page = (tmp_path / "report.html").read_text()
@@ -130,6 +130,17 @@ def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
     assert case.name == "grains" and case.network.n_particles == 150 and not case.is_crystal
     both = cases_of_files([sample, folder / "heap.h5"])  # not exported from it: two packings
     assert [case.name for case in both] == ["heap", "grains"]
+
+
+def test_stress_of_a_packing_that_states_none_is_what_its_contacts_bear(folder, tmp_path):
+    """The packing was made at 100 kPa; its file here does not say so, and may hold no forces."""
+    (heap,) = cases_of_files([folder / "heap.h5"])
+    assert "stress" not in heap.network.study
+    assert heap.stress == 1e5 and heap.label.startswith("random, 100 kPa")
+    bare = replace(heap.network, force_normal=None, force_tangential=None)
+    write_network(tmp_path / "bare.network.h5", bare)
+    (case,) = cases_of_files([tmp_path / "bare.network.h5"])
+    assert np.isnan(case.stress) and case.under_stress == ""
 
 
 def test_a_file_beside_the_given_ones_is_not_listed_as_read(folder):
