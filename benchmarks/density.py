@@ -76,15 +76,13 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
 def run(quick: bool, folder: Path) -> Page:
     """Resolutions at one tolerance, then tolerances at the finest resolution."""
     packing, times = KnownPacking.of(SPHERES[quick], folder), 1 if quick else 3
-    path, problem = str(packing.path), packing.problem
-    exact, floppy = packing.exact, packing.floppy
-    rows: Rows = []
+    path, rows = str(packing.path), []
     sweeps = [("moments", r, TOLERANCE[quick]) for r in RESOLUTIONS[quick]]
     sweeps += [("vectors", RESOLUTIONS[quick][-1], t) for t in TOLERANCES[quick]]
     for what, resolution, tolerance in sweeps:
         setting = {"resolution": resolution, "tolerance": tolerance}
         cost = measured("benchmarks.density:states", times=times, path=path, **setting)
-        found = density_of_states(problem.network, **setting)
+        found = density_of_states(packing.problem.network, **setting)
         rows.append(
             {
                 "method": f"random vectors, more {what}",
@@ -92,7 +90,7 @@ def run(quick: bool, folder: Path) -> Page:
                 "moments": found.moments.shape[2],
                 "vectors": len(found.moments),
                 "products": found.products,
-                **errors(exact, floppy, found),
+                **errors(packing.exact, packing.floppy, found),
                 **cost.cost,
             }
         )
@@ -120,12 +118,11 @@ def notes(rows: Rows) -> list[str]:
     moments = [row for row in rows if row["method"].endswith("more moments")]
     vectors = [row for row in rows if row["method"].endswith("more vectors")]
     few, many = vectors[0], vectors[-1]
+    coarse, fine = moments[0], moments[-1]
     return [
-        f"More moments at {moments[0]['vectors']:.0f} vectors: the kernel's error falls from "
-        f"{moments[0]['error_of_kernel']:.1e} ({moments[0]['moments']:.0f} moments) to "
-        f"{moments[-1]['error_of_kernel']:.1e} ({moments[-1]['moments']:.0f}), the error from "
-        f"{moments[0]['error']:.1e} to {moments[-1]['error']:.1e}; that of the vectors is "
-        f"{moments[-1]['error_of_vectors']:.1e}.",
+        f"{coarse['moments']:.0f} to {fine['moments']:.0f} moments, {fine['vectors']:.0f} vectors: "
+        f"the kernel's error falls from {coarse['error_of_kernel']:.1e} to "
+        f"{fine['error_of_kernel']:.1e}; that of the vectors is {fine['error_of_vectors']:.1e}.",
         f"{many['vectors'] / few['vectors']:.3g} times more vectors: their error falls by "
         f"{few['error_of_vectors'] / many['error_of_vectors']:.2g}; for independent vectors the "
         f"square root, {np.sqrt(many['vectors'] / few['vectors']):.2g}, is expected of the mean "

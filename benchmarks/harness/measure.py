@@ -64,17 +64,17 @@ class Measured:
         return {"seconds": self.seconds, "peak_mb": self.peak_mb}
 
 
-def measured(task: str, *, times: int = 1, threads: int = 1, **arguments: Any) -> Measured:
-    """Median of `times` runs of MODULE:FUNCTION; InputError with its last line if one fails."""
-    found = attempted(task, times=times, threads=threads, **arguments)
-    if found.failure:
+def measured(
+    task: str, *, times: int = 1, threads: int = 1, must: bool = True, **arguments: Any
+) -> Measured:
+    """Median of `times` runs of MODULE:FUNCTION, whose arguments and value must be JSON.
+
+    InputError with its last line if one fails, unless that is a result too: not `must`.
+    """
+    found = median_of(times, lambda: _run(task, threads, arguments))
+    if found.failure and must:
         raise InputError(f"{task}: {found.failure}")
     return found
-
-
-def attempted(task: str, *, times: int = 1, threads: int = 1, **arguments: Any) -> Measured:
-    """The same for a task whose failure is a result; arguments and value must be JSON."""
-    return median_of(times, lambda: _run(task, threads, arguments))
 
 
 def median_of(times: int, run: Callable[[], Measured]) -> Measured:

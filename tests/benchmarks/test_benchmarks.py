@@ -15,7 +15,7 @@ from benchmarks import dem, density, modes, preparation, scaling, wave
 from benchmarks.__main__ import NAMED, main
 from benchmarks.harness import machine, product
 from benchmarks.harness.diagram import work_precision
-from benchmarks.harness.measure import Measured, attempted, measured, median_of, run_command
+from benchmarks.harness.measure import Measured, measured, median_of, run_command
 from benchmarks.harness.packing import by_energy, resized, spectrum
 from benchmarks.harness.report import Page, read_csv
 from benchmarks.harness.yade import in_yades_order
@@ -97,9 +97,10 @@ def test_a_command_or_task_that_fails_says_why(tmp_path):
     with pytest.raises(InputError, match="KeyError"):
         run_command([sys.executable, "-c", "raise KeyError('lost')"], tmp_path, tmp_path / "log")
     missing = str(tmp_path / "none.network.h5")
-    failed = attempted(
-        "benchmarks.density:states", times=3, path=missing, resolution=1e3, tolerance=0.1
-    )
+    setting = {"path": missing, "resolution": 1e3, "tolerance": 0.1}
+    with pytest.raises(InputError, match="none.network.h5"):
+        measured("benchmarks.density:states", **setting)
+    failed = measured("benchmarks.density:states", times=3, must=False, **setting)
     assert failed.seconds is None
     assert "none.network.h5" in failed.failure
 
