@@ -25,7 +25,11 @@ from modal.formats.provenance import packing_of, require_same_packing
 from modal.modes.mode_set import read_modes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
-from modal.waves.signals import DIRECTIONS, read_signals
+from modal.waves.plane_file import SCHEMA as PLANE
+from modal.waves.plane_file import read_plane_wave
+from modal.waves.plane_source import PlaneWave
+from modal.waves.signals import DIRECTIONS, Signals, read_signals
+from modal.waves.signals import SCHEMA as WAVE
 
 
 def add(commands: Any) -> None:
@@ -34,7 +38,7 @@ def add(commands: Any) -> None:
     command = network_command(
         commands, "export", text, "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
     )
-    command.add_argument("product", nargs="?", help="*.modes.h5 or *.signals.h5 of this packing")
+    command.add_argument("product", nargs="?", help="*.modes.h5, *.signals.h5 or *.plane.h5")
     command.add_argument(
         "--modes", type=int, nargs="+", metavar="K", help="which modes, from 1 (default all)"
     )
@@ -82,10 +86,12 @@ def _of_product(
     """Fields, and frames if there are any, of modes or of a wave."""
     with open_h5(options.product) as file:
         schema = file.attrs.get("schema")
-    if schema == "granular-wave-signals":
+    if schema in (WAVE, PLANE):
         if options.modes:
             raise InputError("--modes: the file has a wave; give *.modes.h5")
-        signals = read_signals(options.product)
+        signals: Signals | PlaneWave = (read_signals if schema == WAVE else read_plane_wave)(
+            options.product
+        )
         moved = signals.particle_displacement
         if moved is None:
             raise InputError(

@@ -1,21 +1,31 @@
-"""The command `wave`: signals of a wave in the linear network."""
+"""The command `wave`: signals of a wave in the linear network, from a wall or from a plane."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from modal.cli.options import PRE_STRESS, add_if_stale, network_command, typed
-from modal.formats.hdf5 import InputError, sha256
+from modal.formats.hdf5 import InputError, open_h5, sha256
+from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.pre_stress import TANGENTS
 from modal.waves.leapfrog import leapfrog, steps_between_records
+from modal.waves.plane_file import SCHEMA as PLANE
+from modal.waves.plane_file import read_plane_wave, write_plane_wave
+from modal.waves.plane_source import PlaneWave, propagate_from_plane
 from modal.waves.propagate import propagate
-from modal.waves.signals import DIRECTIONS, read_signals, write_signals
+from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
 
-read_product = read_signals
+
+def read_product(path: str | Path) -> Signals | PlaneWave:
+    """What the command has written: signals, or a wave from a plane."""
+    with open_h5(path) as file:
+        plane = file.attrs.get("schema") == PLANE
+    return read_plane_wave(path) if plane else read_signals(path)
 
 
 def add(commands: Any) -> None:
@@ -78,7 +88,13 @@ def add(commands: Any) -> None:
         help="exact in time (chebyshev, default), or in steps as DEM programs (leapfrog)",
     )  # fmt: skip
     command.add_argument("--time-step", type=float, metavar="S", help="of the leapfrog")
-    command.add_argument("-o", "--output", metavar="FILE", help="write *.signals.h5")
+    command.add_argument(
+        "--plane", type=float, metavar="Z",
+        help="of a cell without walls: the contacts across the plane at this height, m, open",
+    )  # fmt: skip
+    command.add_argument(
+        "-o", "--output", metavar="FILE", help="write *.signals.h5, with --plane *.plane.h5"
+    )
     add_if_stale(command)
 
 
@@ -116,6 +132,13 @@ def _motion(options: argparse.Namespace) -> Motion:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source wall sends, and how exact it is."""
     network = read_remarked(options.network, options.remarks.append)
+    if options.plane is not None:
+        return _from_plane(options, network)
+    if network.cell_periodic[2]:
+        raise InputError(
+            f"{options.network}: periodic along z, no wall sends a wave; give --plane Z, the "
+            "height of a plane that opens"
+        )
     settings = {
         "motion": _motion(options),
         "pre_stress": options.pre_stress,
@@ -154,5 +177,36 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "times": len(signals.time),
         **accuracy,
         "largest_displacement_m": float(abs(signals.chain_displacement).max()),
+        "degrees_of_freedom": 6 * network.n_particles,
+    }
+
+
+def _from_plane(options: argparse.Namespace, network: Network) -> dict[str, Any]:
+    """The two waves of a plane inside a cell; InputError for what only walls have."""
+    for option, usual in (
+        ("pre_stress", "none"),
+        ("damping", None),
+        ("method", "chebyshev"),
+        ("time_step", None),
+    ):
+        if getattr(options, option) != usual:
+            raise InputError(f"{typed(option)} with --plane: take one of them")
+    wave = propagate_from_plane(
+        network,
+        options.duration,
+        options.plane,
+        direction=options.direction or "z",
+        motion=_motion(options),
+        interval=1e-6 if options.interval is None else options.interval,
+        tolerance=options.tolerance,
+    )
+    if options.output:
+        digest = sha256(options.network)
+        write_plane_wave(options.output, wave, digest, options.made, particles=options.particles)
+    return {
+        "layers": len(wave.layer_position),
+        "times": len(wave.time),
+        "products_with_k": wave.products,
+        "largest_displacement_m": float(abs(wave.layer_displacement).max()),
         "degrees_of_freedom": 6 * network.n_particles,
     }

@@ -35,14 +35,15 @@ class PlaneWave:
     """What a plane source sends: time (nt,) s, source_displacement (nt,) m, by which it opens.
 
     layer_position (nl,), m, and layer_displacement (nt, nl), m, along `direction`: means over the
-    firmly held spheres of slabs; particle_displacement (nt, n), m; `height` of the plane, m.
+    firmly held spheres of slabs; particle_displacement (nt, n), m, None where a file has none;
+    `height` of the plane, m.
     """
 
     time: Floats
     source_displacement: Floats
     layer_position: Floats
     layer_displacement: Floats
-    particle_displacement: Floats
+    particle_displacement: Floats | None
     height: float
     direction: str
     products: int

@@ -1,15 +1,22 @@
 """A plane that opens inside a cell without walls: a ring of layers in closed form, and symmetry."""
 
+import json
+
+import h5py
 import numpy as np
 import pytest
 from packings import polydisperse
 from scipy.linalg import eigh
 
 import modal
+from analysis.__main__ import main as analysis_main
 from analysis.estimators.layer_lattice import driven_by_pulse
+from modal.__main__ import main
 from modal.formats.hdf5 import InputError
+from modal.packing.network_file import write_network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
+from modal.waves.plane_file import read_plane_wave, write_plane_wave
 from modal.waves.plane_source import crossings, propagate_from_plane
 from modal.waves.source import Pulse
 
@@ -38,6 +45,41 @@ def test_p_wave_against_a_ring_of_layers(crystal, above):
     # Two equal waves, up and down; the mass as a whole stays where it is.
     up = np.roll(found.particle_displacement, -above - 1, axis=1)
     assert up == pytest.approx(-up[:, ::-1], abs=1e-9 * abs(exact).max())
+
+
+@pytest.mark.parametrize("direction", ["x", "y", "z"])
+def test_wave_in_the_crystal_is_the_sum_of_its_bloch_waves(direction):
+    """u(kappa, t) = sum v (v^H F) y(omega, t), six branches v, omega of the endless crystal.
+
+    F: the four bonds of a sphere to the layer above open by d; each end is pushed the other way,
+    and both are turned the same way. Nothing of the network enters but where its spheres are.
+    """
+    network, axis = modal.fcc(cells=(2, 2, 24), periodic_z=True), "xyz".index(direction)
+    found = propagate_from_plane(
+        network, 1.2e-4, network.length / 2, direction=direction, tolerance=1e-12
+    )
+    up = CRYSTAL.neighbours()[CRYSTAL.neighbours()[:, 2] > 0.1]
+    assert len(up) == 4
+    along = up * up[:, axis : axis + 1]
+    pull = CRYSTAL.kn * along + CRYSTAL.kt * (np.eye(3)[axis] - along)
+    force, torque = pull.sum(axis=0), np.cross(CRYSTAL.spacing / 2 * up, pull).sum(axis=0)
+    scale = 1 / np.sqrt(np.repeat([CRYSTAL.mass, 0.4 * CRYSTAL.mass * CRYSTAL.radius**2], 3))
+    z = network.position[:, 2]
+    # The layers next to the plane.
+    below = z[z < network.length / 2].max()
+    above = below + CRYSTAL.layer_distance
+    biggest = 0.0
+    for order in range(1, 13):
+        kappa = 2 * np.pi * order / network.length
+        frequency, vector = CRYSTAL.bloch(np.array([0, 0, kappa]))
+        push = -np.exp(-1j * kappa * below) * np.concatenate([force, torque])
+        push += np.exp(-1j * kappa * above) * np.concatenate([force, -torque])
+        share = vector.conj().T @ (push * scale)
+        motion = Pulse().response((2 * np.pi * frequency) ** 2, found.time)
+        wanted = scale[axis] * vector[axis] @ (share[:, None] * motion)
+        seen = found.particle_displacement @ np.exp(-1j * kappa * z) / 4  # spheres of a layer
+        biggest = max(biggest, abs(wanted).max())
+        assert seen == pytest.approx(wanted, abs=1e-9 * biggest)
 
 
 def test_s_wave_comes_later_by_the_velocities_of_the_moduli(crystal):
@@ -90,6 +132,49 @@ def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
     motion = (shape.T @ push.ravel())[:, None] * Pulse().response(square.clip(0), found.time)
     wanted = (shape[axis::6] @ motion).T
     assert found.particle_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
+
+
+def test_command_and_file(crystal, tmp_path, capsys):
+    """The same digits; a file without every sphere; a cell without walls says what to give."""
+    path, product = tmp_path / "c.network.h5", tmp_path / "c.plane.h5"
+    write_network(path, crystal)
+    middle = crystal.length / 2
+    asked = ["wave", str(path), "--plane", repr(middle), "--direction", "x", "--duration", "4e-5"]
+    assert main([*asked, "-o", str(product), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    own = propagate_from_plane(crystal, 4e-5, middle, direction="x")
+    read = read_plane_wave(product)
+    assert read.layer_displacement == pytest.approx(own.layer_displacement, abs=0)
+    assert read.particle_displacement is None and read.height == middle
+    assert said["products_with_k"] == own.products == read.products
+    assert "PlaneWave along x" in repr(read) and read.plot().get_ylabel() == "z, mm"
+    assert main([*asked, "-o", str(product), "--particles", "--if-stale"]) == 0
+    assert (read_plane_wave(product).particle_displacement == own.particle_displacement).all()
+    capsys.readouterr()
+    assert main([*asked, "-o", str(product), "--particles", "--if-stale"]) == 0
+    assert "current" in capsys.readouterr().out
+    assert main(["export", str(path), str(product), "-o", str(tmp_path / "wave.xyz")]) == 0
+    capsys.readouterr()
+    slab = tmp_path / "slab.network.h5"
+    write_network(slab, modal.fcc(cells=(1, 1, 10)))
+    for wrong, words in (
+        (["wave", str(path)], "give --plane"),
+        (["wave", str(slab), "--plane", "0.001"], "not periodic along z"),
+        (["wave", str(path), "--plane", "99"], "outside the cell"),
+        ([*asked, "--damping", "0.1", "0"], "--damping with --plane"),
+        ([*asked, "--method", "leapfrog"], "--method with --plane"),
+        ([*asked, "--pre-stress", "normal"], "--pre-stress with --plane"),
+        (["report", str(path), str(product)], "of no product that a report reads"),
+    ):
+        command = analysis_main if wrong[0] == "report" else main
+        assert command(wrong) == 2
+        error = capsys.readouterr().err
+        assert words in error and error.count("\n") == 1
+    write_plane_wave(product, own)
+    with h5py.File(product, "r+") as file:
+        del file.attrs["height"]
+    with pytest.raises(InputError, match="incomplete"):
+        read_plane_wave(product)
 
 
 def test_sources_outside_are_refused(crystal):
