@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from benchmarks.harness.measure import ROOT
 from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem, frequency_of
-from modal.packing.network import Network
+from modal.packing.network import RECEIVER_WALL, Network
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
@@ -86,7 +86,8 @@ def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Networ
 def resized(sample: Network, spheres: int) -> Network:
     """The first spheres of a sample, which are its lower part, or copies of it side by side.
 
-    The lower part's upper end is free: what it touches above the cut is gone.
+    What the lower part touches above the cut is gone; its highest sphere meets the receiver wall
+    there, in a contact taken from the sample's upper end, so that a wave can be received.
     """
     if spheres > 1.5 * sample.n_particles:
         times = round(spheres / sample.n_particles)
@@ -94,12 +95,16 @@ def resized(sample: Network, spheres: int) -> Network:
         return repeat(sample, times // across, across)
     if spheres >= sample.n_particles:
         return sample
-    inside = (sample.particle_i < spheres) & (sample.particle_j < spheres)
-    top = float((sample.position[:, 2] + sample.radius)[:spheres].max())
+    inside = np.flatnonzero((sample.particle_i < spheres) & (sample.particle_j < spheres))
+    at_wall = np.flatnonzero(sample.particle_j == RECEIVER_WALL)[0]
+    part = sample.with_contacts(np.append(inside, at_wall))
+    low, high = sample.wall_position
+    z, top = sample.position[:, 2], int(np.argmax(sample.position[:spheres, 2]))
     return replace(
-        sample.with_contacts(inside),
+        part,
         **{k: getattr(sample, k)[:spheres] for k in ("position", "radius", "mass", "inertia")},
-        wall_position=np.array([sample.wall_position[0], top]),
+        particle_i=np.append(part.particle_i[:-1], top),
+        wall_position=np.array([low, z[top] + high - z[sample.particle_i[at_wall]]]),
     )
 
 
