@@ -3,8 +3,8 @@
     yade -n -x -j1 yade_scripts/compress.py              (mu_comp = 0.4, 35,201 spheres)
     yade-batch cases/compressions.table yade_scripts/compress.py
 
-A column `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes; `modal.preparation.sizes`) makes a
-mixture.
+Columns `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes), `densities` ("2230_7800") and
+`walls` ("2.1e11_0.3") make a mixture (`modal.preparation.sizes`).
 
 Writes products/compression_mu0.4/STRESSPa.sample.h5 and, after every leg, a checkpoint from which a
 killed compression goes on. Environment: WAVE_PRODUCTS. The protocol, its numbers and their reasons
@@ -16,6 +16,7 @@ as one that was not.
 import math
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 # Inside YADE __file__ is YADE itself; the script is its first argument.
@@ -29,6 +30,7 @@ from modal.formats.hdf5 import InputError
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.protocol import Stage, Study, steps_of
+from modal.preparation.sizes import MIXTURE
 from modal.preparation.walk import cost, walk
 from modal.progress import time_left
 from yade_scripts import servo
@@ -38,32 +40,32 @@ from yade_scripts.state import build_scene, read_scene, resume_cell
 MARGIN = 0.1
 """Reach of the collider around each sphere, radii."""
 
-readParamsFromTable(noTableOk=True, highest=protocol.STRESSES[-1], **vars(Study()))
+readParamsFromTable(noTableOk=True, highest=protocol.STRESSES[-1], **asdict(Study()))
 from yade.params import table  # noqa: E402
 
 
 def compacted(study):
     """The cloud compacted to LOOSE and put to rest."""
     started = time.perf_counter()
-    n = study.spheres
-    build_scene(cloud(study), margin=MARGIN, damping=0.0)
-    O.dt = protocol.time_step(protocol.COMPACTION_STRESS, study.fraction, study.smallest)
-    drive(protocol.ConstantRate(protocol.COMPACTION_RATE), protocol.REFERENCE, n)
+    loose = cloud(study)
+    build_scene(loose, margin=MARGIN, damping=0.0)
+    O.dt = study.time_step(protocol.COMPACTION_STRESS)
+    drive(protocol.ConstantRate(protocol.COMPACTION_RATE), protocol.REFERENCE, study)
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / O.dt)
     O.run(steps, wait=True)
-    sample = read_scene(n, study.mu_comp, moving=False)
+    sample = read_scene(loose, moving=False)
     spent = {"steps": steps, "seconds": time.perf_counter() - started}
     sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
     sample.study |= cost({}, "cloud", **spent, contacts=O.interactions.countReal())
     return sample
 
 
-def drive(control, stress, n):
+def drive(control, stress, study):
     """Let `control` set the strain rates from now on, as often as suits `stress` (Pa)."""
     global follow
-    follow = servo.Drive(n, control)
-    interval = protocol.duration(protocol.CONTROL, stress)
+    follow = servo.Drive(study.spheres, control)
+    interval = study.duration(protocol.CONTROL, stress)
     runner = PyRunner(command="follow()", iterPeriod=steps_of(interval, O.dt))
     O.engines = [*O.engines[:3], runner, O.engines[-1]]
 
@@ -77,7 +79,7 @@ def leg(sample, study):
     stage.control.stress = servo.principal_stresses(n)
     O.engines[-1].damping = stage.damping
     O.dt = stage.time_step()
-    drive(stage.control, stage.control.target, n)
+    drive(stage.control, stage.control.target, study)
     resume_cell()
     report = Report()
     seconds, steps, ended = float(before["stage_time"]), 0, False
@@ -107,7 +109,7 @@ def leg(sample, study):
     if stage.is_state:
         reached |= {"settled": settled, "stress_error": stage.control.error()}
     print(f"\r{progress(stage, steps)}", end="")
-    after = read_scene(n, study.mu_comp, moving=True)
+    after = read_scene(sample, moving=True)
     spent = {"steps": steps, "seconds": time.perf_counter() - started}
     so_far = cost(before, stage.name, **spent, contacts=O.interactions.countReal())
     after.study = before | reached | so_far
@@ -133,11 +135,13 @@ def progress(stage, steps):
 
 def main():
     """Walk on from the checkpoint, or from the cloud, to the highest stress."""
-    given = {name: getattr(table, name) for name in vars(Study())}
+    given = {name: getattr(table, name) for name in asdict(Study())}
     # A column of the table holds one word.
-    study = Study(**given | {"sizes": str(table.sizes).replace("_", " ")})
-    mixture = f"_{table.sizes}" if study.sizes else ""
-    folder = products_folder() / f"compression_mu{study.mu_comp:g}{mixture}"
+    mixture = {name: str(given[name]) for name in MIXTURE}
+    words = {name: word.replace("_", " ") for name, word in mixture.items()}
+    study = Study(**given | words)
+    named = "".join(f"_{word}" for word in mixture.values() if word)
+    folder = products_folder() / f"compression_mu{study.mu_comp:g}{named}"
     walk(
         folder,
         study,

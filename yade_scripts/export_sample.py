@@ -104,7 +104,7 @@ def main():
             f"{sample_path}: net forces of {unbalanced:.1e} of the mean contact force in YADE, "
             f"{BALANCE:g} is allowed; bring it to rest with modal relax"
         )
-    network = contact_network(n, sample.study | {"case": str(case)}, {})
+    network = contact_network(n, sample.study | sample.constants | {"case": str(case)}, {})
     O.dt = time_step(target)
     of_layer, of_sphere = noise(network)
     measured = {

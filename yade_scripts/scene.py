@@ -24,7 +24,7 @@ from yade.wrapper import (
 )
 
 from modal.formats.hdf5 import InputError
-from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.contact_law import GLASS, RADIUS, Elasticity
 from modal.progress import LOG_INTERVAL
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,26 +38,54 @@ def products_folder():
     return Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
 
 
-def place(position, side, walls, friction, radius=RADIUS):
+def of_a_wall(spheres, wall):
+    """What a box must be made of to resist `spheres` as a flat `wall` does; both `Elasticity`.
+
+    YADE gives a sphere on a box the effective radius R/2 of two spheres, where a flat wall has R:
+    the box takes part with sqrt(2) times the moduli, 1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', and G*
+    alike. Of the same material that is a box of E / (sqrt(2) - 1). A wall more than 1 + sqrt(2)
+    times stiffer than the spheres takes a negative modulus, which is a number in that sum.
+    """
+    if wall is None:
+        return Elasticity(spheres.young / (math.sqrt(2) - 1), spheres.poisson)
+    ours, flat = spheres.moduli, spheres.against(wall)
+    # Twice the moduli of two equal bodies is what one of them adds to the sum.
+    young, shear = (
+        1 / (1 / (math.sqrt(2) * there) - 1 / (2 * here))
+        for here, there in zip(ours, flat, strict=True)
+    )
+    # young = E / (1 - nu^2) and shear = E / (2 (1 + nu) (2 - nu)), for E and nu.
+    ratio = young / shear
+    poisson = (ratio - 4) / (ratio - 2)
+    return Elasticity(young * (1 - poisson**2), poisson)
+
+
+def place(
+    position, side, walls, friction, radius=RADIUS, *, glass=GLASS, densities=None, wall=None
+):
     """Spheres of the study's glass, ids 0 ... n-1, and the walls, ids n (source) and n + 1.
 
     `position` (n, 3), `radius` of all or of each (n,), `side` (2,) of the periodic cell, `walls`
-    (2,): z of the wall faces; m. YADE gives a sphere on a box the effective radius R/2 of two
-    spheres; the wall's Young's modulus E / (sqrt(2) - 1) turns that into the flat wall of the same
-    material, for kn and ks alike.
+    (2,): z of the wall faces; m. `densities` (n,), kg/m^3, and the `wall` where they are not those
+    of the `glass`.
     """
-    angle = math.atan(friction)
-    moduli = {"poisson": GLASS.poisson, "density": GLASS.density, "frictionAngle": angle}
-    glass = FrictMat(young=GLASS.young, **moduli)
-    flat = FrictMat(young=GLASS.young / (math.sqrt(2) - 1), **moduli)
-    O.materials.append([glass, flat])
+    box_material = of_a_wall(glass, wall)
+    angle = {"frictionAngle": math.atan(friction)}
+    elastic = {"young": glass.young, "poisson": glass.poisson} | angle
+    each_density = np.broadcast_to(glass.density if densities is None else densities, len(position))
+    solids = {rho: FrictMat(density=rho, **elastic) for rho in np.unique(each_density).tolist()}
+    flat = FrictMat(
+        young=box_material.young, poisson=box_material.poisson, density=glass.density, **angle
+    )
+    O.materials.append([*solids.values(), flat])
     O.periodic = True
     # Along z the cell only has to be too long to matter.
     height = walls[1] - walls[0] + 20 * RADIUS
     O.cell.hSize = [[side[0], 0, 0], [0, side[1], 0], [0, 0, height]]
     each = np.broadcast_to(radius, len(position)).tolist()
-    for centre, size in zip(np.asarray(position).tolist(), each, strict=True):
-        O.bodies.append(sphere(centre, size, material=glass))
+    columns = np.asarray(position).tolist(), each, each_density.tolist()
+    for centre, size, rho in zip(*columns, strict=True):
+        O.bodies.append(sphere(centre, size, material=solids[rho]))
     half = WALL_HALF_THICKNESS
     for z in (walls[0] - half, walls[1] + half):
         centre, extents = (side[0] / 2, side[1] / 2, z), (1.5 * side[0], 1.5 * side[1], half)

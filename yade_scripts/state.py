@@ -1,19 +1,19 @@
 """A YADE scene from a sample file and back: positions, velocities, strain rate and shear forces."""
 
+from dataclasses import replace
+
 import numpy as np
 from yade import Matrix3, O, Vector3
 
 from modal.formats.hdf5 import InputError
 from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.packing.sample import Sample
 from yade_scripts.scene import (
     NO_TIME,
     cell_side,
     find_contacts,
     place,
     set_engines,
-    sizes,
     wall_faces,
 )
 
@@ -54,8 +54,8 @@ def canonical_contacts(n):
     return [interactions[k] for k in order], i[order], j[order], shift[order], sign[order]
 
 
-def read_scene(n, friction, *, moving):
-    """The present scene as a Sample; with velocities and strain rate if it is `moving`.
+def read_scene(sample, *, moving):
+    """The scene that was built of `sample`, as it is now; with its motion if it is `moving`.
 
     Positions are wrapped into the cell, velocities with them (they hold the cell's affine motion).
     Shear forces keep their tangential part; the law lets a normal part of second order creep in.
@@ -63,6 +63,7 @@ def read_scene(n, friction, *, moving):
     closes them at the present positions; their shear forces miss that one step's increment, which
     the first step after `resume_cell` makes good.
     """
+    n = len(sample.position)
     O.engines = [*O.engines[:3], O.engines[-1]]  # no control in the step without motion
     _strain_cell(1.0)
     O.dt = NO_TIME
@@ -74,16 +75,16 @@ def read_scene(n, friction, *, moving):
     # YADE applies minus the contact force to the first body.
     force = -sign[:, None] * np.array([c.phys.shearForce for c in contacts]).reshape(-1, 3)
     first, second = tangents(normal)
-    sample = Sample(
+    sample = replace(
+        sample,
         position=position,
         side=np.array(cell_side()),
         walls=np.array(wall_faces(n)),
-        friction=friction,
         shear=np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)]),
+        velocity=None,
+        angular_velocity=None,
+        strain_rate=None,
     )
-    radius = sizes(n)
-    if np.ndim(radius):
-        sample.radius, sample.radii = float(radius.mean()), radius
     if moving:
         rate = np.array([O.cell.velGrad[axis, axis] for axis in range(3)])
         sample.velocity = np.array([state.vel for state in states])
@@ -114,7 +115,16 @@ def build_scene(sample, *, margin, damping):
     """Build the sample's scene: contacts found, shear forces and velocities as they were."""
     n = len(sample.position)
     O.reset()
-    place(sample.position, sample.side, sample.walls, sample.friction, sample.sizes)
+    place(
+        sample.position,
+        sample.side,
+        sample.walls,
+        sample.friction,
+        sample.sizes,
+        glass=sample.material,
+        densities=sample.densities,
+        wall=sample.wall_material,
+    )
     set_engines(margin=margin, damping=damping)
     rate = np.zeros(3) if sample.strain_rate is None else sample.strain_rate
     O.cell.velGrad = Matrix3(rate[0], 0, 0, 0, rate[1], 0, 0, 0, rate[2])

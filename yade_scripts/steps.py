@@ -42,19 +42,19 @@ def main():
     if len(sys.argv) != 4:
         raise InputError("three arguments needed: SAMPLE.sample.h5 OUT.sample.h5 SETTINGS")
     sample, given = read_sample(sys.argv[1]), json.loads(sys.argv[3])
-    n, stresses = len(sample.position), []
+    stresses = []
     build_scene(sample, margin=MARGIN, damping=given["damping"])
     if "rate" in given:
         control = ConstantRate(given["rate"])
     else:
         control = Servo(given["stress"], INERTIAL_NUMBER)
-    drive = Drive(n, control)
+    drive = Drive(len(sample.position), control)
     runner = PyRunner(command="follow()", iterPeriod=given["interval"])
     O.engines = [*O.engines[:3], runner, O.engines[-1]]
     O.dt = given["dt"]
     resume_cell()
     O.run(given["steps"], wait=True)
-    after = read_scene(n, sample.friction, moving=True)
+    after = read_scene(sample, moving=True)
     after.study = {"stresses": np.array(stresses)}
     write_sample(sys.argv[2], after)
 

@@ -30,7 +30,13 @@ GROUPS = {
     "motions without energy": ("floppy_modes", "floppy_modes_by_kind"),
 }
 """Titles for people and what stands under them; the rest is about contacts and the file."""
-NOTES_IN = {"stress": "pa", "young": "pa", "density": "kg_per_m3", "seconds": "s"}
+NOTES_IN = {
+    "stress": "pa",
+    "young": "pa",
+    "wall_young": "pa",
+    "density": "kg_per_m3",
+    "seconds": "s",
+}
 """Units of notes that do not carry them in their names."""
 FIRST_STAGES = ("cloud", *PREPARATION)
 OF_STAGE = re.compile(rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|[\d.e+]+)")

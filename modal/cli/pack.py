@@ -15,7 +15,7 @@ from modal.preparation import compress
 from modal.preparation.packings import width_of
 from modal.preparation.protocol import STRESSES, Study
 from modal.preparation.random_packing import ASPECT, PEAK, WALK, check_stress, cloud, walk
-from modal.preparation.sizes import KINDS
+from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
 
 WITH_FRICTION = {
     "approach_rate": "strain rate of the agitated spheres, 1/s",
@@ -67,6 +67,10 @@ def add(commands: Any) -> None:
         help=f"without friction: sets the density (default {PEAK:g})",
     )
     pack.add_argument("--sizes", nargs="+", metavar="S", help=f"of a mixture: {KINDS}")
+    pack.add_argument("--densities", nargs="+", metavar="RHO", help=DENSITIES)
+    pack.add_argument(
+        "--walls", nargs=2, metavar=("E", "NU"), help=f"{WALLS} (default those of glass)"
+    )
     with_friction = pack.add_argument_group("with friction alone")
     study = Study()
     with_friction.add_argument(
@@ -106,11 +110,12 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * PEAK:g} Pa; "
             f"{PEAK:g} is usual"
         )
-    start = cloud(options.spheres, options.aspect, options.seed, options.sizes)
-    sizes = {"sizes": " ".join(options.sizes)} if options.sizes else {}
+    mixture = {name: getattr(options, name) for name in MIXTURE if getattr(options, name)}
+    start = cloud(options.spheres, options.aspect, options.seed, **mixture)
+    words = {name: " ".join(given) for name, given in mixture.items()}
     start = replace(
         start,
-        study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed} | sizes,
+        study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed} | words,
         provenance={"seed": options.seed},
     )
     files = walk(Path(options.output), start, options.stress or list(WALK), tolerance, say, peak)
@@ -123,12 +128,13 @@ def _study_of(options: argparse.Namespace) -> Study:
     if width is None:
         width = width_of(options.spheres, options.aspect)
     given = {name: getattr(options, name) for name in WITH_FRICTION}
+    mixture: dict[str, Any] = {name: " ".join(getattr(options, name) or ()) for name in MIXTURE}
     return Study(
         mu_comp=options.friction,
         spheres=options.spheres,
         width=width,
         seed=options.seed,
-        sizes=" ".join(options.sizes or ()),
+        **mixture,
         **{name: value for name, value in given.items() if value is not None},
     )
 

@@ -34,6 +34,8 @@ LABELS = {
     "mu_wave": "friction of the wave",
     "young": "Young's modulus",
     "poisson": "Poisson's ratio",
+    "wall_young": "wall's Young's modulus",
+    "wall_poisson": "wall's Poisson's ratio",
 }
 """Names that do not read well with blanks for underscores."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s")

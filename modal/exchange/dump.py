@@ -8,22 +8,30 @@ from typing import IO
 
 import numpy as np
 
-from modal.exchange.rows import Rows, fault, open_bytes
+from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
 from modal.formats.arrays import Bools, Floats
 
 SEVERAL = 5
 """Steps that a message lists."""
+ROUNDED = (6, 7)
+"""Significant digits of bounds that a program has rounded: by %g, or in single precision. Fewer
+stand there when somebody chose them, more when all were written."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One time of a dump: its step, box low and high (3,), periodic (3,), and its rows."""
+    """One time of a dump: its step, box low and high (3,), periodic (3,), and its rows.
+
+    `rounding` is the unit of the last digit of bounds that a program seems to have rounded, as
+    LIGGGHTS does; contacts through the periods are known no better.
+    """
 
     step: int
     low: Floats
     high: Floats
     periodic: Bools
     rows: Rows
+    rounding: float
 
 
 def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
@@ -107,6 +115,13 @@ def _frame(
     if len(title) < 5:
         what = "BOX BOUNDS does not say which axes are periodic"
         fault(path, what, "add pp or ff for each axis behind BOX BOUNDS", line)
+    bounds = [word for row in values["BOX"] for word in row.split()[:2]]
+    rounded = periodic.any() and significant_digits(bounds) in ROUNDED
     return Frame(
-        step, box[:, 0], box[:, 1], periodic, Rows(path, tuple(columns), offset, line + 1, rows)
+        step,
+        box[:, 0],
+        box[:, 1],
+        periodic,
+        Rows(path, tuple(columns), offset, line + 1, rows),
+        last_step(box, significant_digits(bounds)) if rounded else 0.0,
     )

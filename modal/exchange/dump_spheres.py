@@ -7,7 +7,7 @@ from typing import NoReturn
 import numpy as np
 
 from modal.exchange.bodies import Cell, Spheres
-from modal.exchange.dump import Frame
+from modal.exchange.dump import ROUNDED, Frame
 from modal.exchange.program_law import Units
 from modal.exchange.rows import fault, last_step
 from modal.formats.arrays import Floats, Ints
@@ -56,13 +56,16 @@ def spheres_of(frame: Frame, units: Units) -> Spheres:
     mass = units.mass * table[:, 5]
     if heavy == "density":
         mass = units.density * table[:, 5] * 4 / 3 * np.pi * radius**3
+    digits = rows.digits(*names)
+    if frame.rounding > step:
+        step, digits = frame.rounding, min(digits, ROUNDED[0])
     return Spheres(
         number=number[order],
         position=units.length * position,
         radius=radius,
         mass=mass,
         kind=table[:, 6].astype(int) if rows.has("type") else np.ones(len(table), int),
-        digits=rows.digits(*names),
+        digits=digits,
         step=units.length * step,
     )
 

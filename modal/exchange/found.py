@@ -209,9 +209,9 @@ def _refuse_drowned(spheres: Spheres, error: float, overlap: Floats, name: str) 
     largest = float(abs(spheres.position).max())
     needed = int(np.ceil(np.log10(largest / (DROWNED * median)))) + 1
     raise InputError(
-        f"{name}: positions have {spheres.digits} digits, steps of {spheres.step:.0e} m, where the "
-        f"median overlap is {median:.1e} m; write {needed} digits or more (17 are all), or give "
-        "the contacts with their forces"
+        f"{name}: positions have {spheres.digits} digits, or the cell's bounds, steps of "
+        f"{spheres.step:.0e} m, where the median overlap is {median:.1e} m; write {needed} digits "
+        "or more (17 are all), or give the contacts with their forces"
     )
 
 

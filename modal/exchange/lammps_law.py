@@ -21,6 +21,7 @@ from modal.exchange.program_law import (
     Units,
 )
 from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import Elasticity
 
 TANGENTIAL = {
     "linear_nohistory": (2, False, FORCE),
@@ -41,19 +42,11 @@ YOUNG = (1e3, 1e14)
 
 
 @dataclass(frozen=True)
-class Material:
-    """What a contact of `hertz/material` is made of, so that two types can be mixed."""
-
-    young: float
-    poisson: float
-
-
-@dataclass(frozen=True)
 class Coefficients:
     """One line of coefficients: the law among spheres of one type, and what it was made of."""
 
     law: ProgramLaw
-    material: Material | None = None
+    material: Elasticity | None = None
     own_tangential: bool = True
 
 
@@ -108,10 +101,10 @@ def granular(
         else:
             raise InputError(f"{where}: {option!r} is not known; leave it out or mend it")
     unit = units.stiffness if model == "hooke" else units.pressure
-    stiff = 4 / 3 * effective_young(material, material) if material else unit * normal[0]
+    stiff = 4 / 3 * material.effective_young if material else unit * normal[0]
     tangential *= units.pressure if grows else units.stiffness
     if material and not own:
-        tangential = 8 * effective_shear(material, material)
+        tangential = 8 * material.effective_shear
     law = ProgramLaw(stiff, model != "hooke", tangential, grows, friction, keeps, *arms)
     _check(law, where)
     return Coefficients(law, material, own)
@@ -177,24 +170,15 @@ def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
 
     normal, tangential = mean(a.normal, b.normal), mean(a.tangential, b.tangential)
     if first.material is not None and second.material is not None:
-        normal = 4 / 3 * effective_young(first.material, second.material)
+        young, shear = first.material.against(second.material)
+        normal = 4 / 3 * young
         if not first.own_tangential:
-            tangential = 8 * effective_shear(first.material, second.material)
+            tangential = 8 * shear
     friction = mean(a.friction, b.friction)
     return ProgramLaw(normal, a.hertz, tangential, a.grows, friction, a.keeps, a.moves, a.turns)
 
 
-def effective_young(a: Material, b: Material) -> float:
-    """E* of two bodies: 1 / ((1 - nu_a^2) / E_a + (1 - nu_b^2) / E_b), Pa."""
-    return 1 / ((1 - a.poisson**2) / a.young + (1 - b.poisson**2) / b.young)
-
-
-def effective_shear(a: Material, b: Material) -> float:
-    """G* of two bodies: 1 / (2 (2 - nu_a) (1 + nu_a) / E_a + the same of b), Pa."""
-    return 1 / sum(2 * (2 - m.poisson) * (1 + m.poisson) / m.young for m in (a, b))
-
-
-def material_of(young: float, poisson: float, where: str) -> Material:
+def material_of(young: float, poisson: float, where: str) -> Elasticity:
     """Young's modulus, Pa, and Poisson's ratio; InputError where no material has them."""
     if not YOUNG[0] <= young <= YOUNG[1]:
         raise InputError(
@@ -203,7 +187,7 @@ def material_of(young: float, poisson: float, where: str) -> Material:
         )
     if not -1 < poisson < 0.5:
         raise InputError(f"{where}: Poisson's ratio {poisson:g} is outside -1 to 0.5; mend it")
-    return Material(young, poisson)
+    return Elasticity(young, poisson)
 
 
 def _next(left: list[str], where: str, what: str) -> str:

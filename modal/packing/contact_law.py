@@ -1,6 +1,6 @@
-"""Simplified Hertz-Mindlin contacts between equal spheres, and between a sphere and a flat wall.
+"""Simplified Hertz-Mindlin contacts between spheres, and between a sphere and a flat wall.
 
-Sphere and wall are of the same material, so both contacts share the effective moduli and differ
+Where sphere and wall are of the same material both contacts share the effective moduli and differ
 only in the effective radius: R/2 for two equal spheres, R for a flat wall. The functions take
 arrays or single numbers, and give single numbers where both arguments are. The loops over moving
 contacts are compiled from these very functions.
@@ -20,19 +20,18 @@ RADIUS = 1.27e-3
 
 
 class Moduli(NamedTuple):
-    """Effective moduli of two bodies, Pa, as compiled loops take them; see `Material`."""
+    """Effective moduli of two bodies, Pa, or of many pairs (m,); see `Elasticity`."""
 
-    effective_young: float
-    effective_shear: float
+    effective_young: Any
+    effective_shear: Any
 
 
 @dataclass(frozen=True)
-class Material:
-    """Elastic material: `young` in Pa, `poisson`, `density` in kg/m^3."""
+class Elasticity:
+    """What a body resists a contact with: `young` in Pa, `poisson`."""
 
     young: float
     poisson: float
-    density: float
 
     @property
     def effective_young(self) -> float:
@@ -44,15 +43,35 @@ class Material:
         """G* = G / (2 (2 - nu)), Pa, of two bodies of this material."""
         return self.young / (4 * (1 + self.poisson) * (2 - self.poisson))
 
-    def sphere(self, radius: Any) -> tuple[Any, Any]:
-        """Mass, kg, and moment of inertia, kg m^2, of a sphere, or of each, of `radius`, m."""
-        mass = self.density * 4 / 3 * np.pi * radius**3
-        return mass, 0.4 * mass * radius**2
-
     @property
     def moduli(self) -> Moduli:
         """E* and G*: all that the law of contact needs."""
         return Moduli(self.effective_young, self.effective_shear)
+
+    def against(self, other: Elasticity) -> Moduli:
+        """E* and G*, Pa, of a contact with a body of another material: compliances add.
+
+        1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', 1/G* = (2 - nu)/G + (2 - nu')/G'.
+        """
+        if (self.young, self.poisson) == (other.young, other.poisson):
+            return self.moduli  # to the last bit
+        pairs = zip(self.moduli, other.moduli, strict=True)
+        return Moduli(*(2 / (1 / own + 1 / its) for own, its in pairs))
+
+
+@dataclass(frozen=True)
+class Material(Elasticity):
+    """What a sphere is made of: `young` in Pa, `poisson`, `density` in kg/m^3."""
+
+    density: float
+
+    def sphere(self, radius: Any, densities: Floats | None = None) -> tuple[Any, Any]:
+        """Mass, kg, and moment of inertia, kg m^2, of a sphere, or of each, of `radius`, m.
+
+        `densities` (n,), kg/m^3, in place of the material's own.
+        """
+        mass = (self.density if densities is None else densities) * 4 / 3 * np.pi * radius**3
+        return mass, 0.4 * mass * radius**2
 
 
 def sphere_volume(radius: Floats) -> Floats:
@@ -60,7 +79,7 @@ def sphere_volume(radius: Floats) -> Floats:
     return 4 / 3 * np.pi * radius**3
 
 
-Elastic = Material | Moduli
+Elastic = Elasticity | Moduli
 
 GLASS = Material(young=60e9, poisson=0.2, density=2230.0)
 """Borosilicate glass ballotini of the study (Otsubo et al. 2017, section 2)."""

@@ -15,13 +15,18 @@ import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
-from modal.packing.contact_law import GLASS, RADIUS, Material
-from modal.packing.equal_spheres import network_of
+from modal.packing.consistency import density_of
+from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material, Moduli
+from modal.packing.equal_spheres import constants, network_of
 from modal.packing.neighbours import Touching, tangents, touching
 from modal.packing.network import Network
 
 SCHEMA = "granular-sample"
 VERSION = 1
+UNEQUAL = 1e-9
+"""Relative: a density so far from the material's is the sphere's own, not round-off."""
+ANOTHER = 1e-6
+"""Of the mean stiffness: a contact so far from the law's is another law's."""
 
 
 @dataclass
@@ -33,7 +38,8 @@ class Sample:
     `neighbours.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
     strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
     contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
-    of spheres of several sizes, the mean of `radii` (n,).
+    of spheres of several sizes, the mean of `radii` (n,). `densities` (n,), kg/m^3, stand in place
+    of the material's; the walls are of `wall_material`, where it is None of that of the spheres.
     """
 
     position: Floats
@@ -47,6 +53,8 @@ class Sample:
     radius: float = RADIUS
     radii: Floats | None = None
     material: Material = GLASS
+    densities: Floats | None = None
+    wall_material: Elasticity | None = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -54,6 +62,23 @@ class Sample:
     def sizes(self) -> float | Floats:
         """The radius of all spheres, or that of each (n,), m."""
         return self.radius if self.radii is None else self.radii
+
+    @property
+    def moduli(self) -> tuple[Moduli, Moduli]:
+        """E* and G*, Pa, of contacts between spheres, and of those with a wall."""
+        return self.material.moduli, self.material.against(self.wall_material or self.material)
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Its materials, as a network's `study` notes them."""
+        return constants(self.material, self.densities, self.wall_material)
+
+    @property
+    def masses(self) -> tuple[Floats, Floats]:
+        """Mass, kg, and moment of inertia, kg m^2, of each sphere (n,)."""
+        each = np.full(len(self.position), self.sizes)
+        mass, inertia = self.material.sphere(each, self.densities)
+        return mass, inertia
 
     def contacts(self) -> Touching:
         """All contacts, in canonical order; their overlaps follow from the positions."""
@@ -84,6 +109,8 @@ class Sample:
             contact,
             self.sizes,
             self.material,
+            densities=self.densities,
+            walls=self.wall_material,
             tangential=tangential,
             friction=self.friction,
             study=self.study | study,
@@ -102,35 +129,58 @@ def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> f
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
-    """The compact form of a network of equal spheres whose contacts are in canonical order.
+    """The compact form of a network of Hertz-Mindlin contacts in canonical order.
 
-    InputError for other networks: radii that differ, another order, or a cell without periods.
+    Moduli are those that its `study` notes, or glass. InputError for other networks: stiffnesses
+    of another law or of other moduli, another order, or a cell without periods.
     """
     shear = shear_components(network)
     network.known("cell_shift", "sample with its contacts in order")
+    radius, density = network.radius, density_of(network)
+    noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
+    material = Material(**{name: float(value) for name, value in noted.items()})
+    mixed = abs(density / material.density - 1).max() > UNEQUAL
     sample = Sample(
         position=network.position.copy(),
         side=network.cell_size[:2].copy(),
         walls=network.wall_position.copy(),
         friction=friction,
         shear=shear if shear.any() else None,
-        radius=float(network.radius[0]),
+        radius=float(radius[0] if (radius == radius[0]).all() else radius.mean()),
+        radii=None if (radius == radius[0]).all() else radius.copy(),
+        material=material,
+        densities=density if mixed else None,
+        wall_material=_wall_material(network.study),
         study=network.study,
         provenance=network.provenance,
     )
     contact = sample.contacts()
-    same = (network.radius == network.radius[0]).all() and network.n_contacts == len(
-        contact.particle_i
-    )
-    if not same or any(
+    if network.n_contacts != len(contact.particle_i) or any(
         (getattr(contact, name) != getattr(network, name)).any()
         for name in ("particle_i", "particle_j", "cell_shift")
     ):
         raise InputError(
-            "the network is not that of equal spheres in a lateral cell with its contacts in "
+            "the network is not that of spheres in a lateral cell with its contacts in "
             "canonical order; export it with this program"
         )
+    rebuilt = sample.network()
+    for name in ("stiffness_normal", "stiffness_tangential"):
+        theirs = getattr(network, name)
+        if abs(getattr(rebuilt, name) - theirs).max(initial=0.0) > ANOTHER * theirs.mean():
+            raise InputError(
+                f"the network's {name} is not that of Hertz-Mindlin contacts of E "
+                f"{material.young:g} Pa and nu {material.poisson:g}; note young, poisson and, of "
+                "other walls, wall_young and wall_poisson in its group study, or take the linear "
+                "wave, which knows any law"
+            )
     return sample
+
+
+def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
+    """The walls' own material, as notes or a file's attributes tell it; None without."""
+    if "wall_young" not in notes:
+        return None
+    return Elasticity(float(notes["wall_young"]), float(notes["wall_poisson"]))
 
 
 def shear_components(network: Network) -> Floats:
@@ -143,6 +193,7 @@ def shear_components(network: Network) -> Floats:
 _OPTIONAL = {
     "velocity": ("particles/velocity", "m/s"),
     "angular_velocity": ("particles/angular_velocity", "rad/s"),
+    "densities": ("particles/density", "kg/m^3"),
     "shear": ("contacts/shear", "N"),
     "strain_rate": ("cell/strain_rate", "1/s"),
 }
@@ -159,6 +210,8 @@ def write_sample(path: str | Path, sample: Sample) -> None:
             put(file, "particles/radius", sample.radii, "m")
         material = sample.material
         file.attrs.update(young=material.young, poisson=material.poisson, density=material.density)
+        if wall := sample.wall_material:
+            file.attrs.update(wall_young=wall.young, wall_poisson=wall.poisson)
         put(file, "particles/position", sample.position, "m")
         put(file, "cell/side", np.asarray(sample.side, float), "m")
         put(file, "walls/position", np.asarray(sample.walls, float), "m")
@@ -180,7 +233,7 @@ def read_sample(path: str | Path) -> Sample:
             "side": get(file, "cell/side", "f", (2,)),
             "walls": get(file, "walls/position", "f", (2,)),
         }
-        shapes = {"shear": (None, 2), "strain_rate": (3,)}
+        shapes = {"shear": (None, 2), "strain_rate": (3,), "densities": (n,)}
         for name, (dataset, _) in _OPTIONAL.items():
             if dataset in file:
                 columns[name] = get(file, dataset, "f", shapes.get(name, (n, 3)))
@@ -194,6 +247,7 @@ def read_sample(path: str | Path) -> Sample:
             material = Material(
                 *(float(file.attrs[name]) for name in ("young", "poisson", "density"))
             )
+            columns["wall_material"] = _wall_material(dict(file.attrs))
             study, provenance = dict(file["study"].attrs), dict(file["provenance"].attrs)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: {error}; the sample is incomplete, make it again") from error
@@ -209,8 +263,11 @@ def validate(sample: Sample, name: str = "sample") -> None:
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
     material, radius = sample.material, sample.radius
-    positive = (material.young, material.density, float(np.min(sample.sizes)))
-    sound = all(0 < number < np.inf for number in positive) and -1 < material.poisson < 0.5
+    wall = sample.wall_material or material
+    dense = material.density if sample.densities is None else float(sample.densities.min())
+    positive = (material.young, wall.young, dense, float(np.min(sample.sizes)))
+    sound = all(0 < number < np.inf for number in positive)
+    sound &= -1 < min(material.poisson, wall.poisson) <= max(material.poisson, wall.poisson) < 0.5
     if not (sound and 0 <= sample.friction < np.inf):
         raise InputError(
             f"{name}: radius, friction and the material's constants must be positive, Poisson's "

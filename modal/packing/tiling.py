@@ -103,7 +103,10 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
     for axis in range(2):
         position[:, axis] += offset[copy, axis]
     study = sample.study | {"repeated": f"{times_x} x {times_y}"}
-    large = replace(sample, position=position, side=sample.side * wanted, shear=None, study=study)
+    own = {name: getattr(sample, name) for name in ("radii", "densities")}
+    own = {name: data if data is None else data[source] for name, data in own.items()}
+    side = sample.side * wanted
+    large = replace(sample, position=position, side=side, shear=None, study=study, **own)
     if sample.shear is None:
         return large
     # Shear forces stand in the order of the contacts, along tangents that follow from the normals.

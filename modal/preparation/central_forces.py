@@ -50,7 +50,7 @@ class CentralForces:
     def __init__(self, sample: Sample) -> None:
         self.radius = np.full(len(sample.position), sample.sizes)
         self.stiffness = NO_SUMS if sample.radii is None else np.zeros(len(self.radius))
-        self._moduli = sample.material.moduli
+        self._moduli = sum(sample.moduli, ())
         self.force = np.zeros(sample.position.shape)
         self.rebuilt = 0
         self._near: NearContacts | None = None

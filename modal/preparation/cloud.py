@@ -29,10 +29,19 @@ def cloud(study: Study) -> Sample:
     sides, walls = np.array([side, side]), np.array([0.0, length])
     cell = side / diameter, length / diameter, study.seed
     if radii is None:
-        places = random_places(study.spheres, *cell)
-        return Sample(diameter * places, sides, walls, study.mu_comp)
-    places, order = places_of_sizes(2 * radii / diameter, *cell)
-    return Sample(diameter * places, sides, walls, study.mu_comp, radii=radii[order])
+        places, order = random_places(study.spheres, *cell), np.arange(study.spheres)
+    else:
+        places, order = places_of_sizes(2 * radii / diameter, *cell)
+    dense = study.each_density
+    return Sample(
+        diameter * places,
+        sides,
+        walls,
+        study.mu_comp,
+        radii=None if radii is None else radii[order],
+        densities=None if dense is None else dense[order],
+        wall_material=study.wall_material,
+    )
 
 
 def places_of_sizes(

@@ -41,11 +41,11 @@ def compacted(study: Study) -> Sample:
     """The cloud compacted to LOOSE and put to rest."""
     started = time.perf_counter()
     motion = Dynamics(cloud(study))
-    dt = protocol.time_step(protocol.COMPACTION_STRESS, study.fraction, study.smallest)
+    dt = study.time_step(protocol.COMPACTION_STRESS)
     pace = Pace(motion, ConstantRate(protocol.COMPACTION_RATE))
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / dt)
-    interval = protocol.duration(protocol.CONTROL, protocol.REFERENCE)
+    interval = study.duration(protocol.CONTROL, protocol.REFERENCE)
     pace.walk(steps, dt, steps_of(interval, dt))
     sample = motion.sample(moving=False)
     spent = {"steps": steps, "seconds": time.perf_counter() - started}

@@ -6,8 +6,9 @@ cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by 
 without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
 `modal.stiffness.pre_stress` with finite increments. Without friction there is no history.
 
-`radius` (n,) is that of each sphere, m. The lever arms of a contact end in the middle of its
-overlap; of equal spheres they are equal, and what makes them differ adds zeros.
+`radius` (n,) is that of each sphere, m; `moduli` are E* and G*, Pa, of two spheres and then those
+of a sphere and a wall. The lever arms of a contact end in the middle of its overlap; of equal
+spheres they are equal, and what makes them differ adds zeros.
 
 The law of a contact is written once, for numbers and for arrays: the loop over contacts, compiled
 by numba, and numpy, which is about ten times slower and the loop's oracle, both call it.
@@ -93,14 +94,14 @@ def _forces_of_slab(
     first, last, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
     normal, shear, load, stiffness, totals,
 ):  # fmt: skip
-    law = Moduli(moduli[0], moduli[1])
+    of_pairs, of_walls = Moduli(moduli[0], moduli[1]), Moduli(moduli[2], moduli[3])
     summed = len(stiffness) > 0
     all_normal = all_contact = energy = all_stiffness = 0.0
     along_x = along_y = along_z = 0.0
     touching = sliding = 0
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
-        overlap, effective, longer = 0.0, 0.0, 0.0
+        overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
         size = radius[i]
         if j >= 0:
             bx = position[j, 0] - position[i, 0]
@@ -125,7 +126,7 @@ def _forces_of_slab(
             nx, ny, nz = 0.0, 0.0, -1.0 if j == SOURCE_WALL else 1.0
             bx, by, bz = 0.0, 0.0, walls[0 if j == SOURCE_WALL else 1] - position[i, 2]
             overlap = size - nz * bz
-            effective = size
+            effective, law = size, of_walls
         if overlap <= 0:
             if shear is not None and normal[c].any():
                 normal[c, 0] = normal[c, 1] = normal[c, 2] = 0.0
@@ -210,7 +211,7 @@ def forces_by_arrays(
     normal, shear, load, stiffness,
 ):  # fmt: skip
     """The same as the compiled loop; the fallback, and its oracle."""
-    law, count = Moduli(*moduli), len(position)
+    count = len(position)
     i, j = ends.T
     pair = j >= 0
     branch = position[j] - position[i]
@@ -227,6 +228,7 @@ def forces_by_arrays(
     n = np.where(pair, branch[near].T / np.where(pair, distance, 1.0), 0.0)
     n[2, ~pair] = outward[near][~pair]
     effective = np.where(pair, radius[i] * (radius[j] / (radius[i] + radius[j])), radius[i])
+    law = Moduli(*(np.where(pair, moduli[k], moduli[2 + k]) for k in range(2)))
     pressed, kn = normal_force(overlap, effective, law), stiffness_normal(overlap, effective, law)
     force, slid, contact = -pressed * n, 0, 0.0
     load[:] = 0

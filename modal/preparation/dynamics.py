@@ -107,8 +107,7 @@ class Dynamics:
         if sample.angular_velocity is not None:
             self.velocity[:, 3:] = sample.angular_velocity
         self.rates = np.zeros(3) if sample.strain_rate is None else sample.strain_rate.copy()
-        self.masses = np.empty((n, 2))
-        self.masses[:, 0], self.masses[:, 1] = sample.material.sphere(sample.sizes)
+        self.masses = np.column_stack(sample.masses)
         self._stretch = np.ones(3)
         self._far = False
         self._note_sought()

@@ -63,7 +63,7 @@ class MovingContacts:
         self.side = np.array(sample.side, float)
         self.walls = np.array(sample.walls, float)
         self.skin = skin
-        self._moduli = sample.material.moduli
+        self._moduli = sum(sample.moduli, ())
         self._radius = np.full(n, sample.sizes)
         self.largest, self.smallest = float(self._radius.max()), float(self._radius.min())
         self.position = sample.position.copy()

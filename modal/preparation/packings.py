@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from modal.arguments import checked
 from modal.packing.network import Network
@@ -14,6 +15,7 @@ from modal.packing.sample import read_sample
 from modal.preparation import compress
 from modal.preparation.protocol import NOMINAL_FRACTION, STRESSES, Study
 from modal.preparation.random_packing import check_stress, random_sample
+from modal.preparation.sizes import MIXTURE
 
 SMALL_ASPECT = 2.5
 """Length over width of a packing of some hundred spheres."""
@@ -38,6 +40,8 @@ def random_packing(
     *,
     aspect: float = SMALL_ASPECT,
     sizes: Sequence[str | float] | None = None,
+    densities: Sequence[float] | None = None,
+    walls: Sequence[float] | None = None,
 ) -> Network:
     """A random packing of glass spheres between two flat walls, at rest under a pressure.
 
@@ -48,19 +52,24 @@ def random_packing(
     are rounded otherwise, and from some hundred spheres on a contact that opens for that makes
     another packing of the same kind (e of 500 then differs by 2e-4). Spheres are equal unless
     `sizes` says ("lognormal", spread of ln R) or ("two", ratio of radii, share of the large ones by
-    volume). A warning says where a packing with friction has not settled; InputError, where one
-    without does not come to rest, or where there is no such packing.
+    volume); `densities`, kg/m^3, are one for all or several (two of two sizes are of the small and
+    of the large ones, others dealt out at random in equal numbers), and `walls` are Young's
+    modulus, Pa, and Poisson's ratio of the walls, where they are not of glass. A warning says where
+    a packing with friction has not settled; InputError, where one without does not come to rest, or
+    where there is no such packing.
 
     >>> net = random_packing(spheres=100, stress=1e5, seed=3)
     >>> net.n_particles, net.study["void_ratio"] < 0.7
     (100, True)
     """
     if friction == 0:
-        return random_sample(spheres, stress, seed, aspect, sizes=sizes).network()
+        mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
+        return random_sample(spheres, stress, seed, aspect, **mixture).network()
     check_stress(stress)
-    words = " ".join(map(str, sizes or ()))
     width = width_of(spheres, aspect)
-    study = Study(mu_comp=friction, spheres=spheres, width=width, seed=seed, sizes=words)
+    words = (" ".join(map(str, given or ())) for given in (sizes, densities, walls))
+    said: dict[str, Any] = dict(zip(MIXTURE, words, strict=True))
+    study = Study(friction, spheres, width, seed, **said)
     walk = [lower for lower in STRESSES if lower < stress] + [stress]
     with TemporaryDirectory() as folder:
         files = compress.walk(Path(folder), study, walk, "modal.random_packing", lambda text: None)

@@ -14,7 +14,7 @@ to rest at a constant volume: a servo would let it expand until the agitation ca
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,8 +22,8 @@ import numpy as np
 
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
-from modal.packing.contact_law import GLASS, RADIUS, Material
-from modal.preparation.sizes import radii_of
+from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
+from modal.preparation.sizes import MIXTURE, densities_of, radii_of, wall_material
 
 HIGHEST = 0.6037
 """Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz
@@ -168,7 +168,8 @@ class Study:
 
     width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
     `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
-    sizes: words as `modal.preparation.sizes` has them, none for equal spheres.
+    sizes, densities, walls: words as `modal.preparation.sizes` has them, none for equal spheres, of
+    glass between walls of glass.
     """
 
     mu_comp: float = 0.4
@@ -183,6 +184,8 @@ class Study:
     damping: float = DAMPING
     residual: float = SETTLED[1]
     sizes: str = ""
+    densities: str = ""
+    walls: str = ""
 
     def __post_init__(self) -> None:
         for name, kind in Study.__annotations__.items():
@@ -195,8 +198,7 @@ class Study:
                 "compression needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least "
                 "4 diameters"
             )
-        if self.sizes:
-            radii_of(self.spheres, self.sizes.split(), self.seed)  # refuses unknown words
+        _ = self.material, self.wall_material, self.smallest  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(
                 f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
@@ -219,16 +221,52 @@ class Study:
         """Shape (n,), m: the radius of each sphere, or None where all are equal."""
         return radii_of(self.spheres, self.sizes.split(), self.seed) if self.sizes else None
 
+    @property
+    def each_density(self) -> np.ndarray | None:
+        """Shape (n,), kg/m^3, in the order of `radii`, or None where all are of glass."""
+        words = self.densities.split()
+        return densities_of(self.spheres, words, self.radii, self.seed) if words else None
+
+    @property
+    def wall_material(self) -> Elasticity | None:
+        """What the walls are made of, or None where it is glass."""
+        return wall_material(self.walls.split()) if self.walls else None
+
+    @cached_property
+    def material(self) -> Material:
+        """Glass with the density of the whole mixture, on which durations go by."""
+        if self.each_density is None:
+            return GLASS
+        weights = None if self.radii is None else self.radii**3
+        return replace(GLASS, density=float(np.average(self.each_density, weights=weights)))
+
     @cached_property
     def smallest(self) -> float:
-        """Radius of the smallest sphere, m, whose vibration is the fastest."""
-        return RADIUS if self.radii is None else float(self.radii.min())
+        """Radius, m, of a sphere of `material` that vibrates as fast as the fastest one there is.
+
+        A frequency goes as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
+        """
+        radius = RADIUS if self.radii is None else float(self.radii.min())
+        if self.each_density is not None:
+            radius *= math.sqrt(float(self.each_density.min()) / self.material.density)
+        if self.wall_material:
+            at_wall = GLASS.against(self.wall_material).effective_young
+            radius *= min(1.0, (GLASS.effective_young / at_wall) ** (1 / 3))
+        return radius
+
+    def time_step(self, stress: float) -> float:
+        """Stable time step of statics at `stress` (Pa), s."""
+        return time_step(stress, self.fraction, self.smallest, self.material)
+
+    def duration(self, number: float, stress: float) -> float:
+        """Seconds of a vibration's duration, as the function `duration` has it."""
+        return duration(number, stress, material=self.material)
 
     @property
     def attributes(self) -> dict[str, float | int | str]:
         """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
         own = {name: getattr(self, name) for name in Study.__annotations__}
-        # Equal spheres say nothing of sizes, as earlier files do not.
+        # Equal spheres of glass say nothing of mixtures, as earlier files do not.
         return {name: value for name, value in own.items() if value != ""} | {"protocol": 2}
 
     def provenance(self, command: str, **programs: str) -> Provenance:
@@ -237,8 +275,9 @@ class Study:
 
     def refuse_other(self, found: dict[str, Any], path: object) -> None:
         """InputError if a checkpoint's attributes are those of another study."""
-        found = {"sizes": ""} | found  # which files of equal spheres leave out
-        for name, value in ({"sizes": self.sizes} | self.attributes).items():
+        mixture = {name: getattr(self, name) for name in MIXTURE}
+        found = dict.fromkeys(mixture, "") | found  # which files of equal spheres leave out
+        for name, value in (mixture | self.attributes).items():
             if found.get(name) != value:
                 raise InputError(
                     f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
@@ -263,7 +302,8 @@ class Stage:
             self.control: ConstantRate | Servo = ConstantRate(
                 study.approach_rate if name == "approach" else 0.0
             )
-            self.patience = math.inf if name == "approach" else COOLING * own_time(HOT)
+            cooling = COOLING * own_time(HOT, material=study.material)
+            self.patience = math.inf if name == "approach" else cooling
             if name == "approach":
                 self.damping = study.agitated_damping
         else:
@@ -272,10 +312,10 @@ class Stage:
                 if name == "jam"
                 else (float(name), (SETTLED[0], study.residual))
             )
-            self.control = Servo(target, study.inertial_number)
-            self.patience = duration(PATIENCE, target)
-        self.check = duration(CHECK, self.control.target)
-        self.interval = duration(CONTROL, self.control.target)
+            self.control = Servo(target, study.inertial_number, material=study.material)
+            self.patience = study.duration(PATIENCE, target)
+        self.check = study.duration(CHECK, self.control.target)
+        self.interval = study.duration(CONTROL, self.control.target)
 
     @property
     def is_state(self) -> bool:
@@ -285,7 +325,7 @@ class Stage:
     def time_step(self) -> float:
         """Stable at the target and at the present stress, s."""
         stress = max(self.control.target, ABOVE * self.control.stress.mean())
-        return time_step(stress, self.study.fraction, self.study.smallest)
+        return self.study.time_step(stress)
 
     def settled(self, unbalanced: float) -> bool:
         """Whether stresses and balance (residual over contact force) are as near as wanted."""

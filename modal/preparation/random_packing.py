@@ -20,7 +20,7 @@ from modal.packing.contact_law import RADIUS
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
 from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
-from modal.preparation.sizes import radii_of
+from modal.preparation.sizes import densities_of, radii_of, wall_material
 
 PEAK = 2e8
 """Pressure, Pa, under which the cloud is packed before it is unloaded."""
@@ -38,11 +38,17 @@ SMALL_STEPS = 50_000
 
 
 def cloud(
-    spheres: int, aspect: float, seed: int, sizes: Sequence[str | float] | None = None
+    spheres: int,
+    aspect: float,
+    seed: int,
+    sizes: Sequence[str | float] | None = None,
+    densities: Sequence[str | float] | None = None,
+    walls: Sequence[str | float] | None = None,
 ) -> Sample:
     """Overlapping random points in a cell of length over width `aspect`, numbered along z.
 
-    `sizes` as in `modal.preparation.sizes`; equal spheres without.
+    `sizes`, `densities` and `walls` as in `modal.preparation.sizes`; without, equal spheres of
+    glass between walls of glass.
     """
     if spheres < 8 or not 0.2 <= aspect <= 1000:
         raise InputError(
@@ -60,8 +66,15 @@ def cloud(
     lengths = np.array([width, width, aspect * width])
     points = np.random.default_rng(seed).random((spheres, 3))
     position = points[np.argsort(points[:, 2])] * lengths
-    walls = np.array([0.0, lengths[2]])
-    return Sample(position, lengths[:2], walls, friction=0.0, radii=radii)
+    return Sample(
+        position,
+        lengths[:2],
+        np.array([0.0, lengths[2]]),
+        friction=0.0,
+        radii=radii,
+        densities=densities_of(spheres, densities, radii, seed) if densities else None,
+        wall_material=wall_material(walls) if walls else None,
+    )
 
 
 def random_sample(
@@ -70,9 +83,11 @@ def random_sample(
     seed: int = 1,
     aspect: float = 2.5,
     tolerance: float = 1e-4,
-    sizes: Sequence[str | float] | None = None,
+    **mixture: Sequence[str | float] | None,
 ) -> Sample:
     """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
+
+    `mixture`: sizes, densities and walls, as in `cloud`.
 
     Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
     hundred spheres but for a contact that opens for it and what then moves.
@@ -80,7 +95,8 @@ def random_sample(
     InputError where it does not come to rest at the peak pressure, or at this stress.
     """
     check_stress(stress)
-    sample, _ = minimise(cloud(spheres, aspect, seed, sizes), None, tolerance=0.1, max_steps=500)
+    start = cloud(spheres, aspect, seed, **mixture)
+    sample, _ = minimise(start, None, tolerance=0.1, max_steps=500)
     for pressure, limit in ((PEAK, PEAK_TOLERANCE), (stress, tolerance)):
         sample, rest = minimise(sample, pressure, tolerance=limit, max_steps=SMALL_STEPS)
         if not rest.converged:

@@ -1,4 +1,4 @@
-"""Sizes of spheres in a mixture: log-normal, or two radii; their mean is the study's radius."""
+"""Mixtures: radii, log-normal or two, whose mean is the study's; densities; walls of their own."""
 
 from __future__ import annotations
 
@@ -7,11 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.formats.hdf5 import InputError
-from modal.packing.contact_law import RADIUS
+from modal.packing.contact_law import RADIUS, Elasticity
 
 WIDEST = 10.0
 """Ratio of the largest to the smallest radius: pairs are sought as far as the largest reach."""
+MIXTURE = "sizes", "densities", "walls"
+"""What tells a mixture: options of `pack`, words of a `Study`, columns of YADE's tables."""
 KINDS = "lognormal SPREAD (of ln R, 0 to 0.7) or two RATIO SHARE (of the large ones by volume)"
+DENSITIES = (
+    "kg/m^3, one for all or several: two of a mixture of two sizes are of the small and of the "
+    "large ones, others are dealt out at random in equal numbers"
+)
+WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
+DENSE = (10.0, 30_000.0)
+"""kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
+YOUNG = (1e3, 1e14)
+"""Pa: from gels to what counts as rigid; moduli in GPa lie outside."""
 
 
 def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarray:
@@ -50,6 +61,42 @@ def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarra
         )
     radii = RADIUS * radii / radii.mean()
     return np.random.default_rng(seed).permutation(radii)
+
+
+def densities_of(
+    spheres: int, densities: Sequence[str | float], radii: np.ndarray | None, seed: int
+) -> np.ndarray:
+    """Density of each sphere (n,), kg/m^3, of `radii` (n,), m, or of equal spheres.
+
+    Two densities of a mixture of two sizes are those of the small and of the large ones; others are
+    dealt out in equal numbers, in a random order that `seed` fixes. InputError for what is none.
+
+    >>> small, large = 1.0, 2.0
+    >>> densities_of(3, (2500, 7800), np.array([large, small, large]), seed=1).tolist()
+    [7800.0, 2500.0, 7800.0]
+    """
+    given = _numbers(["", *densities])
+    if not given or not all(DENSE[0] <= one <= DENSE[1] for one in given):
+        raise InputError(
+            f"--densities {' '.join(map(str, densities))}: give {DENSITIES}; from {DENSE[0]:g} to "
+            f"{DENSE[1]:g}"
+        )
+    kinds = np.unique(radii) if radii is not None else np.empty(0)
+    if radii is not None and len(kinds) == len(given) == 2:
+        return np.where(radii == kinds[1], given[1], given[0])
+    dealt = np.array(given)[np.arange(spheres) % len(given)]
+    return np.random.default_rng([seed, len(given)]).permutation(dealt)
+
+
+def wall_material(words: Sequence[str | float]) -> Elasticity:
+    """What walls are made of, from Young's modulus, Pa, and Poisson's ratio; else InputError."""
+    given = _numbers(["", *words])
+    if len(given) != 2 or not (YOUNG[0] <= given[0] <= YOUNG[1] and -1 < given[1] < 0.5):
+        raise InputError(
+            f"--walls {' '.join(map(str, words))}: give {WALLS}, as 2.1e11 0.3; from {YOUNG[0]:g} "
+            f"to {YOUNG[1]:g} Pa, and from -1 to 0.5"
+        )
+    return Elasticity(*given)
 
 
 def _numbers(sizes: Sequence[str | float]) -> list[float]:

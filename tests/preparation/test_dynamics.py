@@ -22,10 +22,10 @@ EPS = np.finfo(float).eps
 STEP = protocol.time_step(3e5)
 
 
-def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, sizes=None):
+def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
     """A packing at 100 kPa whose spheres fly and spin: overlaps of 1 um, 2 um in 50 steps."""
     random = np.random.default_rng(5)
-    packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3, sizes=sizes)
+    packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3, **mixture)
     return replace(
         packed,
         friction=friction,
@@ -280,24 +280,43 @@ def test_threads_change_no_bit():
     assert len(one) == 120 * 3 * 16 and one == two
 
 
-MIXTURES = [None, ("two", 2, 0.5), ("lognormal", 0.3)]
+MIXTURES = [
+    {"sizes": ("two", 2, 0.5)},
+    {"sizes": ("lognormal", 0.3)},
+    {"densities": (2230, 7800), "walls": (2e9, 0.4)},
+    {"sizes": ("two", 2, 0.5), "densities": (7800, 1200), "walls": (2.1e11, 0.3)},
+]
+"""The last wall is stiffer than a box of positive modulus can be in YADE."""
+
+
+def test_compiled_steps_of_a_mixture_are_those_of_numpy(monkeypatch):
+    """Densities and walls of their own; tolerances as for equal spheres."""
+    sample = agitated(**MIXTURES[-1])
+    runs = [run(sample, 60)]
+    monkeypatch.setattr(moving_contacts, "forces_by_loop", contact_forces.forces_by_arrays)
+    monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
+    runs.append(run(sample, 60))
+    compiled, arrays = (motion.contacts for motion in runs)
+    assert abs(compiled.position - arrays.position).max() < 1e3 * EPS * 50 * RADIUS
+    assert abs(compiled.load - arrays.load)[:, :3].max() < 1e-8 * compiled.mean_force
 
 
 @pytest.mark.parametrize(
-    ("drive", "sizes"),
-    [({"stress": 3e5}, None), ({"rate": 1.0}, None), *(({"stress": 3e5}, m) for m in MIXTURES[1:])],
+    ("drive", "mixture"),
+    [({"stress": 3e5}, {}), ({"rate": 1.0}, {}), *(({"stress": 3e5}, m) for m in MIXTURES)],
 )
-def test_steps_are_those_of_yade(drive, sizes, tmp_path, yade):
+def test_steps_are_those_of_yade(drive, mixture, tmp_path, yade):
     """500 steps of 200 spheres that fly, spin, slide, part and meet, in a cell that is strained.
 
     1e-8 of a diameter, of the mean contact force and of the stress; positions are rounded at 1e-17
     m, an overlap of 1e-6 m, forces at 1e-11 of themselves, and 500 steps of collisions take the
     ways apart by a factor of some hundred.
     """
-    sample = agitated(200, aspect=2, sizes=sizes)
+    sample = agitated(200, aspect=2, **mixture)
     start, end = tmp_path / "start.sample.h5", tmp_path / "end.sample.h5"
     write_sample(start, sample)
-    dt = protocol.time_step(3e5, radius=float(np.min(sample.sizes)))
+    lightest = np.min(sample.masses[0] / sample.sizes) / (GLASS.sphere(RADIUS)[0] / RADIUS)
+    dt = protocol.time_step(3e5, radius=RADIUS * np.sqrt(lightest))
     settings = {"steps": 500, "dt": dt, "damping": 0.2, "interval": 5} | drive
     script = str(ROOT / "yade_scripts" / "steps.py")
     subprocess.run(
@@ -317,7 +336,8 @@ def test_steps_are_those_of_yade(drive, sizes, tmp_path, yade):
         sliding.append(motion.contacts.sliding)
         if due:
             stresses.append(control.stress)
-    assert max(touching) > touching[0] > min(touching) and np.mean(sliding) > 10
+    met, parted = (np.diff(touching) > 0).sum(), (np.diff(touching) < 0).sum()
+    assert min(met, parted) > 20 and np.mean(sliding) > 10
     ours = motion.sample(moving=True)
     assert ours.side == pytest.approx(theirs.side, rel=1e-12)
     assert ours.walls == pytest.approx(theirs.walls, abs=1e-12 * RADIUS)

@@ -1,0 +1,138 @@
+"""LIGGGHTS' own files: a packing that it made, and its forces after spheres were moved.
+
+`examples/packings/ORIGIN.md` says how the files came about. LIGGGHTS is not needed here.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from places import ROOT
+from program_files import imported, refused
+
+from modal.exchange.liggghts import import_liggghts
+from modal.exchange.program_law import SI
+from modal.packing.network_file import read_network
+from modal.stiffness.law_tangent import TERMS, law_tangent
+from modal.stiffness.matrices import assembled
+
+FOLDER = ROOT / "examples" / "packings" / "liggghts"
+ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log.liggghts"))
+
+
+@pytest.fixture
+def network():
+    return import_liggghts(ATOMS, CONTACTS, LOG, None, None, SI, None).network
+
+
+def test_packing_is_at_rest_under_the_forces_of_its_law(network, tmp_path, capsys):
+    """Balance, and Hertz' forces of the positions in contacts that cross no period.
+
+    The bounds of the cell are rounded to 1e-8 m, a hundredth of an overlap: others show it.
+    """
+    given = [ATOMS, "--contacts", CONTACTS, "--log", LOG, "-o", tmp_path / "l.network.h5"]
+    told = imported(capsys, *given)
+    assert told["spheres"] == 125 and told["contacts"] == network.n_contacts == 276
+    assert told["net_force_over_contact_force"] < 1e-11
+    assert told["overlaps_from"] == "forces" and told["assumed"] == []
+    assert "the cell's bounds have 6 digits" in told["remarks"][0]
+    assert len(told["law"]) == 3 and told["sliding_share"] == 0
+    inside = (network.cell_shift == 0).all(axis=1)
+    i, j = network.particle_i, network.particle_j
+    apart = np.linalg.norm(network.position[j] - network.position[i], axis=1)
+    overlap = network.radius[i] + network.radius[j] - apart
+    np.testing.assert_allclose(network.overlap[inside], overlap[inside], rtol=1e-10)
+    assert abs(network.overlap / overlap - 1)[~inside].max() > 1e-3 or (~inside).sum() == 0
+
+
+def test_stiffness_is_that_of_liggghts(network):
+    """Against differences of its forces, one sphere moved or turned by 1e-10 m to both sides.
+
+    Overlaps are 1e-7 m and more: their square leaves 1e-6 of the weakest contacts, 1e-8 of all.
+    """
+    row, column, value = np.loadtxt(ROOT / "tests" / "data" / "liggghts_differences.txt").T
+    row, column = row.astype(int), column.astype(int)
+    own = np.unique(column)
+    wanted = np.zeros((6 * 125, len(own)))
+    wanted[row, np.searchsorted(own, column)] = value
+    arc = np.tile([1.0] * 3 + [1e3] * 3, 125)
+
+    def error(terms):
+        have = assembled(network, law_tangent(network, terms))[:, own].toarray()
+        off, size = ((arc[:, None] * a * arc[own]) for a in (have - wanted, wanted))
+        return float(np.linalg.norm(off) / np.linalg.norm(size))
+
+    assert error(TERMS) < 1e-7
+    for term in ("normal force", "shear force", "growing circle"):
+        assert error(tuple(other for other in TERMS if other != term)) > 1e-5, term
+
+
+def rewritten(tmp_path, columns, rows, keywords=""):
+    """Contacts in these columns, and a log that says so."""
+    contacts, log = tmp_path / "y.contacts", tmp_path / "log.liggghts"
+    head = CONTACTS.read_text().splitlines()[:8]
+    names = " ".join(f"c_c[{k + 1}]" for k in range(columns))
+    lines = [" ".join(f"{number:.17g}" for number in row) for row in rows]
+    contacts.write_text("\n".join([*head, f"ITEM: ENTRIES {names}", *lines]) + "\n")
+    log.write_text(LOG.read_text().replace(" id force_normal force_tangential", keywords))
+    return contacts, log
+
+
+def test_columns_that_nobody_named_are_understood(network, tmp_path, capsys):
+    """A bare compute writes 25 columns, the whole force among them; the normal part is found."""
+    listed = np.loadtxt(CONTACTS.read_text().splitlines()[9:])
+    rows = np.zeros((len(listed), 25))
+    rows[:, 12:14], rows[:, 15:18] = listed[:, :2], listed[:, 3:6] + listed[:, 6:9]
+    contacts, log = rewritten(tmp_path, 25, rows)
+    out = tmp_path / "l.network.h5"
+    imported(capsys, ATOMS, "--contacts", contacts, "--log", log, "-o", out)
+    found = read_network(out)
+    # Directions of contacts through the periods are as good as the bounds: 1e-8 m of 2e-3 m.
+    scale = network.force_normal.mean()
+    np.testing.assert_allclose(found.force_normal, network.force_normal, atol=1e-5 * scale)
+    np.testing.assert_allclose(found.force_tangential, network.force_tangential, atol=1e-4 * scale)
+    contacts, log = rewritten(tmp_path, 12, rows[:, :12], " pos vel")
+    arguments = (ATOMS, "--contacts", contacts, "--log", log, "-o", out)
+    assert re.search(r"y.contacts, line 9, column id: no id; add id", refused(capsys, *arguments))
+
+
+def test_rounded_bounds_without_forces_are_refused(tmp_path, capsys):
+    error = refused(capsys, ATOMS, "--log", LOG, "-o", tmp_path / "l.network.h5")
+    assert "positions have 6 digits, or the cell's bounds, steps of 1e-07 m" in error
+    atoms = tmp_path / "x.atoms"
+    text = ATOMS.read_text().splitlines()
+    atoms.write_text("\n".join([*text[:5], *["0.0022 0.0133"] * 3, *text[8:]]) + "\n")
+    told = imported(capsys, atoms, "--log", LOG, "-o", tmp_path / "l.network.h5")
+    assert told["overlaps_from"] == "positions"
+
+
+def test_walls_are_of_the_type_that_is_said(tmp_path, capsys):
+    """From the log's fixes, or --wall; unsaid, of each sphere's own, which the summary assumes."""
+    atoms, log = tmp_path / "x.atoms", tmp_path / "log.liggghts"
+    text = ATOMS.read_text().replace("pp pp pp", "pp pp ff").splitlines()
+    z = np.array([float(line.split()[4]) for line in text[9:]])
+    radius = np.array([float(line.split()[5]) for line in text[9:]])
+    low, high = float((z - radius).min() + 1e-6), float((z + radius).max() - 1e-6)
+    atoms.write_text("\n".join([*text[:5], *["0 0.0133"] * 3, *text[8:]]) + "\n")
+    fix = "fix {0} all wall/gran model hertz tangential history primitive type {1} zplane {2!r}\n"
+    said = fix.format("up", 2, high) + fix.format("down", 2, low)
+    shutil.copy(LOG, log)
+    stiff = {}
+    for name, more, wall in (
+        ("log", said, []),
+        ("typed", "", ["--wall", f"type 2 zplane {low!r} {high!r}"]),
+        ("unsaid", "", ["--wall", f"zplane {low!r} {high!r}"]),
+    ):
+        log.write_text(LOG.read_text() + more)
+        out = tmp_path / f"{name}.network.h5"
+        told = imported(capsys, atoms, "--log", log, *wall, "-o", out)
+        made = read_network(out)
+        stiff[name] = made.stiffness_normal[made.with_wall].sum()
+        assert told["wall_contacts"] >= 2 and len(told["assumed"]) == 2 * (name == "unsaid")
+    assert stiff["log"] == stiff["typed"] != stiff["unsaid"]
+    log.write_text(LOG.read_text() + "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
+    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / "m.network.h5")
+    assert "only primitive walls zplane are known" in error

@@ -1,0 +1,204 @@
+"""Spheres of several densities, and walls of other moduli: law, files, packings, YADE's wave."""
+
+import os
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from places import ROOT
+
+import modal
+from analysis.agreement import Agreement, compare
+from modal.__main__ import main
+from modal.formats.hdf5 import InputError
+from modal.packing.consistency import density_of
+from modal.packing.contact_law import GLASS, RADIUS, Elasticity
+from modal.packing.network_file import read_network, write_network
+from modal.packing.sample import read_sample, sample_of_network, write_sample
+from modal.packing.state import stress_tensor
+from modal.packing.tiling import repeat_sample
+from modal.preparation import compress
+from modal.preparation.protocol import Stage, Study, own_time
+from modal.preparation.random_packing import random_sample
+from modal.preparation.relax import relax
+from modal.preparation.sizes import densities_of
+from modal.waves.signals import read_signals
+
+STEEL = 2.1e11, 0.3
+MIXTURE = {"sizes": ("two", 2, 0.5), "densities": (2500, 7800), "walls": STEEL}
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Large spheres of steel's density among small ones of glass's, between walls of steel."""
+    return random_sample(120, 1e6, seed=2, aspect=1.5, **MIXTURE)
+
+
+def test_moduli_of_two_materials_are_the_textbooks():
+    """Johnson, Contact Mechanics (1985), 4.5 and 7.3; of one material those of one; a rigid wall.
+
+    1/E* = (1 - nu^2)/E + ..., 1/G* = (2 - nu)/G + ...
+    """
+    steel = Elasticity(*STEEL)
+    shear = [one.young / 2 / (1 + one.poisson) for one in (GLASS, steel)]
+    both = GLASS.against(steel)
+    compliances = [(1 - one.poisson**2) / one.young for one in (GLASS, steel)]
+    assert both.effective_young == pytest.approx(1 / sum(compliances), rel=1e-14)
+    slips = [(2 - one.poisson) / g for one, g in zip((GLASS, steel), shear, strict=True)]
+    assert both.effective_shear == pytest.approx(1 / sum(slips), rel=1e-14)
+    assert both == pytest.approx(steel.against(GLASS), rel=1e-14)
+    assert GLASS.against(Elasticity(GLASS.young, GLASS.poisson)) == GLASS.moduli
+    rigid = GLASS.against(Elasticity(1e20, 0.2))
+    assert rigid == pytest.approx([2 * modulus for modulus in GLASS.moduli], rel=1e-8)
+
+
+def test_contacts_with_the_walls_have_their_own_stiffness_and_carry_the_stress(mixed):
+    """kn = (6 R* E*^2 N)^(1/3), kt = 4 G*/E* kn, of N alone; the stress is the one asked for."""
+    network = mixed.network()
+    wall = network.with_wall
+    radius = network.radius[network.particle_i]
+    second = network.radius[network.partner]
+    effective = np.where(wall, radius, radius * second / (radius + second))
+    for chosen, law in ((wall, GLASS.against(Elasticity(*STEEL))), (~wall, GLASS.moduli)):
+        force, kn = network.force_normal[chosen], network.stiffness_normal[chosen]
+        of_force = (6 * effective[chosen] * law.effective_young**2 * force) ** (1 / 3)
+        assert kn == pytest.approx(of_force, rel=1e-12)
+        ratio = 4 * law.effective_shear / law.effective_young
+        assert network.stiffness_tangential[chosen] == pytest.approx(ratio * kn, rel=1e-12)
+    assert np.diag(stress_tensor(network)) == pytest.approx(1e6, rel=2e-3)
+    large = network.radius > network.radius.mean()
+    assert density_of(network) == pytest.approx(np.where(large, 7800, 2500), rel=1e-12)
+    assert "density" not in network.study and network.study["wall_young"] == STEEL[0]
+
+
+def test_files_and_networks_keep_materials(mixed, tmp_path):
+    """Sample to file and back, to network and back: the same to the bit; tiled, four times it."""
+    path = tmp_path / "mixed.sample.h5"
+    write_sample(path, mixed)
+    back = read_sample(path)
+    again = sample_of_network(replace(mixed.network()), mixed.friction)
+    for sample in (back, again):
+        assert np.array_equal(sample.radii, mixed.radii)
+        assert sample.densities == pytest.approx(mixed.densities, rel=1e-15)
+        assert sample.wall_material == mixed.wall_material == Elasticity(*STEEL)
+    four = repeat_sample(mixed, 2, 2).network()
+    assert four.mass.sum() == pytest.approx(4 * mixed.network().mass.sum(), rel=1e-13)
+    assert stress_tensor(four) == pytest.approx(stress_tensor(mixed.network()), rel=1e-9, abs=1)
+
+
+def test_network_of_another_law_is_no_sample(mixed):
+    """Forgotten walls and other moduli are said, not taken for glass."""
+    network = mixed.network()
+    for wrong in (
+        replace(network, study={}),
+        replace(network, stiffness_tangential=0.9 * network.stiffness_tangential),
+    ):
+        with pytest.raises(InputError, match="is not that of Hertz-Mindlin contacts"):
+            sample_of_network(wrong, 0.3)
+
+
+def test_densities_are_dealt_out_in_equal_numbers():
+    """And to sizes where there are as many; the same of one seed."""
+    of_equal = densities_of(99, (1500, 2500, 4000), None, seed=1)
+    assert [int((of_equal == rho).sum()) for rho in (1500, 2500, 4000)] == [33, 33, 33]
+    assert np.array_equal(of_equal, densities_of(99, ("1500", "2500", "4000"), None, seed=1))
+    assert not np.array_equal(of_equal, densities_of(99, (1500, 2500, 4000), None, seed=2))
+
+
+def test_frequencies_fall_as_the_root_of_the_density():
+    """All spheres four times as heavy: the same packing, all frequencies halved."""
+    light, heavy = (modal.random_packing(100, seed=3, densities=[rho]) for rho in (2230, 8920))
+    assert np.array_equal(light.position, heavy.position)
+    two = [modal.eigenmodes(each, lowest=5).frequency for each in (light, heavy)]
+    assert two[0] == pytest.approx(2 * two[1], rel=1e-9)
+
+
+def test_protocol_goes_by_the_density_and_the_stiffest_contact():
+    """Durations by the mean density; the time step by the lightest sphere and the stiffer wall."""
+    plain, heavy = Study(), Study(densities="8920")
+    assert heavy.material.density == 4 * GLASS.density
+    pair = [Stage("cool", study) for study in (plain, heavy)]
+    for name in ("patience", "check", "interval"):
+        assert getattr(pair[1], name) == pytest.approx(2 * getattr(pair[0], name), rel=1e-12)
+    assert pair[1].time_step() == pytest.approx(2 * pair[0].time_step(), rel=1e-12)
+    limits = [Stage("1e5", study).control.limit for study in (plain, heavy)]
+    assert limits[0] == pytest.approx(2 * limits[1], rel=1e-12)
+    light = Study(densities="2230 557.5").time_step(1e5)
+    assert light == pytest.approx(plain.time_step(1e5) / 2, rel=1e-12)
+    rigid = Study(walls="1e14 0.2").time_step(1e5)
+    assert rigid == pytest.approx(plain.time_step(1e5) / 2 ** (1 / 3), rel=1e-3)
+    assert own_time(1e5, RADIUS, GLASS) == own_time(1e5)
+
+
+def test_compacted_cloud_keeps_its_materials():
+    words = {"sizes": "two 2 0.5", "densities": "2500 7800", "walls": "2.1e11 0.3"}
+    study = Study(spheres=100, width=4.5, **words)
+    sample = compress.compacted(study)
+    large = sample.radii > sample.radius
+    assert np.array_equal(sample.densities, np.where(large, 7800.0, 2500.0))
+    assert sample.wall_material == Elasticity(*STEEL) and sample.study["walls"] == words["walls"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--densities", "2.23", "7.8"], "--densities 2.23 7.8: give kg/m^3"),
+        (["--densities", "glass"], "--densities glass: give kg/m^3"),
+        (["--walls", "210", "0.3"], "--walls 210 0.3: give Young's modulus, Pa"),
+        (["--walls", "2.1e11", "0.5"], "--walls 2.1e11 0.5: give Young's modulus, Pa"),
+    ],
+)
+@pytest.mark.parametrize("friction", [[], ["--friction", "0.3"]])
+def test_wrong_materials_are_refused_in_one_line(given, said, friction, tmp_path, capsys):
+    command = ["pack", "--spheres", "300", "--aspect", "2", "--stress", "1e5"]
+    assert main([*command, *friction, *given, "-o", str(tmp_path / "made")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_pack_makes_and_continues_a_mixture_of_materials(tmp_path, capsys):
+    command = ["pack", "--spheres", "100", "--aspect", "2", "--stress", "1e6", "-o", str(tmp_path)]
+    mixture = ["--densities", "2230", "7800", "--walls", "2.1e11", "0.3"]
+    assert main([*command, *mixture]) == 0
+    sample = read_sample(tmp_path / "01_1000kPa.sample.h5")
+    assert np.bincount(np.searchsorted([2230, 7800], sample.densities)).tolist() == [50, 50]
+    assert sample.wall_material == Elasticity(*STEEL)
+    assert main(["info", str(tmp_path / "01_1000kPa.sample.h5")]) == 0
+    assert "210 GPa" in capsys.readouterr().out
+
+
+def test_wave_in_yade_is_the_linear_wave(mixed, tmp_path, yade):
+    """All force-bearing spheres, all times; the even part cancels between runs of opposite sign."""
+    rested, _ = relax(replace(mixed, friction=0.3))
+    network = rested.network()
+    write_network(tmp_path / "case30.network.h5", network)
+    highest = str(tmp_path / "case30.highest.modes.h5")
+    assert (
+        main(["modes", str(tmp_path / "case30.network.h5"), "--highest", "1", "-o", highest]) == 0
+    )
+    table = tmp_path / "packing.table"
+    table.write_text("case mu_wave input_frequency fraction\n30 10 1e5 0.1\n")
+    runs = []
+    for amplitude in ("2.5e-11", "-2.5e-11"):
+        settings = {
+            "WAVE_PRODUCTS": str(tmp_path),
+            "WAVE_PARTICLES": "1",
+            "WAVE_AMPLITUDE": amplitude,
+            "WAVE_DURATION": "5e-5",
+        }
+        script = str(ROOT / "yade_scripts" / "wave.py")
+        command = ["yade-batch", "-j", "1", "--job-threads", "1", "--log", f"{tmp_path}/log"]
+        subprocess.run(
+            [*command, str(table), script],
+            env=os.environ | settings,
+            cwd=tmp_path,
+            timeout=300,
+            check=True,
+            capture_output=True,
+        )
+        runs.append(read_signals(tmp_path / "case30.signals.h5"))
+        (tmp_path / "case30.signals.h5").unlink()
+    pair = Agreement(read_network(tmp_path / "case30.network.h5"), runs[0])
+    odd = pair.measured(runs[0]).combine(pair.measured(runs[1]), 0.5, 0.5)
+    assert compare("", odd, pair.linear("full")).particles < 1e-4
