@@ -191,7 +191,7 @@ def density_of_states(
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
     problem = Eigenproblem.of(network)
-    operator, size = problem.operator, problem.size
+    operator, size = problem.operator.renumbered(), problem.size
     top, products = bound_of_spectrum(operator)
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
@@ -219,6 +219,7 @@ def density_of_states(
     for k in range(vectors):
         start = 2.0 * signs.integers(0, 2, size, np.int8) - 1
         start -= zero @ (zero.T @ start)
+        start = operator.inward(start)
         moments[k] = _moments(operator, start, top, count, f"density {k + 1}/{vectors}")
     return DensityOfStates(
         moments, highest, at_zero, resolution, products + vectors * (1 + count // 2)

@@ -91,6 +91,9 @@ def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
 
 def from_the_top(problem: Eigenproblem, count: int) -> Effort:
     """The effort of the `count` highest modes by products with A, without an exact count."""
+    if count == 1:
+        # Two passes of three vectors (`modal.solvers.top_mode`); then as many hold its observables.
+        return Effort(400 * problem.size * PRODUCT, 80.0 * problem.size)
     basis, products = 3 * count + 40, 300 + 15 * count
     each = problem.size * (PRODUCT + 4 * ORTHOGONAL * 2 / 3 * basis)
     return Effort(products * each, 8.0 * problem.size * (basis + 2 * count))

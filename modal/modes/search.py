@@ -14,6 +14,7 @@ from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.solvers.factor import Factor, SingularError, factorise
 from modal.solvers.lanczos import ROOM, WIDTH_ABOVE, Held, Nearest, modes_from_top, modes_nearest
+from modal.solvers.top_mode import top_mode
 
 ABOVE = 1e-7
 """Distance of the shift from the highest mode, at least, relative to its omega^2."""
@@ -154,9 +155,14 @@ class SearchFromTop(Search):
         if np.isfinite(self.sigma):
             return super().ask(count)
         most = PRODUCTS + PRODUCTS_EACH * count
-        top = modes_from_top(
-            self.problem.operator.apply, self.problem.size, count, self.held(), most
-        )
+        if count == 1 and not len(self.square):
+            operator = self.problem.operator.renumbered()
+            top = top_mode(operator, most)
+            top.vector = operator.outward(top.vector[:, 0])[:, None]
+        else:
+            top = modes_from_top(
+                self.problem.operator.apply, self.problem.size, count, self.held(), most
+            )
         self.products += top.products
         if not top.converged.all():
             highest = max(top.square.max(), self.square.max(initial=0.0))

@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
+from modal.solvers.spectrum import norm
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 
@@ -178,16 +179,19 @@ def _rigid_motions(
     dof = size // network.n_particles
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
-    motion = np.zeros((network.n_particles, dof, dof))
-    for axis in range(3):
-        motion[members, axis, axis] = 1
-        if dof == 6:
-            motion[members, :3, 3 + axis] = np.cross(np.eye(3)[axis], position[members])
-            motion[members, 3 + axis, 3 + axis] = 1
-    vector = motion.reshape(size, dof)
-    vector *= np.sqrt(mass)[:, None]
-    vector /= np.linalg.norm(vector, axis=0)
-    return vector[:, abs(operator @ vector).max(axis=0) <= NULL * scale]
+    found = []
+    # One motion after the other: of millions of spheres six fill the memory.
+    for k in range(dof):
+        motion = np.zeros((network.n_particles, dof))
+        motion[members, k] = 1
+        if k >= 3:
+            motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
+        vector = motion.ravel()
+        vector *= np.sqrt(mass)
+        vector /= norm(vector)
+        if abs(operator @ vector).max() <= NULL * scale:
+            found.append(vector)
+    return np.column_stack(found) if found else np.empty((size, 0))
 
 
 def _unwrapped(network: Network, members: Bools) -> Floats:

@@ -21,7 +21,7 @@ class Layers:
     """Equal slabs from wall to wall, or of a period along z, about one mean diameter thick.
 
     `position` (nl,) m: mean z of the firmly held particles in a slab; `layer` (n,) the slab of
-    each particle, -1 for all others. Slabs without particles are left out.
+    each particle, -1 for all others; `size` (nl,) how many it has. Slabs without any are left out.
     """
 
     def __init__(self, network: Network) -> None:
@@ -40,14 +40,15 @@ class Layers:
             periods = np.floor(at / count)
             z, at = z - periods * network.length, at - periods * count
         slab = np.clip(at[bearing].astype(int), 0, count - 1)
-        filled, layer = np.unique(slab, return_inverse=True)
+        size = np.bincount(slab, minlength=count)
+        layer = (np.cumsum(size > 0) - 1)[slab]
         self.layer = np.full(network.n_particles, -1)
         self.layer[bearing] = layer
         # Particles that are not held fall into an extra bin in front, which is dropped.
         self._bin = self.layer + 1
-        self._size = np.bincount(layer, minlength=len(filled))
+        self.size = size[size > 0]
         self.position = self.means(z)
 
     def means(self, values: Floats) -> Floats:
         """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
-        return np.bincount(self._bin, values, len(self._size) + 1)[1:] / self._size
+        return np.bincount(self._bin, values, len(self.size) + 1)[1:] / self.size

@@ -74,7 +74,7 @@ def top_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
     The residual of the largest Ritz value and a margin are added to it (Y. Zhou and R.-C. Li,
     Linear Algebra Appl. 435, 480, 2011). A mode that the start hardly contains may lie above it.
     """
-    for step, (diagonal, off) in enumerate(_lanczos(operator, _random(operator)), 1):
+    for step, (diagonal, off, _) in enumerate(lanczos_steps(operator, _random(operator)), 1):
         if step % 5 and off[-1] > 0:
             continue
         ritz, vector = eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]))
@@ -116,14 +116,18 @@ def _random(operator: ScaledOperator) -> Floats:
 
 def _ritz_values(operator: ScaledOperator, start: Floats, steps: int) -> Floats:
     """Shape (k,), ascending: Ritz values of at most `steps` steps of Lanczos."""
-    *_, (diagonal, off) = islice(_lanczos(operator, start), steps)
+    *_, (diagonal, off, _) = islice(lanczos_steps(operator, start), steps)
     return eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]), eigvals_only=True)
 
 
-def _lanczos(operator: ScaledOperator, start: Floats) -> Iterator[tuple[list[float], list[float]]]:
-    """Yield diagonal and off-diagonal (both k) of the tridiagonal matrix after each step k.
+Step = tuple[list[float], list[float], Floats]
 
-    The last off-diagonal number couples it to the next vector; zero where there is none.
+
+def lanczos_steps(operator: ScaledOperator, start: Floats) -> Iterator[Step]:
+    """Yield diagonal and off-diagonal (both k) of the tridiagonal matrix, and vector k, at step k.
+
+    The last off-diagonal number couples it to the next vector; zero where there is none. A vector
+    (size,) is overwritten two steps later.
     """
     now = start / norm(start)
     before, scale = np.zeros_like(now), 0.0
@@ -137,7 +141,7 @@ def _lanczos(operator: ScaledOperator, start: Floats) -> Iterator[tuple[list[flo
         beta = norm(ahead)
         scale = max(scale, abs(diagonal[-1]) + beta)
         off.append(beta if beta > 1e-12 * scale else 0.0)
-        yield diagonal, off
+        yield diagonal, off, now
         if off[-1] > 0:
             ahead /= beta
             before, now = now, ahead

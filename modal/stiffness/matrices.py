@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -73,18 +75,30 @@ def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> 
         part = stiffness_matrix(images, translations_only=translations_only).diagonal()
         others = network.with_contacts(~own_image)
         return part + stiffness_diagonal(others, translations_only=translations_only)
-    n, kt = network.normal, network.stiffness_tangential[:, None]
-    more = network.stiffness_normal[:, None] - kt
     pair = ~network.with_wall
     diagonal = np.zeros((network.n_particles, 3 if translations_only else 6))
     for end, lever, chosen in (
         (network.particle_i, network.lever_i, slice(None)),
         (network.particle_j, network.lever_j, pair),
     ):
-        cost = [kt + more * n**2]
-        if not translations_only:
-            squared = (lever**2).sum(axis=1, keepdims=True)
-            cost.append(kt * (squared - lever**2) + more * np.cross(lever, n) ** 2)
-        for axis, column in enumerate(np.hstack(cost)[chosen].T):
-            diagonal[:, axis] += np.bincount(end[chosen], column, len(diagonal))
+        bodies = end[chosen]
+        for axis, cost in enumerate(_costs(network, lever, translations_only)):
+            diagonal[:, axis] += np.bincount(bodies, cost[chosen], len(diagonal))
     return diagonal.ravel()
+
+
+def _costs(network: Network, lever: Floats, translations_only: bool) -> Iterator[Floats]:
+    """Shape (m,), six or three times: what each unit motion of the body at `lever` (m, 3) costs.
+
+    One axis after the other: of millions of contacts all of them would fill the memory.
+    """
+    n, kt = network.normal, network.stiffness_tangential
+    more = network.stiffness_normal - kt
+    for a in range(3):
+        yield kt + more * n[:, a] ** 2
+    if translations_only:
+        return
+    squared = (lever**2).sum(axis=1)
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        across = lever[:, b] * n[:, c] - lever[:, c] * n[:, b]
+        yield kt * (squared - lever[:, a] ** 2) + more * across**2

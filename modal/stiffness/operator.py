@@ -6,11 +6,13 @@ Without numba the assembled matrix does the same.
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
-from modal.formats.arrays import Array, Floats
+from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.loops import numba
 from modal.packing.network import Network
@@ -42,6 +44,7 @@ class ContactOperator(LinearOperator):
             raise InputError(f"pre-stress {pre_stress!r}: choose one of {', '.join(TANGENTS)}")
         self.pre_stress = pre_stress
         self.dof = 3 if translations_only else 6
+        self.order: Ints | None = None
         size = self.dof * network.n_particles
         super().__init__(np.dtype(float), (size, size))
         self._matrix: sp.csr_matrix | None = None
@@ -59,6 +62,31 @@ class ContactOperator(LinearOperator):
         self._scale = np.ones((network.n_particles, 2))
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
+
+    def renumbered(self) -> ContactOperator:
+        """The same operator on motions whose particles are numbered as its loops meet them.
+
+        A third faster where these are numbered otherwise; `inward` and `outward` change to that
+        numbering and back. Without the loops, the operator itself.
+        """
+        if self._matrix is not None:
+            return self
+        other = copy.copy(self)
+        other._contacts, other.order = self._contacts.renumbered()
+        other._scale = self._scale[other.order]
+        return other
+
+    def inward(self, u: Floats) -> Floats:
+        """A motion (dof n,) of the network's particles, numbered as by the operator."""
+        return u if self.order is None else u.reshape(-1, self.dof)[self.order].ravel()
+
+    def outward(self, u: Floats) -> Floats:
+        """The inverse of `inward`."""
+        if self.order is None:
+            return u
+        out = np.empty((len(self.order), self.dof))
+        out[self.order] = u.reshape(-1, self.dof)
+        return out.ravel()
 
     def combine(
         self,

@@ -7,7 +7,7 @@ contact are then still in the cache from the contacts before. Slabs of them shar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,6 +81,17 @@ class PackedContacts:
             shear = np.column_stack([-sheared[order], per_distance])
         in_pieces = _pieces(ends, slabs, network.n_particles)
         return cls(rows, ends, *in_pieces, lateral, aside, shear)
+
+    def renumbered(self) -> tuple[PackedContacts, Ints]:
+        """The same with the spheres numbered as the loops meet them, and their former numbers (n,).
+
+        What is gathered for one contact then lies beside what the contacts before have gathered.
+        """
+        met = np.arange(len(self.fresh), dtype=np.int32)
+        number = np.empty_like(met)
+        number[self.fresh] = met
+        ends = np.where(self.ends < 0, self.ends, number[self.ends])
+        return replace(self, ends=ends, fresh=met), self.fresh
 
 
 def _along_and_off(lever: Floats, normal: Floats) -> tuple[Floats, Floats]:

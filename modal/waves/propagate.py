@@ -238,8 +238,9 @@ def propagate(
     receivers = Receivers(
         network, pre_stress=pre_stress, particles=particles, direction=direction, mass_scaled=True
     )
-    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
-    start = receivers.source / np.sqrt(mass_diagonal(network))
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress).renumbered()
+    receivers.renumber(operator.order)
+    start = operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
     time, recorded, products, truncation = carried(
         operator, start, receivers, motion, duration, interval, tolerance
     )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
-from modal.formats.arrays import Floats
+from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
@@ -48,34 +49,53 @@ class Receivers:
                 f"{'normal' if direction == 'z' else 'tangential'} stiffness"
             )
         _, to_receiver, _ = wall_pattern(network, RECEIVER_WALL, pre_stress, self.axis)
-        self._near_walls = [(np.flatnonzero(row), row) for row in (to_source, to_receiver)]
-        self._near_walls = [(at, row[at]) for at, row in self._near_walls]
-        self._per_root_mass = None
+        self._near_source = np.flatnonzero(to_source)
+        self._to_source = to_source[self._near_source]
+        self.area = network.area
+        self._rows = self._observing(to_source, to_receiver)
+        self.count = self._rows.shape[0]
         if mass_scaled:
             scale = 1 / np.sqrt(mass_diagonal(network))
-            self._near_walls = [(at, row * scale[at]) for at, row in self._near_walls]
-            self._per_root_mass = scale[self.axis :: 6].copy()
-        self.area = network.area
-        self.count = 2 + len(self.chain) + len(self.layers.position)
-        self.count += network.n_particles if particles else 0
+            self._rows.data *= scale[self._rows.indices]
+
+    def _observing(self, *to_walls: Floats) -> sp.csr_matrix:
+        """Shape (count, 6n): what a motion is multiplied by; `to_walls` (6n,) are the first rows.
+
+        A product with it goes through the motion once, and always in the same order.
+        """
+        layer, size = self.layers.layer, self.layers.size
+        held, every = np.flatnonzero(layer >= 0), np.arange(len(layer))
+
+        def along(row: Ints, sphere: Ints, weight: Floats) -> sp.csr_matrix:
+            places = row, 6 * sphere + self.axis
+            return sp.csr_matrix((weight, places), (int(row.max()) + 1, 6 * len(layer)))
+
+        parts = [sp.csr_matrix(row) for row in to_walls]
+        parts.append(along(every[: len(self.chain)], self.chain, np.ones(len(self.chain))))
+        parts.append(along(layer[held], held, 1 / size[layer[held]]))
+        if self.particles:
+            parts.append(along(every, every, np.ones(len(every))))
+        return sp.vstack(parts, format="csr")
+
+    def renumber(self, order: Ints | None) -> None:
+        """From now on motions are of the particles `order` (n,), in this order; None: as before."""
+        if order is None:
+            return
+        number = np.empty_like(order)
+        number[order] = np.arange(len(order))
+        particle, component = np.divmod(self._rows.indices, 6)
+        self._rows.indices = 6 * number[particle] + component
+        self._rows.has_sorted_indices = False
+        self._rows.sort_indices()
 
     def source_force(self, u: Floats, displacement: float) -> float:
         """The force, N, that holds the source wall at `displacement`, m, in the motion u (6n,)."""
-        at, row = self._near_walls[0]
-        return self.source_stiffness * displacement - float(row @ u[at])
+        pull = float(self._to_source @ u[self._near_source])
+        return self.source_stiffness * displacement - pull
 
     def observe(self, u: Floats, out: Floats) -> None:
         """Write the row (count,) of the motion u (6n,), m and rad, into `out`."""
-        along = u[self.axis :: 6]
-        if self._per_root_mass is not None:
-            along = along * self._per_root_mass
-        for k, (at, row) in enumerate(self._near_walls):
-            out[k] = row @ u[at]
-        c = 2 + len(self.chain)
-        out[2:c] = along[self.chain]
-        nl = len(self.layers.position)
-        out[c : c + nl] = self.layers.means(along)
-        out[c + nl :] = along if self.particles else ()
+        out[:] = self._rows @ u
 
     def signals(
         self,

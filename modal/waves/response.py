@@ -151,7 +151,8 @@ def frequency_response(
         found = damped_rows(network, damping, own, frequency)
         return _response(own, frequency, found, resolution=0.0, products=0, damping=damping)
     receivers = Receivers(network, pre_stress=pre_stress, mass_scaled=True, direction=direction)
-    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress).renumbered()
+    receivers.renumber(operator.order)
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
     planned: dict[float, tuple[Floats, Complex]] = {}
@@ -177,7 +178,7 @@ def frequency_response(
         planned[top] = frequency, w
         return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
 
-    start = receivers.source / np.sqrt(mass_diagonal(network))
+    start = operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
     rows, top, products = moments_within_spectrum(operator, start, receivers, count_for)
     frequency, w = planned[top]
     rows[0] /= 2

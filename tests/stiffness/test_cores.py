@@ -128,6 +128,21 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
     assert (abs(found[rows] - same) <= 160 * np.finfo(float).eps * (abs(K) @ abs(x))[rows]).all()
 
 
+@pytest.mark.parametrize("pre_stress", PRE_STRESS)
+def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch):
+    """Every sum is made of the same terms in the same order; only their places in memory differ."""
+    monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
+    network = crystal()
+    foreign = renumbered(network, np.random.default_rng(3).permutation(network.n_particles))
+    operator = ContactOperator(foreign, mass_scaled=True, pre_stress=pre_stress)
+    inside = operator.renumbered()
+    assert inside.order is None or (np.sort(inside.order) == np.arange(network.n_particles)).all()
+    x, y = np.random.default_rng(4).standard_normal((2, 6 * network.n_particles))
+    assert np.array_equal(inside.outward(inside.inward(x)), x)
+    found = inside.outward(inside.combine(inside.inward(x), inside.inward(y), 1e-9, -2.0, 0.5))
+    assert np.array_equal(found, operator.combine(x, y, 1e-9, -2.0, 0.5))
+
+
 def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
     """`slabs_of` as for a packing of many spheres."""
     enough, loops.ENOUGH = loops.ENOUGH, 1

@@ -1,0 +1,66 @@
+"""The highest mode by Lanczos twice, against dense spectra."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.solvers.lanczos import TOLERANCE
+from modal.solvers.top_mode import top_mode
+from modal.stiffness.operator import ContactOperator
+
+MOST = 330
+
+
+def disordered() -> Network:
+    """A crystal whose highest mode stands apart."""
+    crystal = gallery.fcc(cells=(3, 3, 14))
+    factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
+    return replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
+
+
+def test_value_vector_and_products():
+    """The angle to the dense vector is below the residual over the gap to the next value."""
+    problem = Eigenproblem.of(disordered())
+    matrix = problem.scaled.toarray()
+    square, vector = eigh(matrix, subset_by_index=[problem.size - 2, problem.size - 1])
+    found = top_mode(problem.operator, MOST)
+    assert found.converged.all() and 10 < found.products <= 2 * MOST
+    assert found.square == pytest.approx(square[-1:], rel=1e-12)
+    v = found.vector[:, 0]
+    residual = np.linalg.norm(matrix @ v - found.square[0] * v)
+    assert residual < 2 * TOLERANCE * square[-1]
+    angle = np.linalg.norm(v - vector[:, 1] * (vector[:, 1] @ v))
+    assert angle <= 1.1 * residual / (square[1] - square[0])
+
+
+def test_long_after_orthogonality_is_lost(monkeypatch):
+    """300 steps where 60 would do: the copies that round-off brings back do no harm."""
+    problem = Eigenproblem.of(disordered())
+    exact = eigh(problem.scaled.toarray(), eigvals_only=True)[-1]
+    monkeypatch.setattr("modal.solvers.top_mode.LOOK", 300)
+    found = top_mode(problem.operator, MOST)
+    assert found.converged.all() and found.products == 600
+    assert found.square == pytest.approx([exact], rel=1e-12)
+    v = found.vector[:, 0]
+    residual = np.linalg.norm(problem.operator @ v - exact * v)
+    assert residual < 2 * TOLERANCE * exact
+
+
+def test_what_does_not_converge_has_no_vector():
+    """A column of FCC has a dense bunch at the top."""
+    operator = ContactOperator(gallery.fcc(cells=(1, 1, 200)), mass_scaled=True)
+    found = top_mode(operator, 20)
+    assert not found.converged.any() and not found.vector.any() and found.products == 20
+
+
+def test_no_stiffness_at_all():
+    crystal = gallery.fcc(cells=(2, 2, 4))
+    none = np.zeros(crystal.n_contacts)
+    network = replace(crystal, stiffness_normal=none, stiffness_tangential=none)
+    found = top_mode(ContactOperator(network, mass_scaled=True), MOST)
+    assert found.square[0] == 0
