@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
-from analysis.belonging import cases_of
+from analysis.belonging import cases_of, cases_of_files
 from analysis.case import Case, case_name
 from analysis.case_tables import tables
 from analysis.crystal import compare, comparison_table, stress_rows
@@ -22,10 +22,12 @@ from analysis.figures.preparation import ladder_pictures
 from analysis.figures.render import save
 from analysis.measures import Measures
 from analysis.packings.convergence import limits_table, read_rows, settings_table, twins_table
+from analysis.packings.coordination import table as coordination_table
 from analysis.packings.elastic import table as elastic_table
 from analysis.packings.samples import table
 from analysis.packings.state import measured
 from analysis.prepare import KINDS, prepare
+from analysis.quality import picture_of, quality_of, table_of
 from analysis.report import report as write_report
 from analysis.status import stale_files, status_table
 from analysis.study.whole import study
@@ -35,6 +37,7 @@ from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError, write_text
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing.network_file import read_network
+from modal.stiffness.damping import ContactDamping
 from modal.waves.signals import read_signals
 
 COMPARED = (
@@ -56,6 +59,8 @@ EXAMPLES = {
     "status": "status --products products",
     "study": "study --products products -o study",
     "elastic": "elastic mine.sample.h5",
+    "coordination": "coordination mine.sample.h5",
+    "quality": "quality mine.network.h5 mine.modes.h5 --damping 0.01 0.01 -o quality",
     "samples": "samples mine.sample.h5 rested.sample.h5",
     "packing": "packing rested.sample.h5",
     "convergence": "convergence products/convergence -o tables",
@@ -103,8 +108,20 @@ def _parser() -> argparse.ArgumentParser:
     whole.add_argument("--states", nargs="+", default=["results/samples"], metavar="DIR", help=text)
     text = "elastic moduli of packings, V_P and V_S by moduli, modes and the linear wave"
     elastic = commands.add_parser("elastic", help=text, description=text)
-    elastic.add_argument("packing", nargs="+", metavar="FILE", help="network or sample")
-    elastic.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
+    text = "moduli in units of the contacts' stiffness, beside coordination and indeterminacy"
+    coordination = commands.add_parser("coordination", help=text, description=text)
+    for sub in (elastic, coordination):
+        sub.add_argument("packing", nargs="+", metavar="FILE", help="network or sample")
+        sub.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
+    text = "quality factor over frequency of viscous contacts: table and figure"
+    quality = commands.add_parser("quality", help=text, description=text)
+    quality.add_argument("file", nargs="+", metavar="FILE", help="packings, and modes of them")
+    quality.add_argument("--damping", nargs=2, type=float, metavar=("N", "T"), required=True)
+    quality.add_argument(
+        "--near", nargs="+", type=float, default=[], metavar="HZ",
+        help="complex modes near these, of packings without a file of modes",
+    )  # fmt: skip
+    quality.add_argument("-o", "--output", required=True, metavar="STEM", help="*.md, *.png, *.csv")
     text = "table of compact samples: density, contacts, stresses, balance"
     samples = commands.add_parser("samples", help=text, description=text)
     samples.add_argument("sample", nargs="+", metavar="FILE", help="*.sample.h5")
@@ -255,6 +272,14 @@ def _agreement(arguments: argparse.Namespace) -> None:
         found[0].write_csv(Path(arguments.output).with_suffix(".csv"))
 
 
+def _quality(arguments: argparse.Namespace) -> None:
+    damping, output = ContactDamping(*arguments.damping), Path(arguments.output)
+    cases = cases_of_files(arguments.file)
+    found = {case.name: quality_of(case, damping, arguments.near) for case in cases}
+    _show(table_of(found).markdown(), f"{output}.md")
+    save(picture_of(found, damping), output)
+
+
 def _convergence(arguments: argparse.Namespace) -> None:
     rows, output = read_rows(arguments.folder, arguments.table), Path(arguments.output)
     output.mkdir(parents=True, exist_ok=True)
@@ -307,9 +332,12 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.command == "convergence":
             _convergence(arguments)
             return 0
-        if arguments.command == "elastic":
-            found = elastic_table(arguments.packing)
-            _show(found.markdown(), arguments.output)
+        if arguments.command in ("elastic", "coordination"):
+            of = elastic_table if arguments.command == "elastic" else coordination_table
+            _show(of(arguments.packing).markdown(), arguments.output)
+            return 0
+        if arguments.command == "quality":
+            _quality(arguments)
             return 0
         if arguments.command == "samples":
             _show(table(arguments.sample), arguments.output)

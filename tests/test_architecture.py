@@ -75,9 +75,19 @@ ANALYSIS_BELOW = {
         *("case", "case_tables", "comparable", "estimators", "figures", "measures", "packings"),
         *("page", "paper", "report", "rows", "status", "table"),
     },
+    "quality": {"case", "figures", "table"},
     "__main__": {
-        *("agreement", "belonging", "case", "case_tables", "crystal", "estimators", "figures"),
-        *("measures", "packings", "prepare", "report", "status", "study", "watch"),
+        *(
+            "quality",
+            "agreement",
+            "belonging",
+            "case",
+            "case_tables",
+            "crystal",
+            "estimators",
+            "figures",
+        ),
+        *("measures", "packings", "prepare", "quality", "report", "status", "study", "watch"),
     },
 }
 """Room or module of analysis: what of analysis it may import from, besides itself."""

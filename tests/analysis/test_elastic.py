@@ -8,6 +8,7 @@ from analysis.__main__ import main
 from analysis.estimators.shear_lattice import ShearLattice
 from analysis.estimators.structure_factor import standing_waves
 from analysis.packings.elastic import HEADER, row, standing_velocity, travelling_velocity
+from modal.elasticity.waves import isotropic_mean
 from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
 from modal.theory.fcc import FccLattice
@@ -50,3 +51,23 @@ def test_a_row_and_the_command(tmp_path, capsys, crystal):
     assert found["G / K"] == f"{G / K:.4g}"
     with pytest.raises(InputError, match="choose x, y or z"):
         standing_waves(crystal, np.array([1]), "w")
+
+
+def test_moduli_over_coordination_number_of_the_crystal(tmp_path, capsys):
+    """Closed form: twelve contacts, 18 forces less 6 balances a sphere; sqrt(2) spheres a D^3."""
+    cell, path = modal.fcc(cells=(2, 2, 4), periodic_z=True), tmp_path / "cell.network.h5"
+    write_network(path, cell)
+    assert main(["coordination", str(path)]) == 0
+    head, _, cells = capsys.readouterr().out.splitlines()
+    found = dict(zip(head.strip("| ").split(" | "), cells.strip("| ").split(" | "), strict=True))
+    numbers = {name: float(value) for name, value in found.items() if name not in ("packing",)}
+    assert numbers["Z of force-bearing"] == 12
+    # Spheres overlap by 4e-4 of the diameter here: the lattice is that much closer, in each length.
+    assert numbers["indeterminacy h D^3"] == pytest.approx(12 * np.sqrt(2), rel=2e-3)
+    K, G = isotropic_mean(CRYSTAL.stiffness)
+    scale = 2 * CRYSTAL.radius / CRYSTAL.kn
+    assert numbers["K D / k"] == pytest.approx(K * scale, rel=1e-3)
+    assert numbers["G D / k"] == pytest.approx(G * scale, rel=1e-3)
+    # Every sphere is a centre of symmetry: none leaves the mean strain, Voigt's bound is reached.
+    assert numbers["K over affine"] == pytest.approx(1, abs=1e-3)
+    assert numbers["G over affine"] == pytest.approx(1, abs=1e-3)
