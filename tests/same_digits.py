@@ -208,11 +208,13 @@ def chi_z_bound(
 
 
 def allowed_chi_z(files: list[Path], checkout: Path, of_chain: bool) -> float:
-    """How far chi_z may differ between two files of modes of the sample, by their residuals.
+    """How far chi_z may differ between two files of modes, by the residuals of both.
 
     Over all particles, or over those of the chain.
     """
-    network = modal.read(checkout / SAMPLE)
+    crystal = files[0].with_name("case02.network.h5")
+    of_crystal = files[0].name.startswith("case02.")
+    network = modal.read(crystal if of_crystal else checkout / SAMPLE)
     spectrum = np.append(0.0, modal.eigenmodes(network, all=True).frequency)
     where = wall_to_wall_chain(network) if of_chain else slice(None)
     bounds = []
