@@ -182,13 +182,13 @@ class Case:
         """Why its state does not count as settled; empty where it does."""
         return why_unsettled(self.network, np.nan if self.is_crystal else self.stated_stress)
 
-    def _modes(self, kind: str) -> ModeSet | None:
-        return read_modes(self.product(kind)) if self.has(kind) else None
+    def _modes(self, kind: str, *, shapes: bool = False) -> ModeSet | None:
+        return read_modes(self.product(kind), shapes=shapes) if self.has(kind) else None
 
     @cached_property
     def modes(self) -> ModeSet | None:
-        """Modes with rotations."""
-        return self._modes("modes")
+        """Modes with rotations; of a random packing with their shapes, which hold the waves."""
+        return self._modes("modes", shapes=not self.is_crystal)
 
     @cached_property
     def translations(self) -> ModeSet | None:
@@ -203,7 +203,7 @@ class Case:
     @cached_property
     def highest(self) -> ModeSet | None:
         """The highest modes, from which a run's time step was taken."""
-        return self._modes("highest.modes")
+        return self._modes("highest.modes", shapes=True)
 
     @cached_property
     def signals(self) -> Signals | None:

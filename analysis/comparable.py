@@ -13,6 +13,9 @@ UNITS = {
     "v_p_first_peaks": "m_per_s",
     **{f"f_low_pass_{percent}": "khz" for percent in PERCENT.values()},
     **{f"lambda_{percent}": "over_d" for percent in PERCENT.values()},
+    "f_low_pass_2_own": "khz",
+    "f_low_pass_2_layers": "khz",
+    "lambda_2_own": "over_d",
 }
 """Quantities that a case has of its record, be it YADE's or the linear wave, and their units."""
 

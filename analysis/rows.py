@@ -22,6 +22,8 @@ from modal.modes.mode_set import ModeSet
 
 PERCENT = {0.02: "2", 0.01: "1", 0.03: "3"}
 """Thresholds of the tables, and how their columns call them."""
+MAPS = {"": ("chain", "map"), "own_": ("chain", "own"), "layers_": ("layers", "map")}
+"""Rules of f_low-pass by their part of a column's name: whose motion, relative to which maximum."""
 NOTHING = Estimate(np.nan)
 
 
@@ -31,9 +33,9 @@ class Row:
 
     `stress` Pa and `mu_comp` of the compression; `record` is `yade`, or `linear` where no run is
     there; `values` by their column in table1.csv, with the error of the estimator and of the choice
-    of the chain; `samples` their scatter over packings of other seeds; `flat` says of thresholds
-    whether they stand on a plateau; `curves` are arrays by name; `absent` says which products are
-    not there.
+    of the chain; `samples` their scatter over packings of other seeds, `packings` how many these
+    are with its own; `flat` says of thresholds whether they stand on a plateau; `curves` are arrays
+    by name; `absent` says which products are not there.
     """
 
     number: int | None
@@ -46,6 +48,7 @@ class Row:
     unsettled: str
     values: dict[str, Estimate] = field(default_factory=dict)
     samples: dict[str, float] = field(default_factory=dict)
+    packings: int = 1
     flat: dict[str, bool] = field(default_factory=dict)
     curves: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
@@ -118,6 +121,8 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "v_p_emt_contacts_m_per_s": lambda m: m.effective[0],
     "v_p_emt_means_m_per_s": lambda m: m.effective[1],
     "f_max_khz": lambda m: natural_frequency(m.f_max, m.case.highest, m.case.modes),
+    "f_max_spheres": lambda m: m.highest_seat[0],
+    "f_max_contacts": lambda m: m.highest_seat[1],
     "f_1_khz": lambda m: _resonance(m, 1),
     "band_edge_linear_khz": lambda m: m.band_edge / 1e3,
     "band_edge_yade_khz": lambda m: m.yade_band_edge / 1e3,
@@ -138,6 +143,9 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "free_path_at_f_low_pass_over_d": lambda m: m.free_path,
     "ridge_width_power": lambda m: _width_power(m),
     "ioffe_regel_khz": lambda m: np.nan if m.scattering is None else m.scattering.limit / 1e3,
+    "excess_at_a_tenth": lambda m: m.excess.at_a_tenth,
+    "excess_peak": lambda m: m.excess.peak,
+    "excess_peak_khz": lambda m: m.excess.peak_frequency / 1e3,
     "energy_drift": lambda m: m.of_balance("drift"),
     "energy_to_friction": lambda m: m.of_balance("friction"),
     "energy_gap": lambda m: m.of_balance("gap"),
@@ -252,28 +260,16 @@ def _low_pass(m: Measures, row: Row) -> None:
     band = m.passband
     row.values["record_passages"] = Estimate(band.common)
     scatter = dict(zip(THRESHOLDS, band.chain_scatter, strict=True))
-    for producer, record, edges in (
-        ("yade", m.case.signals, band.of_yade),
-        ("linear", m.case.wave, band.low_pass),
-    ):
-        of_threshold = dict(zip(THRESHOLDS, edges, strict=True))
-        for threshold, percent in PERCENT.items():
-            edge = of_threshold[threshold]
-            error = _error(edge, scatter[threshold])
-            row.values[f"f_low_pass_{percent}_{producer}_khz"] = Estimate(
-                edge.value / 1e3, error / 1e3
-            )
-            row.flat[f"{percent}_{producer}"] = edge.flat
-            row.values[f"lambda_{percent}_{producer}_over_d"] = _wavelength(
-                m, record, edge.value, error
-            )
-    record = m.case.record
-    for whose, reference in (("chain", "own"), ("layers", "map")):
-        name = "own" if reference == "own" else "layers"
-        edge = band.edges(record, whose, reference, band.common)[0]
-        row.values[f"f_low_pass_2_{name}_khz"] = Estimate(edge.value / 1e3, edge.error / 1e3)
-        row.flat[f"2_{name}"] = edge.flat
-        row.values[f"lambda_2_{name}_over_d"] = _wavelength(m, record, edge.value, edge.error)
+    for producer, record in (("yade", m.case.signals), ("linear", m.case.wave)):
+        for rule, (whose, reference) in MAPS.items():
+            edges = band.edges(record, whose, reference, band.common)
+            of_threshold = dict(zip(THRESHOLDS, edges, strict=True))
+            for threshold, percent in PERCENT.items():
+                edge, name = of_threshold[threshold], f"{percent}_{rule}{producer}"
+                error = edge.error if rule else _error(edge, scatter[threshold])
+                row.values[f"f_low_pass_{name}_khz"] = Estimate(edge.value / 1e3, error / 1e3)
+                row.flat[name] = edge.flat
+                row.values[f"lambda_{name}_over_d"] = _wavelength(m, record, edge.value, error)
 
 
 def _error(edge: Edge, scatter: float) -> float:
@@ -299,9 +295,8 @@ def _curves(m: Measures, row: Row) -> None:
     row.curves["first"] = (np.array([m.first_resonance]),)
     row.curves["resonances"] = m.resonances
     if m.scattering is not None:
-        row.curves["ridge"] = m.scattering.of_waves()
+        frequency, width, path = m.scattering.of_waves()
+        passed = m.case.diameter / m.long_wave.value
+        row.curves["ridge"] = (frequency * passed, width / frequency, path)
     if m.case.density is not None:
-        f, density, below = m.case.density
-        every = slice(None, None, max(1, len(f) // 400))
-        share = 6 * m.case.network.n_particles
-        row.curves["density"] = (f[every], density[every] / share, below[every] / share)
+        row.curves["excess"] = (m.excess.frequency, m.excess.reduced)

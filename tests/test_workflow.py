@@ -17,6 +17,7 @@ from types import ModuleType
 import pytest
 
 pytest.importorskip("snakemake")
+yaml = pytest.importorskip("yaml")
 ROOT = Path(__file__).resolve().parents[1]
 LEFT_BEHIND = (".git", ".venv", ".snakemake", "products", "__pycache__", "*.egg-info")
 ALL, SOME = list(range(1, 33)), [3, 11, 12, 16]
@@ -90,6 +91,20 @@ def test_moduli_and_shear_waves_are_made_on_request(study):
     assert jobs["further_wave"] == 1 and "shear_wave" not in jobs
 
 
+def test_a_case_may_have_a_band_of_its_own(study):
+    """Case 6: all modes to 20 kHz; case 7: the band of all; an empty one is refused."""
+    config = yaml.safe_load((study / "workflow/study.yaml").read_text())
+    sys.path.insert(0, str(study / "workflow"))
+    try:
+        of = module("study").Study
+    finally:
+        sys.path.pop(0)
+    assert of(config).band("case06") == (0, 20000)
+    assert of(config).band("case07") == tuple(config["band"])
+    with pytest.raises(ValueError, match="case07: band 3 to 2 Hz is empty"):
+        of(config | {"bands": {"case07": [3, 2]}}).band("case07")
+
+
 def test_a_committed_sample_spares_the_walk_unless_told_otherwise(study):
     assert not {"states", "sample"} & planned(study, cases=[30]).keys()
     jobs = planned(study, cases=[30], from_scratch=True)
@@ -118,6 +133,7 @@ def test_the_whole_study_walks_once_for_each_friction(study):
     assert (jobs["crystal"], jobs["network"], jobs["yade_wave"]) == (4, 28, 32)
     assert jobs["further_wave"] == 2  # of 100 kHz, where the crystal's own pulse is of 200 kHz
     assert (jobs["states"], jobs["committed_sample"], jobs["sample"]) == (5, 8, 20)
+    assert jobs["band_modes"] == 2  # chi_z of a dense and a loose packing
     jobs = planned(study, cases=ALL, stage="study", from_scratch=True)
     assert jobs["states"] + jobs["frictionless_states"] == 7
     assert jobs["sample"] == 28 and "committed_sample" not in jobs

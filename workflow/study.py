@@ -150,6 +150,19 @@ class Study:
         found["WAVE_AMPLITUDE"] = found["WAVE_AMPLITUDE"] or str(self.config["amplitude"])
         return " ".join(f"{name}={quote(value)}" for name, value in found.items() if value)
 
+    def band(self, case: str) -> tuple[float, float]:
+        """Hz between which the modes of a case's band lie."""
+        low, high = self.config["bands"].get(case, self.config["band"])
+        if not low < high:
+            raise ValueError(f"{case}: band {low:g} to {high:g} Hz is empty; give low, high")
+        return low, high
+
+    def bands(self) -> list[str]:
+        """Modes of a band, of the cases whose band the study shows."""
+        return [
+            self.product(case, "band.modes") for case in self.cases if case in self.config["bands"]
+        ]
+
     def duration(self, case: str) -> float:
         """Seconds in which a wave goes from wall to wall, and somewhat more."""
         stress = float(self.rows[case]["stress"])

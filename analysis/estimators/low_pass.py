@@ -160,6 +160,7 @@ class Passband:
         self.highest = REACH[crystal] * velocity / self.diameter
         self.stretch = STRETCH[crystal]
         self._bearing = force_bearing(network)
+        self._maps: dict[tuple, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def end(self, record: Signals, passages: float = PASSAGES) -> float:
         """Where a record ends for the rule, s: at so many passages, or as long as it is."""
@@ -177,6 +178,14 @@ class Passband:
         fade: float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distance (nc,) m, frequency (nf,) Hz and amplitude (nf, nc) of a record cut short."""
+        key = id(record), whose, passages, fade
+        if key not in self._maps:
+            self._maps[key] = self._map(record, whose, passages, fade)
+        return self._maps[key]
+
+    def _map(
+        self, record: Signals, whose: str, passages: float, fade: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         kept = record.time <= self.end(record, passages) * (1 + 1e-9)
         z, u = record.chain_position, record.chain_displacement
         if whose == "chain":

@@ -45,16 +45,20 @@ def gain_orders(rows: list[Row]) -> Picture:
     return Picture([left, right], columns=2, shape=(12, 4.4))
 
 
+STRESS_LINES = {1e4: "-.", 1e5: "-", 1e6: "--", 1e7: ":"}
+
+
 def scattering(rows: list[Row]) -> Picture:
     """Beyond the paper: width of the ridge, mean free path, and the Ioffe-Regel limit.
 
-    Curves end at the limit: beyond it the ridge's width is that of no wave.
+    Frequencies are in units of V_P / D, in which the stresses of a friction can be held against
+    each other. Curves end at the limit: beyond it the ridge's width is that of no wave.
     """
     members = [row for row in rows if "ridge" in row.curves]
     if not members:
         raise InputError("no case has a structure factor; run python -m analysis prepare CASE")
-    width = Panel("frequency (kHz)", "full width of the ridge (kHz)", "(a)")
-    path = Panel("frequency (kHz)", "mean free path / D", "(b)")
+    width = Panel("frequency, $f D / V_P$", "full width of the ridge over $f$", "(a)")
+    path = Panel("frequency, $f D / V_P$", "mean free path / D", "(b)")
     for panel in (width, path):
         panel.xscale = panel.yscale = "log"
     limit = Panel("void ratio", "frequency (kHz)", "(c)", yscale="log")
@@ -65,18 +69,20 @@ def scattering(rows: list[Row]) -> Picture:
         for k, row in enumerate(group):
             f, w, free = row.curves["ridge"]
             look = {"color": style["color"], "marker": style["marker"], "ms": 3, "lw": 0.7}
-            width.line(f / 1e3, w / 1e3, "", mfc="none", **look)
-            path.line(f / 1e3, free, name if k == 0 else "", mfc="none", **look)
+            look["ls"] = STRESS_LINES.get(float(f"{row.stress:.2g}"), "-")
+            width.line(f, w, "", mfc="none", **look)
+            path.line(f, free, name if k == 0 else "", mfc="none", **look)
         e = column(group, "void_ratio")
         limit.line(e, column(group, "ioffe_regel_khz"), "", **style)
         two = column(group, "f_low_pass_2_linear_khz")
         limit.line(e, two, "", **style | {"mfc": style["color"], "alpha": 0.5})
         stress = np.array([row.stress for row in group]) / 1e3
         ratio.line(stress, column(group, "ioffe_regel_khz") / two, "", **style)
-    seen = np.concatenate([row.curves["ridge"][0] for row in members])
-    if len(seen):
-        f = np.array([seen.min(), seen.max()]) / 1e3
-        width.line(f, f / np.pi, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k", ls="--")
+    text = r"$l = \lambda / 2$ (Ioffe-Regel)"
+    width.add("hline", [0], [1 / np.pi], None, text, color="k", lw=0.8)
+    for level, ls in STRESS_LINES.items():
+        if any(abs(row.stress / level - 1) < 0.1 for row in members):
+            width.line([np.nan], [np.nan], f"{level / 1e3:g} kPa", color="k", ls=ls, lw=0.9)
     for fill, text in (("none", "Ioffe-Regel"), ("0.6", "$f_{low-pass}$ 2 %, linear wave")):
         limit.line([np.nan], [np.nan], text, marker="o", ls="none", color="k", mfc=fill)
     return Picture([width, path, limit, ratio], columns=2, shape=(12, 7))
@@ -84,30 +90,35 @@ def scattering(rows: list[Row]) -> Picture:
 
 def density_excess(rows: list[Row]) -> Picture:
     """Beyond the paper: density of states over f^2, and its size against coordination number."""
-    members = [row for row in rows if "density" in row.curves]
+    members = [row for row in rows if "excess" in row.curves]
     if not members:
         raise InputError("no case has a density of states; run python -m analysis prepare CASE")
     left = Panel("$f / f_{max}$", "$D f_{max}^3 / f^2$", "(a)", xscale="log", yscale="log")
     left.ylim = (0.1, 2e3)
-    right = Panel("coordination number", "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", "(b)")
-    right.yscale, right.legend = "log", "outside"
+    height = Panel("", "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", "(b)", yscale="log")
+    place = Panel("", "frequency of its maximum over $f_{max}$", "(c)", legend="outside")
+    common = _common_stress(members)
+    left.title += f" {common / 1e3:g} kPa"
     for name, group, style in styles(members):
-        z, height = [], []
         for row in group:
-            f, density, _ = row.curves["density"]
-            top = 1e3 * row.value("f_max_khz")
-            keep = (f > FIRST_LINES) & (f < top)
-            reduced = density[keep] * top**3 / f[keep] ** 2
-            left.line(f[keep] / top, reduced, color=style["color"], lw=0.9)
-            z.append(row.value("coordination_number_bearing"))
-            height.append(float(np.interp(0.1, f[keep] / top, reduced)))
-        right.line(z, height, name, **style)
-    right.xlabel = "coordination number of force-bearing spheres"
-    return Picture([left, right], columns=2, shape=(12, 4.4))
+            f, reduced = row.curves["excess"]
+            if row.stress == common:
+                every = np.unique(np.geomspace(1, len(f), 60).astype(int)) - 1
+                look = {"color": style["color"], "lw": 0.9, "ms": 4, "mfc": "none"}
+                look |= {"marker": style["marker"], "markevery": 6}
+                left.line(f[every], reduced[every], "", **look)
+        z = column(group, "coordination_number_bearing")
+        height.line(z, column(group, "excess_at_a_tenth"), "", **style)
+        peak = column(group, "excess_peak_khz") / column(group, "f_max_khz")
+        place.line(z, peak, name, **style)
+    height.xlabel = place.xlabel = "contacts a force-bearing sphere"
+    return Picture([left, height, place], columns=3, shape=(15, 4.2))
 
 
-FIRST_LINES = 5e3
-"""Hz below which modes of zero frequency are seen, whose line is 2 kHz wide."""
+def _common_stress(rows: list[Row]) -> float:
+    """The stress, Pa, under which most of the cases are; of several the lowest."""
+    stresses = sorted({row.stress for row in rows})
+    return max(stresses, key=lambda stress: sum(row.stress == stress for row in rows))
 
 
 def low_pass_rules(rows: list[Row]) -> Picture:
@@ -118,12 +129,12 @@ def low_pass_rules(rows: list[Row]) -> Picture:
     for name, text, marker in (
         ("f_low_pass_1_khz", "1 %", "^"),
         ("f_low_pass_3_khz", "3 %", "v"),
-        ("f_low_pass_2_own_khz", "2 % of each particle's maximum", "x"),
-        ("f_low_pass_2_layers_khz", "2 % of the map of layer means", "_"),
+        ("f_low_pass_2_own_{}_khz", "2 % of each particle's maximum", "x"),
+        ("f_low_pass_2_layers_{}_khz", "2 % of the map of layer means", "_"),
         ("f_low_pass_2_linear_khz", "2 %, linear wave", "o"),
         ("ioffe_regel_khz", "Ioffe-Regel", "*"),
     ):
-        y = column(rows, name) / base
+        y = np.array([row.value(name.format(row.record)) for row in rows]) / base
         if np.isfinite(y).any():
             style = {"marker": marker, "ls": "none", "mfc": "none", "ms": 6}
             colour = "k" if marker in "ov^" else "#c05000"

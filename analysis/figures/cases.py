@@ -147,7 +147,7 @@ def wavelength_cases(rows: list[Row]) -> Picture:
             if percent == "2":
                 text = "of each particle's maximum"
                 text = "" if any(s.label == text for s in panel.series) else text
-                own = column(members, "lambda_2_own_over_d")
+                own = column(members, of_one_producer(members, "lambda_2_own")[0])
                 panel.line(e, own, text, marker=".", ls="none", color="0.55", ms=4)
         limits = next(r for r in RANGES if r.id == key)
         span = [0.5, 0.75]
@@ -170,6 +170,7 @@ def gain_cases(rows: list[Row]) -> Picture:
         if not members:
             continue
         panel = Panel("frequency over $f_1$", "gain factor", f"{letter} {what}", yscale="log")
+        panel.ylim = (1e-6, 10)
         for row, (colour, ls) in zip(
             members, (("k", "-"), ("#0060a8", "--"), ("#c05000", ":")), strict=False
         ):

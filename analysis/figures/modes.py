@@ -24,7 +24,7 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
     for m in cases:
         case, dof = m.case, 6 * m.case.network.n_particles
         left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
-        right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)", legend="upper right")
+        right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)")
         right.ylim = (0, TOP)
         if case.is_crystal and case.modes is not None and len(case.modes.frequency) == dof:
             _spectrum(left, right, case.modes.frequency, case.label, color="k", lw=0.9)
@@ -39,7 +39,7 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
             # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
             share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
             left.line(share, height, case.label, **look)
-            right.line(f / 1e3, 1e3 * density / dof, case.label, **look)
+            right.line(f / 1e3, 1e3 * density / dof, **look)
         else:
             continue
         top = stated("f_max", case.paper_case)
@@ -60,33 +60,26 @@ def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **lo
     left.line((every + 1) / len(f), f[every], label, **look)
     share, edges = np.histogram(f, np.linspace(0, 1.02 * f[-1], BINS))
     share = share / (len(f) * np.diff(edges))
-    right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), label, **look)
+    right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), **look)
 
 
 def chi_z(cases: list[Measures]) -> Picture:
     """Fig. 9: chi_z (Eq. 2) of the modes in the files; all particles, the chain, and the paper's.
 
-    Where no mode was computed the panel is shaded.
+    Where no mode of a random packing was computed, up to 20 kHz, the panel is shaded.
     """
     panels = []
     for m in _with_modes(cases):
         panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.5))
         panel.legend, panel.legend_columns = "upper center", 2
-        sets = [modes for modes in (m.case.modes, m.case.band) if modes is not None]
-        sets = [modes for modes in sets if len(modes.frequency)]
-        for modes in sets:
-            first = modes is sets[0]
+        for k, (frequency, every, along) in enumerate(m.moved):
             for values, text, style in (
-                (modes.chi_z, "all particles", {"color": "0.55", "marker": ".", "ms": 3}),
-                (modes.chi_z_chain, "chain", {"color": "#c05000", "marker": "x", "ms": 3}),
+                (every, "all particles", {"color": "0.45", "marker": ".", "ms": 3}),
+                (along, "chain", {"color": "#c05000", "marker": "x", "ms": 3}),
             ):
-                f, chi = _distinct(modes.frequency / 1e3, values)
-                panel.line(f, chi, text if first else "", ls="none", mew=0.6, **style)
-        if len(sets) > 1:
-            ends = sorted((s.frequency.min() / 1e3, s.frequency.max() / 1e3) for s in sets)
-            gap = [ends[0][1], ends[1][0]]
-            if gap[1] > gap[0]:
-                panel.add("band", gap, [0, 0], [1, 1], "not computed", color="0.9")
+                f, chi = _distinct(frequency / 1e3, values)
+                panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
+        _not_computed(panel, m)
         f_r = m.standing.frequency if m.standing else m.case.modes.resonance_frequency
         if f_r is not None and len(f_r):
             style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
@@ -96,6 +89,23 @@ def chi_z(cases: list[Measures]) -> Picture:
             panel.line([15, 20], [0.33, 0.33], "paper: 0.33 above 15 kHz", color="k", ls=":")
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
+
+
+TO = 2e4
+"""Hz up to which the paper shows chi_z of a random packing."""
+
+
+def _not_computed(panel: Panel, m: Measures) -> None:
+    """Shade frequencies of a random packing, up to `TO`, between and beyond the lists of modes."""
+    if m.case.is_crystal:
+        return
+    ends = [(float(f[0]), float(f[-1])) for f, _, _ in m.moved]
+    above = [first for first, _ in ends[1:]] + [TO]
+    text = "not computed"
+    for (_, last), first in zip(ends, above, strict=True):
+        if first - last > 0.02 * TO:  # more than the distance of two modes
+            panel.add("band", [last / 1e3, first / 1e3], [0, 0], [1, 1], text, color="0.9")
+            text = ""
 
 
 def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

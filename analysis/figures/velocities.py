@@ -28,7 +28,8 @@ def velocity_frequency(cases: list[Measures]) -> Picture:
             f, phase, group, _ = walls
             keep = (f > 0.7 * m.low_frequency) & (f < top)
             panel.line(f[keep] / 1e3, phase[keep], "phase, walls", color="0.6")
-            panel.line(f[keep] / 1e3, group[keep], "group, walls", color="0.6", ls=":")
+            if case.is_crystal:  # of others the derivative is the scatter's, not the wave's
+                panel.line(f[keep] / 1e3, group[keep], "group, walls", color="0.6", ls=":")
         wave = m.coherent
         # At the lowest frequencies a derivative by differences is a ratio of small numbers.
         for values, text, first, ls in (

@@ -12,10 +12,16 @@ from typing import Any
 import numpy as np
 
 from analysis.case import Case
+from analysis.estimators import excess as density_over_waves
+from analysis.estimators.excess import Excess
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.transfer import Gain, network_gain
 from analysis.measures.eigenmodes import Eigenmodes
 from analysis.measures.shear_wave import ShearWave
+
+MISCOUNTED = 0.75
+"""Orders between a maximum and where it is expected, above which it is another's: 1/2 would be a
+resonance of two held walls, 1 the next maximum."""
 
 
 class Measures(Eigenmodes):
@@ -46,6 +52,14 @@ class Measures(Eigenmodes):
         return self.scattering.free_path(self.low_pass[0].value)
 
     @cached_property
+    def excess(self) -> Excess:
+        """Density of states over that of plane waves; empty without one."""
+        if self.case.density is None:
+            return density_over_waves.UNKNOWN
+        frequency, density, _ = self.case.density
+        return Excess.of(frequency, density, 6 * self.case.network.n_particles, self.f_max)
+
+    @cached_property
     def gain(self) -> Gain:
         """Gain factor from the response file, else of the springs at the same resolution."""
         found = self.case.response
@@ -64,12 +78,16 @@ class Measures(Eigenmodes):
 
         Each maximum is looked up among the measured resonances r f_1, which bend with dispersion:
         the first is the order r at which a standing wave has its frequency, by interpolation; the
-        second what is expected where the source wall is free of stress, 1/2, 3/2, ...
+        second what is expected where the source wall is free of stress, 1/2, 3/2, ... They end
+        where a maximum is missing or one too many, an order off, and they no longer count.
         """
         f = self.gain.maxima()
         if np.isfinite(self.low_pass[0].value):  # beyond it the walls hear no common wave
             f = f[f < self.low_pass[0].value]
-        return self._orders(f), np.arange(len(f)) + 0.5
+        orders, expected = self._orders(f), np.arange(len(f)) + 0.5
+        lost = np.flatnonzero(~(abs(orders - expected) < MISCOUNTED))
+        counted = slice(None, lost[0] if len(lost) else None)
+        return orders[counted], expected[counted]
 
     @cached_property
     def free_held(self) -> np.ndarray:

@@ -61,6 +61,11 @@ class BandEnd(LongWaves):
         return ridge(self.case.wave)
 
     @cached_property
+    def yade_ridge(self) -> Ridge | None:
+        """The same of the YADE run; None without one."""
+        return None if self.case.signals is None else ridge(self.case.signals)
+
+    @cached_property
     def edge_wavelength(self) -> tuple[float, float]:
         """Wavelength at a crystal's band edge / D, of linear wave and YADE run; NaN for others.
 
@@ -68,8 +73,7 @@ class BandEnd(LongWaves):
         """
         if not self.case.is_crystal:
             return np.nan, np.nan
-        run = self.case.signals
-        dem = np.nan if run is None else ridge(run).edge_wavelength
+        dem = np.nan if self.yade_ridge is None else self.yade_ridge.edge_wavelength
         return self.ridge.edge_wavelength / self.case.diameter, dem / self.case.diameter
 
     def wavelength_at(self, frequency: float, record: Signals | None = None) -> float:
@@ -80,7 +84,8 @@ class BandEnd(LongWaves):
         """
         record = record or self.case.wave
         if self.case.is_crystal:
-            return (self.ridge if record is self.case.wave else ridge(record)).wavelength(frequency)
+            own = self.yade_ridge if record is self.case.signals else self.ridge
+            return np.nan if own is None else own.wavelength(frequency)
         kappa = chain_wavenumber(
             record,
             frequency,

@@ -19,6 +19,10 @@ from analysis.measures.long_waves import LOW_ORDER
 from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing.rattlers import force_bearing
+from modal.packing.state import contacts_per_particle
+
+SAME = 1e-6
+"""Relative difference of two frequencies that are one mode's, of two searches."""
 
 
 class Eigenmodes(FirstPeaks):
@@ -94,13 +98,41 @@ class Eigenmodes(FirstPeaks):
             found = highest_modes(Eigenproblem.of(network), 1, certify=False)
         return float(found.frequency[-1])
 
+    @cached_property
+    def highest_seat(self) -> tuple[float, float]:
+        """How many spheres move in the highest mode (participation), contacts of the first.
+
+        NaN without its shape.
+        """
+        found = self.case.highest
+        if found is None or found.mode_shape is None:
+            return np.nan, np.nan
+        moved = (found.mode_shape[-1] ** 2)[:, :3].sum(axis=1)
+        contacts = contacts_per_particle(self.case.network)[int(np.argmax(moved))]
+        return float(moved.sum() ** 2 / (moved**2).sum()), float(contacts)
+
+    @cached_property
+    def moved(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Frequency (k,) Hz, chi_z of all particles and of the chain (k,), of each list of modes.
+
+        Lists are complete in their intervals: of a later one only what lies beyond the one before.
+        """
+        lists = [s for s in (self.case.modes, self.case.band) if s is not None and len(s.frequency)]
+        found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        end = -np.inf
+        for modes in sorted(lists, key=lambda s: float(s.frequency[0])):
+            new = modes.frequency > end * (1 + SAME)
+            if new.any():
+                found.append((modes.frequency[new], modes.chi_z[new], modes.chi_z_chain[new]))
+                end = float(modes.frequency[-1])
+        return found
+
     def largest_chi(self, low: float, high: float, chain: bool) -> tuple[float, str]:
         """Largest chi_z between two Hz, of the chain as in the paper or of all; of which modes."""
-        sets = [modes for modes in (self.case.modes, self.case.band) if modes is not None]
-        if not sets:
+        if not self.moved:
             return np.nan, ""
-        f = np.concatenate([modes.frequency for modes in sets])
-        chi = np.concatenate([modes.chi_z_chain if chain else modes.chi_z for modes in sets])
+        f, every, along = (np.concatenate(part) for part in zip(*self.moved, strict=True))
+        chi = along if chain else every
         inside = (f > low) & (f < high)
         if not inside.any():
             return np.nan, ""

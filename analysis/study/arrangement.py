@@ -100,8 +100,8 @@ def arrange(
         for panel in sources:
             panel.title = panel.ylabel
         picture = Picture(merged(sources), 2)
-        for panel in picture.panels:
-            panel.title = ""
+        for letter, panel in zip(ascii_lowercase, picture.panels, strict=False):
+            panel.title = f"({letter})"
         keep("fig02_source", picture, "Figure 2: motion of the source wall, and its spectrum")
     for name, draw, caption in OF_ROWS:
         try:

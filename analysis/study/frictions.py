@@ -48,8 +48,12 @@ class Powers:
         text = ", ".join(f"{p:.3f} ± {s:.1g} (e {e:.3f})" for p, s, e in each)
         slope, error = self.trend
         text += f"; e {'at 1 kPa' if self.of_1_kpa else 'at the lowest stress'}"
-        text += f"; slope over e {slope:+.2f} ± {error:.1g}: "
-        text += "grows with e" if self.grows else "does not grow with e"
+        text += f"; slope over e {slope:+.2f}"
+        if np.isfinite(error):
+            text += f" ± {error:.1g}: "
+            text += "grows with e" if self.grows else "does not grow with e beyond twice the error"
+        else:
+            text += ", of two frictions, without an error: whether it grows with e is not known"
         if not self.whole:
             text += f"; {len(self.e)} of {len(FRICTIONS)} frictions, not all over four stresses"
         return text

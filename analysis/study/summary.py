@@ -27,6 +27,7 @@ def summary(rows: list[Row], found: list[Answer], missing: list[int], failed: li
     if missing:
         lines.append(f"No packing of case {numbers_of(missing)}.")
     lines += _absent(rows)
+    lines.append(_samples(rows))
     unsettled = [row.name for row in rows if row.unsettled]
     if unsettled:
         lines.append(f"Not settled: {', '.join(unsettled)}.")
@@ -54,6 +55,17 @@ def _absent(rows: list[Row]) -> list[str]:
         if cases:
             found.append(f"Absent: {kind} of case {numbers_of(cases)}; {text}.")
     return found
+
+
+def _samples(rows: list[Row]) -> str:
+    """Of which cases the scatter of samples is known."""
+    several = [row for row in rows if row.packings > 1 and row.number is not None]
+    if not several:
+        return "One sample a case: no error of the sample is known."
+    cases = numbers_of(row.number for row in several if row.number is not None)
+    return (
+        f"Scatter of {max(r.packings for r in several)} samples: of case {cases}; others have one."
+    )
 
 
 def _books(runs: list[Row]) -> list[str]:

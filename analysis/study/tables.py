@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.case_tables import number
+from analysis.comparable import of_three_packings, spread_of_highest
+from analysis.measures.estimate import Estimate
 from analysis.rows import PERCENT, Row
 from analysis.table import Table
 from modal.waves.energy_balance import CLOSED
@@ -31,7 +33,7 @@ def table_1(rows: list[Row]) -> Table:
     plain = ["void_ratio", "coordination_number"]
     names = [*plain, *first, *(name for name in others if name not in plain)]
     scattered = [*plain, *first]
-    header = ["case", "name", "packing", "mu_comp", "stress_pa", "record", "settled"]
+    header = ["case", "name", "packing", "mu_comp", "stress_pa", "record", "settled", "packings"]
     for name in names:
         header += [name, f"{name}_error"]
         if name in scattered and seeds:
@@ -47,6 +49,7 @@ def table_1(rows: list[Row]) -> Table:
             f"{row.stress:g}",
             row.record,
             row.unsettled or "yes",
+            str(row.packings),
         ]
         for name in names:
             line += [_csv(row.value(name)), _csv(row.error(name), 3)]
@@ -83,18 +86,25 @@ SEEN: tuple[tuple[str, str], ...] = (
 
 
 def table_1_seen(rows: list[Row]) -> Table:
-    """Table 1 as the paper has it, values with their errors, missing plateaus marked."""
+    """Table 1 as the paper has it, values with their errors, missing plateaus marked.
+
+    Where a case has packings of other seeds, ± is their scatter if that is larger.
+    """
     lines = []
     for row in rows:
         line = [str(row.number or row.name), f"{row.mu_comp:g}", f"{row.stress / 1e3:g}"]
         for _, name in SEEN:
-            text = number(row.values.get(name, np.nan))
+            text = number(Estimate(row.value(name), row.spread(name)))
             percent = re.search(r"f_low_pass_(\d)", name)
             bare = percent and text and not row.flat.get(percent[1])
             line.append(f"{text} *" if bare else text)
-        lines.append([*line, row.record, "yes" if not row.unsettled else "no"])
-    header = ["case", "mu_comp", "stress, kPa", *(head for head, _ in SEEN), "record", "settled"]
-    title = "Table 1 (± of the estimator and of the choice of the chain; * on no plateau)"
+        many = str(row.packings) if row.packings > 1 else "one"
+        lines.append([*line, row.record, "yes" if not row.unsettled else "no", many])
+    header = ["case", "mu_comp", "stress, kPa", *(head for head, _ in SEEN)]
+    header += ["record", "settled", "samples"]
+    title = (
+        "Table 1 (± of estimator, chain and, of several samples, their scatter; * on no plateau)"
+    )
     return Table(title, header, lines)
 
 
@@ -161,6 +171,41 @@ def table_of_scattering(rows: list[Row]) -> Table:
         cells += [float(orders[k]) if len(orders) > k else np.nan for k in (0, 4)]
         lines.append([str(row.number or row.name), *(number(value, 3) for value in cells)])
     return Table("Scattering, and the order of the gain's maxima", header, lines)
+
+
+def table_of_highest(rows: list[Row]) -> Table:
+    """f_max of the crystal and of the packings at each stress, and how far they are apart."""
+    three, every = spread_of_highest(of_three_packings(rows)), spread_of_highest(rows)
+    frictions = sorted({row.mu_comp for row in rows if not row.crystal})
+    header = ["stress, kPa", "FCC, kHz", *(f"mu_comp {mu:g}" for mu in frictions)]
+    header += ["FCC, 0 and 0.4 apart, %", "all apart, %", "packings"]
+    lines = []
+    for stress in sorted({float(f"{row.stress:.3g}") for row in rows}):
+        members = [row for row in rows if float(f"{row.stress:.3g}") == stress]
+        top = {None if row.crystal else row.mu_comp: row.value("f_max_khz") for row in members}
+        line = [f"{stress / 1e3:g}"]
+        line += [_plain(top.get(mu, np.nan), ".2f") for mu in (None, *frictions)]
+        line += [_plain(apart.get(stress, np.nan), ".2f") for apart in (three, every)]
+        lines.append([*line, str(len(members))])
+    return Table("Highest natural frequency, and its spread at each stress", header, lines)
+
+
+def table_of_density(rows: list[Row]) -> Table:
+    """D(f) / f^2 of the density of states against the contacts that hold a sphere."""
+    header = [
+        "case", "stress, kPa", "contacts a force-bearing sphere",
+        "D f_max^3 / f^2 at a tenth of f_max", "largest", "at, kHz", "at, over f_max",
+    ]  # fmt: skip
+    lines = []
+    for row in rows:
+        if "excess" not in row.curves:
+            continue
+        at = row.value("excess_peak_khz")
+        cells = [row.stress / 1e3, row.value("coordination_number_bearing")]
+        cells += [row.value("excess_at_a_tenth"), row.value("excess_peak"), at]
+        cells.append(at / row.value("f_max_khz"))
+        lines.append([str(row.number or row.name), *(number(value, 3) for value in cells)])
+    return Table("Density of states over that of plane waves", header, lines)
 
 
 def table_of_choices(found: dict[str, list[list[str]]]) -> Table:

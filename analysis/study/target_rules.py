@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.comparable import of_one_producer, of_three_packings, spread_of_highest
-from analysis.paper import COORDINATION_AT_1_KPA, RANGES, STATED, STRESSES
-from analysis.rows import Row, law_of
+from analysis.paper import COORDINATION_AT_1_KPA, STATED, STRESSES
+from analysis.rows import Row, groups_of, law_of
 from analysis.study.frictions import powers
 
 CRYSTALS, RANDOM = range(1, 5), range(5, 33)
@@ -33,7 +33,8 @@ class Finding:
     off: str = ""
 
 
-def _absent(what: str) -> Finding:
+def absent(what: str) -> Finding:
+    """A number that no case gives, and what is not there."""
     return Finding(np.nan, np.nan, False, f"not measured: {what}")
 
 
@@ -69,7 +70,7 @@ def near(
 
     def find(rows: dict[int, Row]) -> Finding:
         if case not in rows or not np.isfinite(rows[case].value(name)):
-            return _absent(_missing(rows, [case], name))
+            return absent(missing(rows, [case], name))
         row = rows[case]
         value = row.value(name)
         off = value - wanted
@@ -92,7 +93,7 @@ def rounds(case: int, name: str, wanted: float, digits: int) -> Callable[[dict[i
 
     def find(rows: dict[int, Row]) -> Finding:
         if case not in rows or not np.isfinite(rows[case].value(name)):
-            return _absent(_missing(rows, [case], name))
+            return absent(missing(rows, [case], name))
         value = rows[case].value(name)
         met = round(value, digits) == wanted
         by = f"{100 * (value / wanted - 1):+.2f} %"
@@ -102,7 +103,7 @@ def rounds(case: int, name: str, wanted: float, digits: int) -> Callable[[dict[i
     return find
 
 
-def _missing(rows: dict[int, Row], cases: Iterable[int], name: str) -> str:
+def missing(rows: dict[int, Row], cases: Iterable[int], name: str) -> str:
     """What is not there for a number of these cases."""
     away = [n for n in cases if n not in rows]
     blank = [n for n in cases if n in rows and not np.isfinite(rows[n].value(name))]
@@ -130,7 +131,7 @@ def all_within(
         seen = {n: rows[n].value(name) for n in cases if n in rows}
         seen = {n: value for n, value in seen.items() if np.isfinite(value)}
         if not seen:
-            return _absent(_missing(rows, cases, name))
+            return absent(missing(rows, cases, name))
         if np.isfinite(middle):
             worst = max(seen, key=lambda n: abs(seen[n] - middle))
         else:
@@ -141,7 +142,7 @@ def all_within(
         if outside:
             why += f"; outside: case {numbers_of(outside)}"
         if len(seen) < len(cases):
-            why += "; " + _missing(rows, cases, name)
+            why += "; " + missing(rows, cases, name)
         met = not outside and len(seen) == len(cases)
         return Finding(seen[worst], rows[worst].spread(name), met, why)
 
@@ -154,7 +155,7 @@ def crystal_exponent(rows: dict[int, Row]) -> Finding:
     name, producer = of_one_producer(members, "v_p_first_peaks")
     law = law_of(members, "stress_pa", name)
     if len(members) < 2 or not np.isfinite(law.exponent):
-        return _absent(_missing(rows, CRYSTALS, name))
+        return absent(missing(rows, CRYSTALS, name))
     off = law.exponent - 1 / 6
     met = abs(off) <= 0.002 and len(members) == len(CRYSTALS)
     why = f"over case {numbers_of(row.number for row in members)}, first peaks, {producer}"
@@ -167,31 +168,11 @@ def random_exponents(rows: dict[int, Row]) -> Finding:
     name, producer = of_one_producer(random, "v_p_first_peaks")
     found = powers(random, "stress_pa", name)
     if found is None:
-        return _absent(_missing(rows, RANDOM, "v_p_first_peaks_m_per_s"))
+        return absent(missing(rows, RANDOM, "v_p_first_peaks_m_per_s"))
     least = int(np.argmin(found.power))
     met = bool(found.power[least] > 1 / 6) and found.grows and found.whole
     value, error = float(found.power[least]), float(found.error[least])
     return Finding(value, error, met, f"{producer}: b = {found}")
-
-
-def slopes(rows: dict[int, Row]) -> Finding:
-    """Slope of log f_low-pass over log V_P within each friction, all of them within 1.2 to 1.4."""
-    random = [row for n, row in rows.items() if n in RANDOM]
-    name, _ = of_one_producer(random, "v_p_first_peaks")
-    edge, producer = of_one_producer(random, "f_low_pass_2")
-    if "linear" in edge:
-        name = of_one_producer([], "v_p_first_peaks")[0]
-    found = powers(random, name, edge)
-    if found is None:
-        return _absent(_missing(rows, RANDOM, "f_low_pass_2_khz"))
-    inside = (found.power >= 1.2) & (found.power <= 1.4)
-    worst = int(np.argmax(abs(found.power - 1.3)))
-    why = f"{producer}: {inside.sum()} of {len(inside)} inside; slope = {found}"
-    bare = [row.number for row in random if not row.flat.get(f"2_{producer.lower()}", False)]
-    if bare:
-        why += f"; no plateau at 2 % in case {numbers_of(bare)}"
-    met = bool(inside.all()) and found.whole
-    return Finding(float(found.power[worst]), float(found.error[worst]), met, why)
 
 
 def highest_apart(rows: dict[int, Row]) -> Finding:
@@ -199,23 +180,44 @@ def highest_apart(rows: dict[int, Row]) -> Finding:
     cases = [first + k for k in range(len(STRESSES)) for first in (1, 5, 29)]
     found = spread_of_highest(of_three_packings(rows.values()))
     if not found:
-        return _absent(_missing(rows, cases, "f_max_khz"))
+        return absent(missing(rows, cases, "f_max_khz"))
     text = ", ".join(f"{value:.2f} at {stress / 1e3:g} kPa" for stress, value in found.items())
     worst = max(found.values())
     why = f"in %: {text}"
     if len(found) < len(STRESSES):
-        why += "; " + _missing(rows, cases, "f_max_khz")
+        why += "; " + missing(rows, cases, "f_max_khz")
     if worst >= 3:
-        why += "; the most crowded sphere of each sample decides f_max"
+        at = max(found, key=lambda stress: found[stress])
+        three = [row for row in of_three_packings(rows.values()) if abs(row.stress / at - 1) < 0.01]
+        each = (f"{row.group} {row.value('f_max_khz'):.2f}" for row in three)
+        why += f"; at {at / 1e3:g} kPa {', '.join(each)} kHz"
+        why += "; " + _who_moves([row for row in three if not row.crystal])
+        powers_ = [
+            f"{name} {law_of(m, 'stress_pa', 'f_max_khz').exponent:.4f}"
+            for name, m in groups_of(of_three_packings(rows.values())).items()
+        ]
+        why += "; powers over stress: " + ", ".join(powers_)
     every = spread_of_highest(rows.values())
     why += f"; of all packings at most {max(every.values()):.2f}"
     return Finding(worst, np.nan, worst < 3 and len(found) == len(STRESSES), why)
 
 
+def _who_moves(members: list[Row]) -> str:
+    """In which spheres the highest modes of packings are: what decides f_max."""
+    said = [
+        f"case {row.number}: {row.value('f_max_spheres'):.0f}, {row.value('f_max_contacts'):.0f}"
+        for row in members
+        if np.isfinite(row.value("f_max_spheres"))
+    ]
+    if not said:
+        return "the shapes of the highest modes are not there"
+    return "spheres that move in the highest mode, contacts of the first: " + ", ".join(said)
+
+
 def chi_high(rows: dict[int, Row]) -> Finding:
     """Largest chi_z of the chain above 15 kHz, of the modes at hand."""
     if 6 not in rows or not np.isfinite(rows[6].value("chi_z_above_15_khz")):
-        return _absent(_missing(rows, [6], "chi_z_above_15_khz"))
+        return absent(missing(rows, [6], "chi_z_above_15_khz"))
     value = rows[6].value("chi_z_above_15_khz")
     every = rows[6].value("chi_z_above_15_khz_all")
     seen = rows[6].texts.get("chi_z_above_15_khz", "")
@@ -228,65 +230,34 @@ def gain(rows: dict[int, Row]) -> Finding:
     cases = [2, 3, 4, 6, 7, 8]
     seen = {n: rows[n].value("gain_maximum") for n in cases if n in rows}
     if not seen:
-        return _absent(_missing(rows, cases, "gain_maximum"))
+        return absent(missing(rows, cases, "gain_maximum"))
     worst = min(seen, key=lambda n: seen[n])
     why = f"case {numbers_of(seen)}: {min(seen.values()):.3g} to {max(seen.values()):.3g}, at "
     why += f"{rows[worst].texts.get('gain_height', 'its resolution')}: the resolution decides it"
     if len(seen) < len(cases):
-        why += "; " + _missing(rows, cases, "gain_maximum")
+        why += "; " + missing(rows, cases, "gain_maximum")
     met = min(seen.values()) > 1 and len(seen) == len(cases)
     return Finding(seen[worst], np.nan, met, why)
 
 
-def dem_edge(rows: dict[int, Row]) -> Finding:
-    """The paper's rule within 1.5 %, and the unbiased estimate within 0.5 %, of one case."""
-    wanted = paper("threshold_2", 2)
-    if 2 not in rows or not np.isfinite(rows[2].value("f_low_pass_2_yade_khz")):
-        return _absent(_missing(rows, [2], "f_low_pass_2_yade_khz"))
-    row = rows[2]
-    ruled, edge = row.value("f_low_pass_2_yade_khz"), row.value("band_edge_yade_khz")
-    by_rule, by_edge = 100 * (ruled / wanted - 1), 100 * (edge / wanted - 1)
-    why = (
-        f"2 % rule at 5-15 % of the length, record of {row.value('record_passages'):.2f} passages: "
-        f"{by_rule:+.2f} %; unbiased {edge:.2f} kHz: {by_edge:+.2f} %"
-    )
-    met = abs(by_rule) <= 1.5 and abs(by_edge) <= 0.5
-    return Finding(ruled, row.spread("f_low_pass_2_yade_khz"), met, why, f"{by_rule:+.2f} %")
-
-
-def wavelengths(percent: str) -> Callable[[dict[int, Row]], Finding]:
-    """lambda_low-pass / D of the random cases by a threshold, with what else the paper may mean."""
-    limits = next(
-        r for r in RANGES if r.id == ("lambda_over_d" if percent == "2" else "lambda_over_d_1")
-    )
-    plain = all_within(RANDOM, f"lambda_{percent}_over_d", limits.low, limits.high)
-
-    def find(rows: dict[int, Row]) -> Finding:
-        found = plain(rows)
-        wave = [n for n in RANDOM if n in rows and rows[n].record == "linear"]
-        bare = [n for n in RANDOM if n in rows and not rows[n].flat.get(percent, False)]
-        why = found.why
-        why += f"; linear wave in case {numbers_of(wave)}" if wave else "; YADE"
-        if bare:
-            why += f"; no plateau at {percent} % in case {numbers_of(bare)}"
-        if percent == "2":
-            own = [rows[n].value("lambda_2_own_over_d") for n in RANDOM if n in rows]
-            own = [value for value in own if np.isfinite(value)]
-            if own:
-                why += f"; relative to each particle's maximum {min(own):.3g} to {max(own):.3g}"
-        return Finding(found.value, found.error, found.met and not bare, why)
-
-    return find
-
-
-def coordination(mu_comp: float, within: float, states: dict[float, Row]) -> Finding:
-    """Mean coordination number at 1 kPa, of the state of a friction."""
+def coordination(
+    mu_comp: float, within: float, states: dict[float, Row], rows: Iterable[Row] = ()
+) -> Finding:
+    """Mean coordination number at 1 kPa, of the state of a friction; `rows` are under more."""
     row = states.get(mu_comp)
     if row is None:
-        return _absent(f"no packing of friction {mu_comp:g} at 1 kPa")
+        return absent(f"no packing of friction {mu_comp:g} at 1 kPa")
     value = row.value("coordination_number")
     off = value - COORDINATION_AT_1_KPA[mu_comp]
-    met, why = abs(off) <= within and not row.unsettled, f"off by {off:+.3f}"
+    inside = abs(off) <= within
+    why = f"off by {off:+.3f}"
     if row.unsettled:
-        why += f"; state not settled: {row.unsettled}"
+        why += f", {'inside' if inside else 'outside'}, but the state has not settled: "
+        why += row.unsettled
+        above = [r for r in rows if not r.crystal and r.mu_comp == mu_comp and not r.unsettled]
+        if above:
+            low = min(above, key=lambda r: r.stress)
+            number = low.value("coordination_number")
+            why += f"; settled at {low.stress / 1e3:g} kPa: {number:.3f}"
+    met = inside and not row.unsettled
     return Finding(value, row.spread("coordination_number"), met, why, f"{off:+.3f}")

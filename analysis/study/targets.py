@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.rows import Row
+from analysis.study.low_pass_targets import dem_edge, slopes, wavelengths
 from analysis.study.target_rules import (
     CRYSTALS,
     RANDOM,
@@ -21,15 +22,12 @@ from analysis.study.target_rules import (
     chi_high,
     coordination,
     crystal_exponent,
-    dem_edge,
     gain,
     highest_apart,
     near,
     paper,
     random_exponents,
     rounds,
-    slopes,
-    wavelengths,
 )
 from analysis.table import Table
 
@@ -208,7 +206,7 @@ def answers(rows: Iterable[Row], states: dict[float, Row] | None = None) -> list
     found = [Answer(t.id, t.stated, t.rule, t.find(numbered)) for t in TARGETS]
     after = 1 + next(k for k, target in enumerate(TARGETS) if target.id == "rnd_e_30")
     for key, stated, friction, within in reversed(AT_1_KPA):
-        finding = coordination(friction, within, states or {})
+        finding = coordination(friction, within, states or {}, numbered.values())
         rule = "contacts a particle of the state at 1 kPa"
         found.insert(after, Answer(key, stated, rule, finding))
     return found

@@ -21,6 +21,7 @@ from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import first_peak_velocity
 from analysis.measures.long_waves import LOW_ORDER
 from analysis.rows import Row, groups_of, law_of
+from analysis.study.frictions import powers
 from analysis.table import Table
 from modal.packing.examples import fcc
 from modal.packing.state import contacts_per_particle, void_ratio
@@ -143,6 +144,8 @@ def table_of_laws(rows: list[Row], states: dict[float, Row]) -> Table:
         ("lambda_low-pass 2 %, linear wave", "lambda_2_linear_over_d"),
         ("Ioffe-Regel frequency", "ioffe_regel_khz"),
         ("f_max", "f_max_khz"),
+        ("D / f^2 at a tenth of f_max", "excess_at_a_tenth"),
+        ("frequency of the maximum of D / f^2", "excess_peak_khz"),
     ]
     for group, members in groups_of(rows).items():
         state = states.get(members[0].mu_comp)
@@ -160,8 +163,37 @@ def table_of_laws(rows: list[Row], states: dict[float, Row]) -> Table:
             group = f"random, {stress / 1e3:g} kPa"
             for text, name in quantities:
                 _line(lines, group, "", text, "void ratio", members, "void_ratio", name)
+            for text, name in quantities[-2:]:
+                bearing = "coordination_number_bearing"
+                _line(
+                    lines,
+                    group,
+                    "",
+                    text,
+                    "contacts a force-bearing sphere",
+                    members,
+                    bearing,
+                    name,
+                )
+    for text, name in quantities:
+        _trend(lines, random, f"{text}: power over stress", "stress_pa", name)
+    for producer in ("yade", "linear"):
+        x, y = f"v_p_first_peaks_{producer}_m_per_s", f"f_low_pass_2_{producer}_khz"
+        _trend(lines, random, f"f_low-pass 2 %, {producer}: power over V_P", x, y)
     header = ["group", "e at 1 kPa", "quantity", "power of", "exponent", "standard error", "cases"]
     return Table("Powers over stress, V_P and void ratio", header, lines)
+
+
+def _trend(lines: list[list[str]], random: list[Row], text: str, x: str, y: str) -> None:
+    """How the power of the frictions changes with the void ratio: a slope, no power."""
+    found = powers(random, x, y)
+    if found is not None and len(found.e) > 2:
+        slope, error = found.trend
+        over = f"e at {'1 kPa' if found.of_1_kpa else 'the lowest stress'} (slope)"
+        count = str(len(found.e))
+        lines.append(
+            ["random, each friction", "", text, over, f"{slope:.4f}", _text(error, ".2g"), count]
+        )
 
 
 def _line(

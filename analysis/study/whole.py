@@ -29,13 +29,16 @@ from analysis.rows import Row, row_of
 from analysis.status import names_in
 from analysis.study.arrangement import arrange, wanted
 from analysis.study.elasticity import add_elasticity, table_of_elasticity
+from analysis.study.statements import statements
 from analysis.study.summary import summary
 from analysis.study.tables import (
     table_1,
     table_1_seen,
     table_2_of,
     table_of_choices,
+    table_of_density,
     table_of_energy,
+    table_of_highest,
     table_of_scattering,
 )
 from analysis.study.targets import answers, targets, targets_seen
@@ -177,6 +180,7 @@ def study(
     at_1_kpa = states_at_1_kpa([folder, *(states or [])])
     for row in rows:
         row.samples = scatter_of_samples(row, others)
+        row.packings += sum(other.number == row.number for other in others)
         if not row.crystal and row.mu_comp in at_1_kpa:
             row.values["void_ratio_at_1_kpa"] = at_1_kpa[row.mu_comp].values["void_ratio"]
     output.mkdir(parents=True, exist_ok=True)
@@ -188,6 +192,9 @@ def study(
         "velocities": velocities(rows),
         "biases": table_of_biases(),
         "laws": table_of_laws(rows, at_1_kpa),
+        "statements": statements(rows),
+        "highest": table_of_highest(rows),
+        "density": table_of_density(rows),
         "energy": table_of_energy(rows),
         "scattering": table_of_scattering(rows),
         "elasticity": table_of_elasticity(rows),

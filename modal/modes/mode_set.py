@@ -179,14 +179,17 @@ def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None
                 put(file, name, data, units)
 
 
-def read_modes(path: str | Path) -> ModeSet:
-    """Read and validate modes; raises InputError with one line for anything wrong."""
+def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
+    """Read and validate modes; raises InputError with one line for anything wrong.
+
+    Without `shapes` the mode shapes, nearly all of a file, are left where they are.
+    """
     with open_h5(path, SCHEMA, VERSION) as file:
         required = ("frequency", "residual", "chi_z", "chi_z_chain", "rotation_share")
         columns = {
             name: get(file, name, "f", shape)
             for name, (shape, _) in _UNITS.items()
-            if name in required or name in file
+            if name in required or (name in file and (shapes or name != "mode_shape"))
         }
         reserved = ("schema", "schema_version")
         attributes = {key: value for key, value in file.attrs.items() if key not in reserved}
