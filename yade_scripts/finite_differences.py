@@ -19,9 +19,9 @@ from yade import O
 
 from modal.formats.hdf5 import InputError, atomic_h5, put
 from modal.packing.sample import read_sample
-from yade_scripts.differences import Scene
 from yade_scripts.scene import finish
 from yade_scripts.state import build_scene
+from yade_scripts.tangent import Tangent
 
 
 def main():
@@ -31,7 +31,7 @@ def main():
     sample = read_sample(sys.argv[1])
     n = len(sample.position)
     build_scene(sample, margin=0.01, damping=0.0)
-    row, column, value = Scene(range(n), sample.radius).matrix()
+    row, column, value = Tangent(range(n), sample.radius).matrix()
     with atomic_h5(sys.argv[2]) as file:
         put(file, "row", row, "1")
         put(file, "column", column, "1")

@@ -24,7 +24,7 @@ def in_yade(folder, script, *arguments):
 def test_stiffness_equals_finite_differences_of_yades_forces(tmp_path, yade):
     """Eleven spheres of two radii between facets; kn and ks as FrictPhys holds them.
 
-    The steps of `yade_scripts/differences.py` leave 2e-8 of K.
+    The steps of `yade_scripts/tangent.py` leave 2e-8 of K.
     """
     network, measured = tmp_path / "a.network.h5", tmp_path / "k.h5"
     status, said = in_yade(tmp_path, SCENE, ROOT, network, measured)

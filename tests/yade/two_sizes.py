@@ -29,9 +29,9 @@ from yade.wrapper import (
 )
 
 from modal.formats.hdf5 import atomic_h5, put
-from yade_scripts.differences import Scene
 from yade_scripts.export_scene import export_scene
 from yade_scripts.scene import finish
+from yade_scripts.tangent import Tangent
 
 O.materials.append(FrictMat(young=1e9, poisson=0.4, density=2500, frictionAngle=0.5))
 # Two facets cover the floor; bodies before the spheres, so that ids are not indices.
@@ -97,7 +97,7 @@ def main():
     export_scene(sys.argv[2])
     if sys.argv[4:]:
         return
-    row, column, value = Scene(spheres, small).matrix()
+    row, column, value = Tangent(spheres, small).matrix()
     with atomic_h5(sys.argv[3]) as file:
         put(file, "row", row, "1")
         put(file, "column", column, "1")

@@ -11,8 +11,11 @@ NO_SLIDING = 1e6
 """Coefficient of friction that no contact reaches."""
 
 
-class Scene:
-    """The present scene, every motion prescribed and sliding suppressed; `spheres` are ids."""
+class Tangent:
+    """Of the present scene, whose motions are all prescribed and whose sliding is suppressed.
+
+    `spheres`: ids of the bodies that are moved; `radius`, m, sets the size of a rotation.
+    """
 
     def __init__(self, spheres, radius):
         self.index = {body: k for k, body in enumerate(spheres)}
