@@ -81,7 +81,7 @@ def _found(options: argparse.Namespace) -> Found:
         return import_mercury(options.file, scales or SI)
     if first.startswith("ITEM:"):
         if _of_liggghts(options):
-            return import_liggghts(options.file, *dump, scales or SI, options.step)
+            return import_liggghts(options.file, *dump, scales, options.step)
         return import_lammps(options.file, *dump, scales, options.step)
     if ".csv" in options.file:
         return import_table(options.file, options.contacts, scales or SI)

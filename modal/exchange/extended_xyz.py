@@ -1,7 +1,8 @@
 """Extended XYZ, which OVITO reads: a line of names before the rows of each frame, 17 digits.
 
-`Lattice` and `Origin` are the cell, `pbc` its periods; columns as `Properties` names them. meshio
-does not know the format, and common writers of it round positions to 8 decimals.
+`Lattice` and `Origin` are the cell as OVITO's manual has them, `pbc` its periods; columns as
+`Properties` names them. meshio does not know the format, and common writers of it round positions
+to 8 decimals.
 """
 
 from __future__ import annotations
@@ -42,11 +43,22 @@ def write_frames(
 
 
 def _cell(network: Network) -> str:
-    size = np.where(network.cell_size > 0, network.cell_size, np.ptp(network.position, axis=0))
-    lattice = " ".join(repr(float(x)) for x in np.diag(size).ravel())
-    low = [0.0, 0.0, float(network.wall_position[0])]
+    """The cell: along z from wall to wall, across from 0, or where it holds all centres.
+
+    A network does not keep where its lateral period began in another program's file. Along an axis
+    without a size it is as wide as the spheres.
+    """
+    position, radius = network.position, network.radius[:, None]
+    low, high = (position - radius).min(axis=0), (position + radius).max(axis=0)
+    sized = network.cell_size > 0
+    size = np.where(sized, network.cell_size, high - low)
+    from_zero = (position.min(axis=0) >= 0) & (position.max(axis=0) <= size)
+    low = np.where(sized, np.where(from_zero, 0.0, position.min(axis=0)), low)
+    if sized[2]:
+        low[2] = network.wall_position[0]
+    lattice, origin = (" ".join(map(repr, of.ravel().tolist())) for of in (np.diag(size), low))
     pbc = " ".join("T" if axis else "F" for axis in network.cell_periodic)
-    return f'Lattice="{lattice}" Origin="{" ".join(map(repr, low))}" pbc="{pbc}"'
+    return f'Lattice="{lattice}" Origin="{origin}" pbc="{pbc}"'
 
 
 def read_frames(path: str | Path) -> list[tuple[float, dict[str, Floats]]]:

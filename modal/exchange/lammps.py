@@ -49,7 +49,7 @@ def import_lammps(
         )
     assumed = [] if log else ["units si"] * (units is None)
     frame = frame_of(atoms, "ATOMS", step)
-    units = units or _units(script.units, said)
+    units = units or units_of(script.units, said)
     law_of, planes = _laws_of(script, units, said)
     spheres = spheres_of(frame, units)
     cell = replace(cell_of(frame, units), walls=planes)
@@ -64,7 +64,8 @@ def import_lammps(
     return found
 
 
-def _units(name: str, said: str) -> Units:
+def units_of(name: str, said: str) -> Units:
+    """What a system of units of that name is in SI; InputError for lj, which has none."""
     if name not in UNITS:
         raise InputError(
             f"{said}: units {name} have no SI values here; give those of length, mass and time "

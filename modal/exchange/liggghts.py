@@ -1,9 +1,4 @@
-"""LIGGGHTS' packings: dump custom as of LAMMPS, contacts by `compute pair/gran/local`, its own law.
-
-`model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and 8 G* sqrt(R*
-overlap), the shear displacement kept. `model hooke` takes its stiffness from masses and a velocity
-that is typed in, and is refused.
-"""
+"""LIGGGHTS' packings: dump custom as of LAMMPS, contacts by `compute pair/gran/local`."""
 
 from __future__ import annotations
 
@@ -26,13 +21,12 @@ from modal.exchange.bodies import (
 from modal.exchange.dump import ROUNDED, frame_of
 from modal.exchange.dump_spheres import cell_of, index_of, once, spheres_of
 from modal.exchange.found import Found, network_of
-from modal.exchange.lammps_law import material_of
-from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ProgramLaw, Units
-from modal.exchange.rows import fault, read_lines
-from modal.formats.hdf5 import InputError
+from modal.exchange.lammps import units_of
+from modal.exchange.liggghts_script import TYPED_WALL, law_of_types, read_script, walls_of
+from modal.exchange.program_law import Units
+from modal.exchange.rows import fault
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
-PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 COLUMNS = {
     "pos": 6,
     "vel": 6,
@@ -48,10 +42,6 @@ COLUMNS = {
 """What `pair/gran/local` writes, in this order, and how many columns each takes."""
 UNASKED = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
 """Of these, what it writes when none is named."""
-EXAMPLE = (
-    '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '
-    'coefficientFriction 0.3"'
-)
 
 
 def import_liggghts(
@@ -60,33 +50,20 @@ def import_liggghts(
     log: str | Path | None,
     pair: str | None,
     wall: str | None,
-    units: Units,
+    units: Units | None,
     step: int | None,
 ) -> Found:
     """A packing of LIGGGHTS; arguments as on the command line."""
-    words = pair.split() if pair else []
-    properties = {name: _after(words, name, "--pair") for name in PROPERTIES if name in words}
-    computes, fixes = dict[str, list[str]](), list[list[str]]()
-    for line in read_lines(log) if log else ():
-        said = line.split("#")[0].split()
-        if not pair and said[:2] == ["pair_style", "gran"]:
-            words = said[1:]
-        if said[:1] == ["fix"] and said[3:4] == ["property/global"] and len(said) > 6:
-            first = 7 if said[5] == "peratomtypepair" else 6
-            properties.setdefault(said[4], [float(word) for word in said[first:]])
-        if said[:1] == ["compute"] and said[3:4] == ["pair/gran/local"]:
-            computes[said[1]] = said[4:]
-        if said[:1] == ["fix"] and said[3:4] == ["wall/gran"]:
-            fixes.append(said[4:])
-    where = "--pair" if pair else f"{log}"
-    planes, of_wall = _walls(wall.split() if wall else [], fixes, units)
-    law_of = _law_of(words, properties, units, where, of_wall)
+    script, unsaid = read_script(log, pair), units is None
+    units = units or units_of(script.units, script.where)
+    planes, of_wall = walls_of(wall, script, units)
+    law_of = law_of_types(script, units, of_wall)
     frame = frame_of(atoms, "ATOMS", step)
     spheres, cell = spheres_of(frame, units), replace(cell_of(frame, units), walls=planes)
     check_spheres(spheres, cell, str(atoms))
     touching, remarks = None, []
     if contacts is not None:
-        touching = _contacts(contacts, frame.step, spheres, cell, computes, units)
+        touching = _contacts(contacts, frame.step, spheres, cell, script.computes, units)
         if np.isfinite(planes).any():
             touching = _with_walls(touching, spheres, cell, law_of)
             remarks = ["shear forces at the walls are not told: all shear forces are left out"]
@@ -97,110 +74,12 @@ def import_liggghts(
             ]
     found = network_of(spheres, cell, touching, law_of, str(atoms))
     found.remarks += remarks
-    found.told["assumed"] = [
-        f"the {name} wall is of the material of the sphere that touches it (say --wall "
-        '"type N zplane LOW HIGH")'
+    found.told["assumed"] = ["units si"] * (log is None and unsaid) + [
+        f"the {name} wall is of the material of the sphere that touches it (say {TYPED_WALL})"
         for code, name in ((SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper"))
         if code not in of_wall and (found.network.particle_j == code).any()
     ]
     return found
-
-
-def _after(words: list[str], name: str, where: str) -> list[float]:
-    try:
-        return [float(words[words.index(name) + 1])]
-    except (ValueError, IndexError):
-        raise InputError(f"{where}: {name} needs a number behind it") from None
-
-
-def _law_of(
-    words: list[str],
-    properties: dict[str, list[float]],
-    units: Units,
-    where: str,
-    of_wall: dict[int, int],
-) -> LawOf:
-    """The law between two types, or a type and a wall; `of_wall` has the types of walls."""
-    if words[:2] != ["gran", "model"] and words[:1] != ["gran"]:
-        raise InputError(f"no law of contact is known; give {EXAMPLE}")
-    if "hertz" not in words or "history" not in words:
-        raise InputError(
-            f"{where}: only model hertz with tangential history is known; the stiffness of others "
-            "depends on more than the overlap"
-        )
-    for option in ("cohesion", "rolling_friction"):
-        if option in words and words[words.index(option) + 1 :][:1] not in (["off"], []):
-            raise InputError(f"{where}: {option} is resisted by no spring here; only {option} off")
-    lost = [name for name in PROPERTIES if name not in properties]
-    if lost:
-        raise InputError(f"{where}: no {', '.join(lost)}; give {EXAMPLE}, or the log that has them")
-    materials = [
-        material_of(units.pressure * young, poisson, where)
-        for young, poisson in zip(
-            properties["youngsModulus"], properties["poissonsRatio"], strict=False
-        )
-    ]
-    friction = properties["coefficientFriction"]
-
-    def law_of(a: int, b: int) -> ProgramLaw:
-        if a < 0:
-            a, b = sorted((b, of_wall.get(a, b)))
-        if a < 1 or (b > len(materials) and len(materials) > 1):
-            raise InputError(
-                f"{where}: no properties for type {a if a < 1 else b}; give them for all types"
-            )
-        one, two = (materials[min(k, len(materials)) - 1] for k in (a, b))
-        young, shear = one.against(two)
-        place = (a - 1) * len(materials) + b - 1
-        return ProgramLaw(
-            normal=4 / 3 * young,
-            hertz=True,
-            tangential=8 * shear,
-            grows=True,
-            friction=friction[place] if len(friction) > place else friction[0],
-            keeps=DISPLACEMENT,
-            moves=MIDDLE,
-            turns=MIDDLE,
-        )
-
-    return law_of
-
-
-def _walls(
-    words: list[str], fixes: list[list[str]], units: Units
-) -> tuple[tuple[float, float], dict[int, int]]:
-    """z of both walls, m, NaN for none, and their types by their codes, where these are said.
-
-    From --wall "type N zplane LOW HIGH", or from the log's fixes, each of one plane.
-    """
-    planes = {SOURCE_WALL: np.nan, RECEIVER_WALL: np.nan}
-    types: dict[int, int] = {}
-    try:
-        if words:
-            at = words.index("zplane")
-            for code, word in zip(planes, words[at + 1 : at + 3], strict=True):
-                planes[code] = np.nan if word.upper() == "NULL" else units.length * float(word)
-            if "type" in words:
-                types = dict.fromkeys(planes, int(words[words.index("type") + 1]))
-            return (planes[SOURCE_WALL], planes[RECEIVER_WALL]), types
-    except (ValueError, IndexError):
-        raise InputError(
-            '--wall: for LIGGGHTS give "type N zplane LOW HIGH" (a number or NULL)'
-        ) from None
-    found = []
-    for said in fixes:
-        if "zplane" not in said or "type" not in said:
-            raise InputError(
-                f"fix wall/gran {' '.join(said)[:60]}: only primitive walls zplane are known; "
-                'give the flat walls by --wall "type N zplane LOW HIGH"'
-            )
-        place, number = (said[said.index(name) + 1 :][:1] for name in ("zplane", "type"))
-        found.append((units.length * float(place[0]), int(number[0])))
-    if len(found) > 2:
-        raise InputError(f"{len(found)} walls zplane; give the two by --wall")
-    for code, (z, kind) in zip(planes, sorted(found), strict=False):
-        planes[code], types[code] = z, kind
-    return (planes[SOURCE_WALL], planes[RECEIVER_WALL]), types
 
 
 def _contacts(

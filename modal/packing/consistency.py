@@ -172,7 +172,8 @@ def _check_geometry(network: Network, name: str, first: int) -> None:
 def _check_pairs(network: Network, name: str) -> None:
     """No contact twice: two spheres touch once through each period."""
     i, j, n = network.particle_i, network.particle_j, network.n_particles
-    key = np.minimum(i, j) * (n + 2) + np.maximum(i, j)
+    # 32 bits, which a network may have, do not hold the square of 46,341 spheres.
+    key = np.minimum(i, j).astype(np.int64) * (n + 2) + np.maximum(i, j)
     order = np.argsort(key, kind="stable")
     again = np.flatnonzero(np.diff(key[order]) == 0)
     if not len(again):

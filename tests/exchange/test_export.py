@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 import modal
 from modal.__main__ import main
-from modal.exchange.extended_xyz import read_frames
+from modal.exchange.extended_xyz import read_frames, write_frames
 from modal.exchange.picture import contact_lines, sphere_stress
 from modal.modes.mode_set import read_modes
 from modal.packing.consistency import branches
@@ -100,6 +101,29 @@ def test_packing_in_extended_xyz_reads_back_equal(packing):
     assert 'pbc="T T F"' in head and repr(float(network.cell_size[0])) in head
 
 
+def named(path, name: str) -> np.ndarray:
+    """The numbers of a key of the first frame's second line."""
+    said = re.search(rf'{name}="([^"]*)"', path.read_text().splitlines()[1])[1]
+    return np.array([float(word) for word in said.split()])
+
+
+def test_cell_of_extended_xyz_holds_all_centres(packing, tmp_path):
+    """From 0 as this program has it; from the least centre where another one began elsewhere."""
+    network, folder = packing
+    exported(folder, "-o", folder / "p.xyz")
+    corner = [0, 0, network.wall_position[0]]
+    np.testing.assert_array_equal(named(folder / "p.xyz", "Origin"), corner)
+    lattice = np.diag(network.cell_size)
+    np.testing.assert_array_equal(named(folder / "p.xyz", "Lattice").reshape(3, 3), lattice)
+    away = replace(network, position=network.position - [0.1, 0.2, 0])
+    bare = replace(network, cell_size=np.zeros(3), cell_periodic=np.zeros(3, bool))
+    for name, moved in (("away", away), ("bare", bare)):
+        write_frames(tmp_path / f"{name}.xyz", moved, [(0.0, moved.position, {})])
+        low = named(tmp_path / f"{name}.xyz", "Origin")
+        high = low + named(tmp_path / f"{name}.xyz", "Lattice").reshape(3, 3).diagonal()
+        assert (low <= moved.position).all() and (moved.position <= high).all()
+
+
 def test_ovito_reads_extended_xyz(packing):
     ovito = pytest.importorskip("ovito.io")
     network, folder = packing
@@ -107,6 +131,9 @@ def test_ovito_reads_extended_xyz(packing):
     data = ovito.import_file(str(folder / "p.xyz")).compute()
     np.testing.assert_allclose(data.particles.positions, network.position, rtol=1e-15)
     np.testing.assert_allclose(data.particles["Radius"], network.radius, rtol=1e-6)
+    np.testing.assert_array_equal(np.diag(data.cell[:, :3]), network.cell_size)
+    np.testing.assert_array_equal(data.cell[:, 3], [0, 0, network.wall_position[0]])
+    assert tuple(data.cell.pbc) == tuple(network.cell_periodic)
 
 
 def test_wave_becomes_frames_at_its_times(packing):

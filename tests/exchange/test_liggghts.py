@@ -109,6 +109,47 @@ def test_rounded_bounds_without_forces_are_refused(tmp_path, capsys):
     assert told["overlaps_from"] == "positions"
 
 
+FIX = "fix m1 all property/global youngsModulus peratomtype 6e10 2.1e11"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("run 0", "fix r all multisphere motion", r"log.*, line \d+: fix multisphere: clumps"),
+        ("run 0", "fix b all bond/create 1", r"log.*, line \d+: fix bond/create: bonds"),
+        ("history", "history cohesion sjkr", r"log.*: cohesion is resisted by no spring"),
+        ("history", "history rolling_friction epsd", r"rolling_friction is resisted by no spring"),
+        ("history", "history surface superquadric", r"surface is resisted by no spring"),
+        ("model hertz", "model hooke", r"only model hertz with tangential history"),
+        ("units si", "units lj", r"units lj have no SI values here; .*--scales"),
+        (FIX, FIX.replace("6e10", "60e"), r"log.*, line \d+: youngsModulus: .*'60e'"),
+        (FIX, FIX.replace("6e10", "60"), r"Young's modulus 60 Pa is that of no material"),
+        (FIX, "", r"log.*: no youngsModulus; give --pair"),
+    ],
+)
+def test_what_no_spring_does_is_refused(old, new, said, tmp_path, capsys):
+    log = tmp_path / "log.liggghts"
+    log.write_text(LOG.read_text().replace(old, new, 1))
+    arguments = (ATOMS, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / "l.network.h5")
+    error = refused(capsys, *arguments)
+    assert re.search(said, error), error
+
+
+def test_units_of_the_log_count(network, tmp_path, capsys):
+    """The same numbers said to be cm, g and dyn: lengths a hundredth, and forces 1e-5 of it.
+
+    Young's modulus of 6e10 dyn/cm^2 is a tenth of that many Pa, so that Hertz' overlaps in cm stay.
+    """
+    log = tmp_path / "log.liggghts"
+    log.write_text(LOG.read_text().replace("units si", "units cgs"))
+    out = tmp_path / "l.network.h5"
+    imported(capsys, ATOMS, "--contacts", CONTACTS, "--log", log, "-o", out)
+    found = read_network(out)
+    np.testing.assert_allclose(found.radius, 1e-2 * network.radius, rtol=1e-14)
+    np.testing.assert_allclose(found.force_normal, 1e-5 * network.force_normal, rtol=1e-14)
+    np.testing.assert_allclose(found.stiffness_normal, 1e-3 * network.stiffness_normal, rtol=1e-9)
+
+
 def test_walls_are_of_the_type_that_is_said(tmp_path, capsys):
     """From the log's fixes, or --wall; unsaid, of each sphere's own, which the summary assumes."""
     atoms, log = tmp_path / "x.atoms", tmp_path / "log.liggghts"

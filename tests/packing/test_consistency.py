@@ -11,6 +11,7 @@ import pytest
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
+from modal.packing.consistency import _check_pairs
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
@@ -180,6 +181,23 @@ def test_a_contact_listed_twice_is_refused():
     for network in (replace(CRYSTAL, **both), replace(CRYSTAL, **both | {"cell_shift": None})):
         with pytest.raises(InputError, match="are the same"):
             validate(network)
+
+
+def test_pairs_of_a_hundred_thousand_spheres_are_told_apart():
+    """In 32 bits the pairs (0, b) and (2^15, b) of 2^17 - 2 spheres have one number."""
+    n, row = 2**17 - 2, np.flatnonzero(~CRYSTAL.with_wall)[[0, 0]]
+    position = np.zeros((n, 3))
+    position[70_000, 0] = 2 * CRYSTAL.radius[0]
+    position[2**15, 1] = 0.5 * CRYSTAL.radius[0]
+    many = replace(
+        CRYSTAL.with_contacts(row),
+        position=position,
+        radius=np.full(n, CRYSTAL.radius[0]),
+        particle_i=np.array([0, 2**15], np.int32),
+        particle_j=np.array([70_000, 70_000], np.int32),
+        cell_shift=np.zeros((2, 3), np.int8),
+    )
+    _check_pairs(many, "many")
 
 
 def test_info_tells_of_what_no_check_can():
