@@ -381,15 +381,18 @@ def test_help_names_every_stage_of_the_rules():
 
 
 def test_costs_of_a_rule_are_those_of_its_jobs(tmp_path):
-    """The benchmarks that Snakemake writes: core-hours are their sum."""
+    """The benchmarks that Snakemake writes: core-hours are their sum, by clock and processor."""
     cost = module("cost")
-    for name, seconds, memory in (("case01", "1800.0", "50.5"), ("case02", "5400.0", "NA")):
+    jobs = ("case01", "1800.0", "50.5", "900.0"), ("case02", "5400.0", "NA", "NA")
+    for name, seconds, memory, busy in jobs:
         path = tmp_path / f"cost/yade_wave/{name}.tsv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"s\th:m:s\tmax_rss\n{seconds}\t0:30:00\t{memory}\n")
+        row = f"{seconds}\t0:30:00\t{memory}\t{busy}"
+        path.write_text(f"s\th:m:s\tmax_rss\tcpu_time\n{row}\n")
     found = cost.measured(tmp_path)["yade_wave"]
     assert (found.jobs, found.seconds, found.longest, found.memory) == (2, 3600, 5400, 50.5)
-    assert re.search(r"^all +2 +2\.0000$", cost.table(tmp_path), re.M)
+    assert found.busy == (900 + 5400) / 2  # where the processor's time was not noted, the clock's
+    assert re.search(r"^all +2 +2\.0000 +1\.7500$", cost.table(tmp_path), re.M)
     assert cost.expected(tmp_path, 1.0)["yade_wave"] == found
 
 

@@ -19,20 +19,25 @@ GROWTH = 4 / 3
 
 @dataclass(frozen=True)
 class Cost:
-    """Jobs of a rule: how many, seconds of one and of the longest, memory of the largest, MB."""
+    """Jobs of a rule: how many, seconds of one and of the longest, memory of the largest, MB.
+
+    `busy`: seconds of a processor that one took, less than `seconds` where others ran beside it.
+    """
 
     jobs: int
     seconds: float
     longest: float
     memory: float
+    busy: float = float("nan")
 
 
-def job(path: Path) -> tuple[float, float]:
-    """Seconds and memory, MB, of the job whose benchmark this is; memory is 0 if it was short."""
+def job(path: Path) -> tuple[float, float, float]:
+    """Seconds, memory, MB, and processor's seconds of a job; memory is 0 if it was short."""
     header, *rows = (line.split("\t") for line in path.read_text().splitlines())
     row = dict(zip(header, rows[-1], strict=True))
-    memory = row["max_rss"]
-    return float(row["s"]), float(memory) if memory not in ("NA", "-") else 0.0
+    memory, busy = row["max_rss"], row.get("cpu_time", "-")
+    busy = float(busy) if busy not in ("NA", "-") else float(row["s"])
+    return float(row["s"]), float(memory) if memory not in ("NA", "-") else 0.0, busy
 
 
 def measured(folder: Path) -> dict[str, Cost]:
@@ -41,9 +46,10 @@ def measured(folder: Path) -> dict[str, Cost]:
     for rule in sorted((folder / "cost").glob("*/")):
         jobs = [job(path) for path in rule.glob("*.tsv") if path.stat().st_size]
         if jobs:
-            seconds, memory = zip(*jobs, strict=True)
+            seconds, memory, busy = zip(*jobs, strict=True)
             mean = sum(seconds) / len(jobs)
-            found[rule.name] = Cost(len(jobs), mean, max(seconds), max(memory))
+            own = sum(busy) / len(jobs)
+            found[rule.name] = Cost(len(jobs), mean, max(seconds), max(memory), own)
     return found
 
 
@@ -59,17 +65,23 @@ def expected(folder: Path, size: float) -> dict[str, Cost]:
 
 
 def table(folder: Path) -> str:
-    """Core-hours of each rule, and of all."""
+    """Core-hours of each rule and of all, by the clock and by what processors were busy."""
     costs = measured(folder)
     if not costs:
         return f"{folder}: nothing was made yet"
-    lines = [f"{'rule':18}{'jobs':>6}{'core-hours':>12}{'longest, s':>12}{'most memory, MB':>17}"]
+    head = f"{'rule':18}{'jobs':>6}{'core-hours':>12}{'processor, h':>14}"
+    lines = [f"{head}{'longest, s':>12}{'most memory, MB':>17}"]
     for rule, cost in costs.items():
-        hours = cost.jobs * cost.seconds / 3600
+        hours, busy = (cost.jobs * one / 3600 for one in (cost.seconds, cost.busy))
         memory = f"{cost.memory:.0f}" if cost.memory else "-"
-        lines.append(f"{rule:18}{cost.jobs:6}{hours:12.4f}{cost.longest:12.1f}{memory:>17}")
-    hours = sum(cost.jobs * cost.seconds for cost in costs.values()) / 3600
-    return "\n".join([*lines, f"{'all':18}{sum(c.jobs for c in costs.values()):6}{hours:12.4f}"])
+        line = f"{rule:18}{cost.jobs:6}{hours:12.4f}{busy:14.4f}"
+        lines.append(f"{line}{cost.longest:12.1f}{memory:>17}")
+    jobs = sum(cost.jobs for cost in costs.values())
+    hours, busy = (
+        sum(cost.jobs * one for cost, one in zip(costs.values(), each, strict=True)) / 3600
+        for each in ([c.seconds for c in costs.values()], [c.busy for c in costs.values()])
+    )
+    return "\n".join([*lines, f"{'all':18}{jobs:6}{hours:12.4f}{busy:14.4f}"])
 
 
 if __name__ == "__main__":

@@ -76,6 +76,11 @@ class Panel:
         """Append a curve; `marker` and `ls="none"` for points."""
         self.add("line", x, y, None, label, **style)
 
+    def line_on_map(self, x, y, label: str = "", lw: float = 1.5, **style) -> None:
+        """Append a curve with white beneath it: on a map it is told from any shade, in grey too."""
+        self.line(x, y, color="w", lw=lw + 2)
+        self.line(x, y, label, lw=lw, **style)
+
     def map(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, **style) -> None:
         """Append a map: z (ny, nx) over x (nx,) and y (ny,)."""
         self.add("map", x, y, z, **style)

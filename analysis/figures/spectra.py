@@ -49,7 +49,7 @@ def dispersion(cases: list[Measures]) -> Picture:
         if case.is_crystal:
             lattice = case.lattice
             theory = eq_9(kappa, lattice.stiffness, lattice.mass, lattice.distance) / (2e3 * np.pi)
-            panel.line(kappa, theory, "theory (Eq. 9)", color="k")
+            panel.line_on_map(kappa, theory, "theory (Eq. 9)", 1.0, color="k")
             ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)
             text = f"{producer_name(record)}, damped transform"
             panel.line(kappa[:98], ridge, text, color="#c05000", ls="--", lw=2)
@@ -58,7 +58,7 @@ def dispersion(cases: list[Measures]) -> Picture:
             text = "coherent linear wave of the layers"
             kept = wave.frequency <= _leaves(m)
             kappa, f_c = wave.wavenumber[kept], wave.frequency[kept] / 1e3
-            panel.line(kappa, f_c, text, color="#c05000", ls="--", lw=2)
+            panel.line_on_map(kappa, f_c, text, 2, color="#c05000", ls="--")
             slope = kappa_line * m.long_wave.value / (2e3 * np.pi)
             panel.line(kappa_line, slope, "long waves", color="k", ls=":", lw=0.9)
             edge = m.passband.of_yade if case.signals else m.passband.low_pass
@@ -119,11 +119,11 @@ def structure(cases: list[Measures]) -> Picture:
             colour_label="$S_r(f)$ over its maximum", ylim=(0, top / 1e3), legend="lower right",
         )  # fmt: skip
         panel.map(grid, f[rows] / 1e3, shade[nearest].T, cmap="gray_r")
-        panel.line(
-            found.wavenumber, peak / 1e3, "ridge", marker="o", mfc="w", ms=3, color="#c05000"
+        panel.line_on_map(
+            found.wavenumber, peak / 1e3, "ridge", 1, marker="o", mfc="w", ms=3, color="#c05000"
         )
         line = found.wavenumber * m.long_wave.value / (2e3 * np.pi)
-        panel.line(found.wavenumber, line, "long waves", color="#0060a8", ls="--")
+        panel.line_on_map(found.wavenumber, line, "long waves", 1, color="#0060a8", ls="--")
         narrow = Panel(
             "frequency (kHz)", "full width (kHz)", m.case.label, xscale="log", yscale="log"
         )

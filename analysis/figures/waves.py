@@ -170,7 +170,8 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
         for row, edge, text, style in zip(
             curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
         ):
-            panel.line(1e3 * distance, row / 1e3, f"{text} threshold", color="#c05000", ls=style)
+            look = {"color": "#c05000", "ls": style}
+            panel.line_on_map(1e3 * distance, row / 1e3, f"{text} threshold", 1.2, **look)
             value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
             if not np.isfinite(edge.value):
                 panel.line([np.nan], [np.nan], f"{text}: no answer", color="#0060a8", ls=style)

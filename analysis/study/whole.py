@@ -187,6 +187,11 @@ def study(
     table_1(rows).write_csv(output / "table1.csv")
     found_of_targets = answers(rows, at_1_kpa)
     targets(found_of_targets).write_csv(output / "targets.csv")
+    for name, seen in (
+        ("table1", table_1_seen(rows)),
+        ("targets", targets_seen(found_of_targets)),
+    ):
+        write_text(output / f"{name}.md", seen.markdown())
     tables = {
         "table2": table_2_of([x.second for x in found if x.second is not None]),
         "velocities": velocities(rows),

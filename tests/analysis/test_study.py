@@ -27,6 +27,7 @@ from modal.modes.highest import highest_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
+from modal.packing.state import void_ratio
 from modal.preparation.random_packing import random_network
 from modal.waves.signals import write_signals
 
@@ -54,6 +55,8 @@ def made(tmp_path_factory):
             time = np.arange(0, network.length / chain.velocity, 2e-7)
             write_signals(folder / "case02.signals.h5", lattice_signals(chain, time))
     write_network(folder / "case06.network.h5", random_network(150, 1e5, seed=3))
+    (folder / "seed_2").mkdir()
+    write_network(folder / "seed_2/case06.network.h5", random_network(150, 1e5, seed=4))
     (folder / "case07.network.h5").write_text("no packing at all")
     assert main(["study", "--products", str(folder), "-o", str(output)]) == 0
     return output
@@ -89,6 +92,17 @@ def test_numbers_of_the_crystal(made):
     assert float(met["fcc_b"]["value"]) == pytest.approx(1 / 6, abs=2e-3)
     assert met["fcc_b"]["met"] == "no" and "2-3" in met["fcc_b"]["why"]
     assert met["rnd_e_22"]["value"] == "" and "no packing of case 22" in met["rnd_e_22"]["why"]
+
+
+def test_another_sample_of_a_case_gives_it_an_error(made):
+    """The folder seed_2 holds case 6 alone: two samples of it, one of the crystals."""
+    rows = {row["case"]: row for row in read(made / "table1.csv")}
+    assert [rows[n]["packings"] for n in ("2", "3", "6")] == ["1", "1", "2"]
+    e = [void_ratio(random_network(150, 1e5, seed=seed)) for seed in (3, 4)]
+    found = float(rows["6"]["void_ratio_sample_error"])
+    assert found == pytest.approx(abs(e[0] - e[1]) / 2**0.5, rel=0.01)
+    assert rows["2"]["void_ratio_sample_error"] == ""
+    assert "Scatter of 2 samples: of case 6; others have one." in (made / "study.html").read_text()
 
 
 def test_page_says_what_is_missing_and_stands_alone(made):
