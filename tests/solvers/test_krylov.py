@@ -5,7 +5,15 @@ import pytest
 import scipy.sparse as sp
 
 from modal.solvers import lanczos as krylov
-from modal.solvers.lanczos import BLOCK, TOLERANCE, Held, modes_from_top, modes_nearest
+from modal.solvers.lanczos import (
+    BLOCK,
+    MANY,
+    TOLERANCE,
+    WIDE,
+    Held,
+    modes_from_top,
+    modes_nearest,
+)
 
 EPS = np.finfo(float).eps
 
@@ -81,6 +89,22 @@ def test_no_more_solves_than_it_takes():
     assert near.square == pytest.approx(near_shift, rel=1e-12)
     assert near.products == 4 * BLOCK
     assert widths == {BLOCK}
+
+
+def test_many_modes_by_wider_blocks():
+    """As many as `MANY`, inside the spectrum, against the values that the solver is made of."""
+    square, vector = np.linspace(1, 9, 900), rotation(900, 4)
+    nothing = held_out(np.empty((900, 0)), np.empty((900, 0)))
+    solve, widths = solver(square, vector, 5.001), set()
+
+    def noted(block):
+        widths.add(block.shape[1])
+        return solve(block)
+
+    near = modes_nearest(noted, 900, MANY, 5.001, nothing)
+    wanted = np.sort(square[np.argsort(abs(square - 5.001))[:MANY]])
+    assert near.converged.all() and near.square == pytest.approx(wanted, rel=1e-12)
+    assert widths == {WIDE}
 
 
 def test_few_directions_are_searched_whole():
