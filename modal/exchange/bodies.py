@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.exchange.program_law import ProgramLaw
+from modal.exchange.rows import Rows
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
@@ -52,7 +53,8 @@ class Contacts:
     `force` (m,), compression positive, and `shear` (m, 3) on i, N, or None where not told;
     `digits` of the forces as they were written; `stiffness` the normal and tangential ones (m,),
     N/m, of a table that has them, so that no law is asked; `line` (m, 3) vectors along the normals,
-    either way, where they are told better than by rounded positions.
+    either way, where they are told better than by rounded positions. `listed` are the rows of the
+    file that tells of the first of them, for messages.
     """
 
     i: Ints
@@ -62,6 +64,7 @@ class Contacts:
     digits: int = 17
     stiffness: tuple[Floats, Floats] | None = None
     line: Floats | None = None
+    listed: Rows | None = None
 
 
 LawOf = Callable[[int, int], ProgramLaw]

@@ -122,6 +122,10 @@ def _contacts(path: str | Path, spheres: Spheres, units: Units) -> Contacts:
         first, second = order[again[0]], order[again[0] + 1]
         what = f"the contact of line {rows.line + first} again"
         fault(path, what, "list each contact once", rows.line + second)
+    if pushed and (table[:, 4] < 0).any():
+        row = int(np.argmax(table[:, 4] < 0))
+        what, do = f"{table[row, 4]:g} pulls", "write compression positive; cohesion is not known"
+        fault(path, what, do, rows.line + row, "fn")
     return Contacts(
         i,
         j,
@@ -129,6 +133,7 @@ def _contacts(path: str | Path, spheres: Spheres, units: Units) -> Contacts:
         units.force * table[:, 5:8] if sheared else None,
         rows.digits("fn") if pushed else 17,
         (units.stiffness * table[:, 2], units.stiffness * table[:, 3]),
+        listed=rows,
     )
 
 

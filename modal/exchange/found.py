@@ -22,8 +22,10 @@ from modal.exchange.bodies import (
     touching_pairs,
 )
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
+from modal.exchange.rows import fault
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.formats.hdf5 import InputError
+from modal.packing.consistency import WIDEST
 from modal.packing.network import SOURCE_WALL, Network
 
 DROWNED = 1e-3
@@ -106,6 +108,7 @@ def network_of(
     reach, effective = _radii(spheres, pairs)
     overlap = reach - np.linalg.norm(pairs.branch, axis=1)
     kept = overlap > 0 if pairs.force is None else pairs.force != 0
+    _refuse_apart(given, spheres, kept & (overlap < -WIDEST * reach), -overlap)
     if contacts is not None and not kept.all():
         remarks.append(
             f"{int((~kept).sum())} of {len(kept)} listed contacts do not touch: left out"
@@ -147,6 +150,22 @@ def network_of(
     stiffness = pairs.along, pairs.across
     network = _whole(spheres, cell, walls, position, pairs, overlap, force, stiffness, laws)
     return Found(network, laws, pairs.law, told, remarks)
+
+
+def _refuse_apart(given: Contacts, spheres: Spheres, apart: Bools, gap: Floats) -> None:
+    """InputError, with its line, for a contact of bodies that lie `apart`; by a `gap` (m,), m."""
+    rows = given.listed
+    if rows is None or not apart[: rows.count].any():
+        return
+    row = int(np.argmax(apart))
+    one, other = (spheres.number[end] for end in (given.i[row], max(given.j[row], 0)))
+    ends = f"spheres {one} and {other}" if given.j[row] >= 0 else f"sphere {one} and the wall"
+    fault(
+        rows.path,
+        f"{ends} do not touch, there are {gap[row]:.3g} m between them",
+        "write spheres and contacts at the same step, in one unit of length",
+        rows.line + row,
+    )
 
 
 def _turn_to_lines(pairs: _Pairs) -> None:

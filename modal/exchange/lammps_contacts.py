@@ -70,7 +70,7 @@ def contacts_of(
         upright = np.tile([0.0, 0.0, 1.0], (len(at), 1))
         line = None if line is None else np.concatenate([line, upright])
     digits = rows.digits(columns["force"])
-    return Contacts(i, j, force, shear, digits, line=line), assumed
+    return Contacts(i, j, force, shear, digits, line=line, listed=rows), assumed
 
 
 def _meanings(listed: Frame, script: Script) -> tuple[dict[str, str], list[str]]:

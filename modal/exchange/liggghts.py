@@ -129,7 +129,8 @@ def _contacts(
     shear = np.where(push < 0, -1.0, 1.0)[:, None] * shear
     # A normal of its own tells more than rounded bounds; that of the whole force is not one.
     line = told if len(forces) > 1 else None
-    return Contacts(i, j, abs(push), shear, rows.digits(*names[2:5]), line=line)
+    digits = rows.digits(*names[2:5])
+    return Contacts(i, j, abs(push), shear, digits, line=line, listed=rows)
 
 
 def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell, law_of: LawOf) -> Contacts:
@@ -145,6 +146,7 @@ def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell, law_of: LawOf)
             for k, code, d in zip(i, j, overlap, strict=True)
         ]
     )
+    upright = np.tile([0.0, 0.0, 1.0], (len(i), 1))
     assert contacts.force is not None
     return Contacts(
         np.concatenate([contacts.i, i]),
@@ -152,4 +154,6 @@ def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell, law_of: LawOf)
         np.concatenate([contacts.force, force]),
         None,
         contacts.digits,
+        line=None if contacts.line is None else np.concatenate([contacts.line, upright]),
+        listed=contacts.listed,
     )

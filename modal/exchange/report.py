@@ -9,7 +9,9 @@ import numpy as np
 from modal.exchange.found import Found
 from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
 from modal.exchange.worth import worth
+from modal.packing.consistency import density_of
 from modal.packing.network import Network
+from modal.packing.plausibility import of_densities
 from modal.packing.state import net_forces, stress_tensor
 
 UNBALANCED = 1e-2
@@ -22,6 +24,7 @@ def summary_of(found: Found) -> dict[str, Any]:
     `remarks` of `found` grow by what a reader should know.
     """
     network, remarks = found.network, found.remarks
+    remarks += of_densities(density_of(network))
     told: dict[str, Any] = {
         "spheres": network.n_particles,
         "contacts": network.n_contacts,

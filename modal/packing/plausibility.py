@@ -49,16 +49,24 @@ def plausibility(network: Network, *, sought: bool = False) -> dict[str, Any]:
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
-    remarks = []
-    if not SOLIDS[0] < np.median(density) < SOLIDS[1]:
-        remarks.append("density of no solid: mass in kg, radius in m?")
-    if np.ptp(density) > UNIFORM * density.min():
-        remarks.append(f"densities from {density.min():.4g} to {density.max():.4g} kg/m^3")
+    remarks = of_densities(density)
     if network.n_contacts:
         if not sought:
             _touching(network, remarks)
         told |= _stiffnesses(network, remarks) | _forces(network, remarks)
     return told | {"remarks": remarks}
+
+
+def of_densities(density: Floats) -> list[str]:
+    """Remarks on densities (n,), kg/m^3, that are those of no solid, or of several."""
+    remarks = []
+    if not SOLIDS[0] < np.median(density) < SOLIDS[1]:
+        remarks.append(
+            f"density of no solid, {np.median(density):.4g} kg/m^3: mass in kg, radius in m?"
+        )
+    if np.ptp(density) > UNIFORM * density.min():
+        remarks.append(f"densities from {density.min():.4g} to {density.max():.4g} kg/m^3")
+    return remarks
 
 
 def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:

@@ -83,11 +83,13 @@ def random_sample(
     seed: int = 1,
     aspect: float = 2.5,
     tolerance: float = 1e-4,
-    **mixture: Sequence[str | float] | None,
+    sizes: Sequence[str | float] | None = None,
+    densities: Sequence[str | float] | None = None,
+    walls: Sequence[str | float] | None = None,
 ) -> Sample:
     """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
 
-    `mixture`: sizes, densities and walls, as in `cloud`.
+    `sizes`, `densities` and `walls` as in `cloud`.
 
     Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
     hundred spheres but for a contact that opens for it and what then moves.
@@ -95,7 +97,7 @@ def random_sample(
     InputError where it does not come to rest at the peak pressure, or at this stress.
     """
     check_stress(stress)
-    start = cloud(spheres, aspect, seed, **mixture)
+    start = cloud(spheres, aspect, seed, sizes, densities, walls)
     sample, _ = minimise(start, None, tolerance=0.1, max_steps=500)
     for pressure, limit in ((PEAK, PEAK_TOLERANCE), (stress, tolerance)):
         sample, rest = minimise(sample, pressure, tolerance=limit, max_steps=SMALL_STEPS)

@@ -273,6 +273,8 @@ def test_step_chooses_one_time_of_a_dump(tmp_path, capsys):
         ("spheres", 9, slice(None), "", r"spheres.csv, line 9: an empty line between the rows"),
         ("spheres", 1, 0, "# cell 0 1", r"spheres.csv: no bounds of the cell"),
         ("contacts", 7, 3, "inf", r"contacts.csv, line 7, column kt: inf is no finite number"),
+        ("contacts", 9, 4, "-2", r"contacts.csv, line 9, column fn: -2 pulls; write compression"),
+        ("spheres", 9, 3, "1e-9", r"contacts.csv, line \d+: sphere.* 14 .*do not touch, there are"),
     ],
 )
 def test_tables_are_refused_by_line(tmp_path, capsys, table, line, column, text, said):
