@@ -2,8 +2,8 @@
 
 Of a packing whose elastic modes are at hand, to first order in the damping
 (`modal.modes.damped.decay_rates`); of one without, of complex modes near some frequencies, which
-are exact. Damping ratios that are alike make dashpots nearly proportional to springs, and Q f is
-then the same for all modes: pi f Q = (k m*)^1/2 / (2 beta m*) of contacts that are all alike.
+are exact. Damping ratios that are alike make dashpots nearly proportional to springs, and Q f is then
+the same for all modes: (k / m*)^1/2 / (4 pi beta) where all contacts are alike.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def quality_of(case: Case, damping: ContactDamping, near: Sequence[float]) -> Qu
 
 
 def table_of(found: dict[str, Quality]) -> Table:
-    """Some rows a packing: of elastic modes evenly chosen, of complex ones their means."""
+    """Some rows a packing: of elastic modes evenly chosen, of complex ones their medians."""
     rows = []
     for name, (rule, f, quality, residual) in found.items():
         if rule == "complex":
@@ -59,9 +59,9 @@ def table_of(found: dict[str, Quality]) -> Table:
                 [
                     name,
                     rule,
-                    f"{f[part].mean() / 1e3:.4g}",
-                    f"{quality[part].mean():.4g}",
-                    f"{(quality[part] * f[part]).mean() / 1e6:.4g}",
+                    f"{np.median(f[part]) / 1e3:.4g}",
+                    f"{np.median(quality[part]):.4g}",
+                    f"{np.median(quality[part] * f[part]) / 1e6:.4g}",
                     f"{worst:.0e}" if np.isfinite(worst) else "",
                 ]
             )
