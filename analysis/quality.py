@@ -2,8 +2,8 @@
 
 Of a packing whose elastic modes are at hand, to first order in the damping
 (`modal.modes.damped.decay_rates`); of one without, of complex modes near some frequencies, which
-are exact. Damping ratios that are alike make dashpots nearly proportional to springs, and Q f is then
-the same for all modes: (k / m*)^1/2 / (4 pi beta) where all contacts are alike.
+are exact. Damping ratios that are alike make dashpots nearly proportional to springs, and Q f is
+then the same for all modes: (k / m*)^1/2 / (4 pi beta) where all contacts are alike.
 """
 
 from __future__ import annotations
