@@ -8,13 +8,14 @@ a product of any size is put together, always in the same order.
 from __future__ import annotations
 
 from itertools import product
+from math import isqrt
 
 import numpy as np
 
 from modal.formats.arrays import Array, Floats
 
-ACROSS, DEEP = 20, 512
-"""Rows or columns of a block, and terms of its sums: 2e5 multiplications."""
+ALONE, DEEP = 2**18, 512
+"""Multiplications of a block, and terms of its sums, at most."""
 
 
 def same_bits_product(a: Array, b: Floats) -> Array:
@@ -31,11 +32,12 @@ def same_bits_product(a: Array, b: Floats) -> Array:
         real, imaginary = (np.ascontiguousarray(part) for part in (a.real, a.imag))
         return same_bits_product(real, b) + 1j * same_bits_product(imaginary, b)
     out = np.zeros((len(a), b.shape[1]))
-    starts = (range(0, n, step) for n, step in ((*b.shape[:1], DEEP), (len(a), ACROSS)))
+    across = isqrt(ALONE // min(max(len(b), 1), DEEP))
+    starts = (range(0, n, step) for n, step in ((len(b), DEEP), (len(a), across)))
     for k, t in product(*starts):
-        terms, rows = slice(k, k + DEEP), slice(t, t + ACROSS)
+        terms, rows = slice(k, k + DEEP), slice(t, t + across)
         left = a[rows, terms]
-        for r in range(0, b.shape[1], ACROSS):
-            columns = slice(r, r + ACROSS)
+        for r in range(0, b.shape[1], across):
+            columns = slice(r, r + across)
             out[rows, columns] += left @ b[terms, columns]
     return out

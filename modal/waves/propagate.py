@@ -14,6 +14,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import gcd
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -139,7 +140,11 @@ def _orders(top: float, duration: float) -> int:
 
     `top`: upper end of the interval in omega^2, 1/s^2; `duration` of the wave in s.
     """
-    return int(1.1 * np.sqrt(top) * duration / 2) + 60
+    order = int(1.1 * np.sqrt(top) * duration / 2) + 60
+    # Up to the next number whose Fourier transform is fast.
+    while gcd(order, 30**20) != order:
+        order += 1
+    return order
 
 
 def expansion(motion: Motion, time: Floats, top: float, tolerance: float) -> tuple[Floats, float]:
