@@ -75,10 +75,10 @@ def test_commits_are_those_that_brought_the_files(committed, entries):
 
 
 def test_nothing_is_committed_twice(committed):
-    """No two files are the same byte by byte, and reports hold their figures in the page alone."""
+    """No two files are the same byte by byte, and the study's figures are in its page alone."""
     digests: dict[str, str] = {}
     for path in committed:
         digest = sha256((RESULTS / path).read_bytes()).hexdigest()
         assert digest not in digests, f"{path} is {digests.get(digest)}"
         digests[digest] = path
-    assert not [path for path in committed if fnmatchcase(path, "reports/*.png")]
+    assert not [path for path in committed if fnmatchcase(path, "study/*.png")]
