@@ -304,6 +304,17 @@ def test_tables_in_other_units_are_refused(tmp_path, capsys):
     assert "force" in error and "N/m" in error, error
 
 
+def test_masses_in_other_units_are_remarked(tmp_path, capsys):
+    """Grams beside metres: of no solid, said at once and not only by `info`."""
+    spheres, contacts = program_files.tables(program_files.packing(False), tmp_path)
+    lines = spheres.read_text().splitlines()
+    rows = [line.split(",") for line in lines[4:]]
+    rows = [",".join([*row[:5], repr(1e3 * float(row[5]))]) for row in rows]
+    spheres.write_text("\n".join([*lines[:4], *rows]) + "\n")
+    told = imported(capsys, spheres, "--contacts", contacts, "-o", tmp_path / FILE)
+    assert any("density of no solid" in remark for remark in told["remarks"])
+
+
 def test_narrow_period_is_refused(tmp_path, capsys):
     """Within two diameters a sphere may touch another one and its image."""
     atoms, _, _ = program_files.lammps(modal.fcc(cells=(2, 4, 6)), tmp_path)
