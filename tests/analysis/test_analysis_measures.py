@@ -211,6 +211,25 @@ def test_chi_z_says_of_which_modes_it_is(tmp_path):
     }
 
 
+def test_modes_that_two_lists_share_count_once(tmp_path):
+    """All modes to 20 kHz beside the lowest, which another search gave with another last digit."""
+    case = Case("case06", tmp_path)
+    case.network = random_network(150, 1e5, seed=3)
+
+    def some(frequency):
+        f = np.array(frequency)
+        return ModeSet(f, 0 * f, f / 2e4, f / 4e4, 0 * f)
+
+    lowest, every = [1e3, 2e3, 9.5e3], [1e3 * (1 - 1e-10), 2e3, 9.5e3 * (1 + 1e-10), 1.6e4, 1.9e4]
+    case.modes, case.band = some(lowest), some(every)
+    m = Measures(case)
+    assert m.largest_chi(0, 1e4, chain=False) == (pytest.approx(0.475), "3 modes, 1.00-9.50 kHz")
+    assert m.largest_chi(1.5e4, np.inf, chain=True)[1] == "2 modes, 16.00-19.00 kHz"
+    case.modes = some([1e3 * (1 - 2e-10), *lowest[1:]])  # now the short list begins first
+    assert Measures(case).largest_chi(0, np.inf, chain=True)[1] == "5 modes, 1.00-19.00 kHz"
+    assert [len(f) for f, _, _ in Measures(case).moved] == [3, 2]
+
+
 def test_linear_at_a_runs_times(tmp_path):
     """A random packing has no lattice; its run says how long the linear wave is to be."""
     network = random_network(150, 1e5, seed=3)
