@@ -336,6 +336,20 @@ def test_reason_of_a_failure_is_what_its_log_says_or_the_full_disk(tmp_path, mon
     assert plugin._reason_of([log]) == (plugin.FULL, True)
 
 
+def test_finished_product_is_a_line_with_its_cost(tmp_path, capsys):
+    """Seconds and memory are those that Snakemake noted of the job, in its own columns."""
+    plugin = logger_plugin()
+    handler = plugin.LogHandler.__new__(plugin.LogHandler)
+    handler.__post_init__()
+    handler.planned["response"] = 1
+    noted = tmp_path / "case02.tsv"
+    noted.write_text("s\th:m:s\tmax_rss\tcpu_time\n12.5\t0:00:12\t345.6\t9.0\n")
+    product = {"rule_name": "response", "output": ["case02.response.h5"], "benchmark": str(noted)}
+    handler.finish(product)
+    line = capsys.readouterr().out
+    assert "case02.response.h5" in line and "12.5 s    346 MB  1 of 1" in line
+
+
 def front_door(*arguments: str) -> subprocess.CompletedProcess:
     command = [str(ROOT / "run_cases.sh"), *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60)

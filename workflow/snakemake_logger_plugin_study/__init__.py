@@ -107,7 +107,7 @@ class LogHandler(LogHandlerBase):
         seconds = memory = 0.0
         path = Path(job["benchmark"] or "")
         if path.is_file() and path.stat().st_size:
-            seconds, memory = benchmark(path)
+            seconds, memory, _ = benchmark(path)
         self.spent += seconds
         self.foreseen += self.expected.get(job["rule_name"], 0.0)
         cost = f"{seconds:7.1f} s" + (f" {memory:6.0f} MB" if memory else " " * 10)
