@@ -191,6 +191,11 @@ class Case:
         return self._modes("modes", shapes=not self.is_crystal)
 
     @cached_property
+    def shaped_modes(self) -> ModeSet | None:
+        """Modes with rotations and with their shapes, of crystals too, whose waves need none."""
+        return self._modes("modes", shapes=True)
+
+    @cached_property
     def translations(self) -> ModeSet | None:
         """Modes without rotations."""
         return self._modes("translations.modes")

@@ -30,9 +30,10 @@ Quality = tuple[str, np.ndarray, np.ndarray, np.ndarray]
 
 def quality_of(case: Case, damping: ContactDamping, near: Sequence[float]) -> Quality:
     """Quality factors of a packing's modes; InputError where there is nothing to go by."""
-    if case.modes is not None:
-        f = case.modes.frequency
-        rate = decay_rates(case.modes, case.network, damping)
+    modes = case.shaped_modes
+    if modes is not None:
+        f = modes.frequency
+        rate = decay_rates(modes, case.network, damping)
         return "elastic, first order", f, np.pi * f / rate, np.full(len(f), np.nan)
     if not near:
         raise InputError(f"{case.name}: no modes among the files; give them, or --near HZ")

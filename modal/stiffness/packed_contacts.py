@@ -90,7 +90,9 @@ class PackedContacts:
         met = np.arange(len(self.fresh), dtype=np.int32)
         number = np.empty_like(met)
         number[self.fresh] = met
-        ends = np.where(self.ends < 0, self.ends, number[self.ends])
+        sphere = self.ends >= 0
+        ends = self.ends.copy()
+        ends[sphere] = number[self.ends[sphere]]
         return replace(self, ends=ends, fresh=met), self.fresh
 
 

@@ -42,7 +42,7 @@ def test_both_rules_agree_where_the_damping_is_small(tmp_path):
     damping = ContactDamping(1e-4, 1e-4)
     (case,) = cases_of_files([path])
     _, f, exact, residual = quality_of(case, damping, [3e4])
-    case.modes = modal.eigenmodes(network, all=True)
+    case.shaped_modes = modal.eigenmodes(network, all=True)
     _, every, first, _ = quality_of(case, damping, [])
     near = [int(np.argmin(abs(every - one))) for one in f]
     assert first[near] == pytest.approx(exact, rel=1e-4) and residual.max() < 1e-6

@@ -62,6 +62,7 @@ def commands(kind: str, folder: Path) -> list[tuple]:
     """The commands that read a file of this kind: entry point and arguments."""
     path = {name: str(folder / file) for name, file in FILES.items()}
     case = ["2", "--products", str(folder), "-o", str(folder / "out")]
+    quality = ["--damping", "0.01", "0.01", "-o", str(folder / "quality")]
     return {
         "network": [
             (modal_main, ["info", path["network"], "--json"]),
@@ -79,7 +80,8 @@ def commands(kind: str, folder: Path) -> list[tuple]:
             (analysis_main, ["agreement", path["network"], path["signals"]]),
             (analysis_main, ["compare", *case, "--no-figures"]),
         ],
-        "modes": [(analysis_main, ["compare", *case, "--no-figures"])],
+        # The comparison leaves a crystal's shapes where they are; the quality factor needs them.
+        "modes": [(analysis_main, ["quality", path["network"], path["modes"], *quality])],
     }[kind]
 
 
