@@ -38,6 +38,9 @@ run pack --spheres 30 --aspect 2 --stress 1e5 -o chain
 [ -f a.modes.h5 ] || run modes chain/01_100kPa.sample.h5 --all -o a.modes.h5
 [ -f a.signals.h5 ] || run wave chain/01_100kPa.sample.h5 --duration 3e-5 -o a.signals.h5
 """
+WALK = """
+"$PYTHON" -m modal pack --friction 0.4 --spheres 400 --width 5 --stress 1e4 1e5 1e6 -o walk
+"""
 
 
 def contents(path: Path) -> dict[str, np.ndarray]:
@@ -143,6 +146,16 @@ def test_packing_pipeline_killed_fifty_times(tmp_path):
     again = tmp_path / "again"
     alive, _ = killed_again_and_again(PACK, tmp_path / "reference", again, 50, seconds)
     assert alive > 40
+
+
+@pytest.mark.slow
+def test_walk_with_friction_killed_twenty_times(tmp_path):
+    """From its last checkpoint it takes the very steps again: all states to the bit, one thread."""
+    seconds = undisturbed(WALK, tmp_path / "reference")
+    assert len(list((tmp_path / "reference").rglob("*Pa.sample.h5"))) == 3
+    again = tmp_path / "again"
+    alive, _ = killed_again_and_again(WALK, tmp_path / "reference", again, 20, seconds)
+    assert alive > 15
 
 
 @pytest.mark.slow
