@@ -3,9 +3,9 @@
     python -m benchmarks [--quick] [NAME ...] [-o DIR]
 
 Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
-there lists them. Without names all jobs run but `large`, which needs 16 GB: some three minutes with
---quick, 25 without. The name `defaults` measures nothing: it prints what the rows in DIR say of the
-programs' defaults.
+there lists them. Without names all jobs run but `compression`, whole packings, and `large`, which
+needs 16 GB: some three minutes with --quick, 25 without. The name `defaults` measures nothing: it
+prints what the rows in DIR say of the programs' defaults.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from benchmarks.harness import machine
 from modal.formats.hdf5 import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "scaling")
-NAMED = (*JOBS, "large")
-"""The last one runs only when it is named."""
+NAMED = (*JOBS, "compression", "large")
+"""The last two run only when they are named."""
 
 
 def index(folder: Path, quick: bool) -> None:

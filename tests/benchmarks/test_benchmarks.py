@@ -54,6 +54,9 @@ COLUMNS = {
         "scaling": ("curve", "x", "seconds", "mb", "seconds_limit", "seconds_arithmetic"),
         "cores": ("curve", "x", "threads", "seconds", "mb", "seconds_limit", "result"),
     },
+    "compression": {
+        "compression": ("task", "threads", "contacts", "steps", "ms_a_step", "seconds", "peak_mb"),
+    },
     "large": {"large": ("task", "spheres", "seconds", "peak_mb")},
 }
 """Table -> columns that must hold numbers, for each job."""

@@ -1,0 +1,140 @@
+"""A study's packing from cloud to states at rest, at full size: whole commands, and single steps.
+
+Runs only when it is named: minutes on cores that have nothing else to do. A step is timed on the
+dense sample of case 6, whose spheres rest, so that no list of neighbours is renewed; with these,
+and with agitated spheres, the walk notes its own steps and seconds, stage by stage.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from benchmarks.harness import diagram
+from benchmarks.harness.measure import ROOT, measured, run_command
+from benchmarks.harness.packing import SAMPLE, STRESS
+from benchmarks.harness.report import Page, Rows
+from modal.packing.sample import read_sample, write_sample
+from modal.preparation import protocol
+from modal.preparation.compress import Pace
+from modal.preparation.dynamics import Dynamics
+from modal.preparation.random_packing import random_sample
+
+TITLE = "Compression: from a cloud to states at rest"
+SPHERES, WIDTH = {True: 300, False: 35_201}, {True: 5.0, False: 14.65}
+"""The second in diameters, of the packing with friction."""
+STRESSES = {True: ("1e4", "1e5"), False: ("1e3", "1e4", "1e5", "1e6", "1e7")}
+"""Pa; the study's walk."""
+STEPS = {True: 50, False: 500}
+"""Steps that are timed together."""
+FRICTION, RESERVE = 0.4, 0.1
+"""Of the walk, and by how much that of the wave is larger."""
+CORES = os.cpu_count() or 1
+STEP = "a step, spheres at rest"
+
+
+def steps(path: str, count: int) -> Callable[[], int]:
+    """Task: steps under the servo at 100 kPa; the number of contacts."""
+    motion = Dynamics(read_sample(path), protocol.DAMPING)
+    control = protocol.Servo(STRESS, protocol.INERTIAL_NUMBER)
+    dt = protocol.time_step(STRESS)
+    every = protocol.steps_of(protocol.duration(protocol.CONTROL, STRESS), dt)
+    pace = Pace(motion, control)
+    pace.walk(2 * every, dt, every)  # compiles
+
+    def action() -> int:
+        pace.walk(count, dt, every)
+        return motion.contacts.touching
+
+    return action
+
+
+def step_rows(path: Path, quick: bool) -> Iterator[dict[str, Any]]:
+    """The step on one thread and on all."""
+    for threads in sorted({1, CORES}):
+        how = {"times": 3, "threads": threads, "path": str(path), "count": STEPS[quick]}
+        run = measured("benchmarks.compression:steps", **how)
+        row = {"task": STEP, "threads": threads, "contacts": run.value, "steps": STEPS[quick]}
+        yield row | run.cost | {"ms_a_step": 1e3 * run.seconds / STEPS[quick]}
+
+
+def stage_rows(state: Path) -> Iterator[dict[str, Any]]:
+    """What each stage of a walk has noted in its last state."""
+    study = read_sample(state).study
+    first = ["cloud", *protocol.PREPARATION]
+    names = [name for name in first if f"steps_{name}" in study]
+    found = {name.removeprefix("steps_") for name in study if name.startswith("steps_")}
+    for name in [*names, *sorted(found - set(names), key=float)]:
+        count, seconds, contacts = (study[f"{k}_{name}"] for k in ("steps", "seconds", "contacts"))
+        row = {"task": f"stage {name}", "threads": CORES, "contacts": contacts, "steps": count}
+        yield row | {"seconds": seconds, "ms_a_step": 1e3 * seconds / count}
+
+
+def run(quick: bool, folder: Path) -> Page:
+    """Steps, then the walks with and without friction, then the rest of a state of each."""
+    start = folder / "start.sample.h5"
+    write_sample(start, random_sample(500) if quick else read_sample(SAMPLE))
+    rows: Rows = list(step_rows(start, quick))
+    size = ["--spheres", str(SPHERES[quick])]
+
+    def add(task: str, *arguments: str) -> None:
+        command = [sys.executable, "-m", "modal", *arguments]
+        how = {"environment": {"PYTHONPATH": str(ROOT)}, "threads": CORES}
+        cost = run_command(command, folder, folder / "command.log", **how).cost
+        rows.append({"task": task, "threads": CORES} | cost)
+
+    walk = ["pack", *size, "--friction", f"{FRICTION:g}", "--width", f"{WIDTH[quick]:g}"]
+    stresses = STRESSES[quick]
+    name = f"friction {FRICTION:g}, cloud to {float(stresses[-1]) / 1e6:g} MPa"
+    add(name, *walk, "--stress", *stresses, "-o", "rough")
+    rows += stage_rows(folder / "rough" / f"{float(stresses[-1]):g}Pa.sample.h5")
+    smooth = ["pack", *size, *(("--aspect", "2") if quick else ()), "--stress", "1e5"]
+    add("friction 0, cloud to 0.1 MPa", *smooth, "-o", "smooth")
+    deeper = "friction 0, on to a residual of 1e-4"
+    add(deeper, *smooth, "--tolerance", "1e-4", "-o", "smooth")
+    for state, friction in (
+        ("rough/100000Pa.sample.h5", FRICTION + RESERVE),
+        ("smooth/01_100kPa.sample.h5", RESERVE),
+    ):
+        rest = ["relax", state, "--friction", f"{friction:g}", "-o", "rested.sample.h5"]
+        add(f"rest at 0.1 MPa with friction {friction:g}", *rest)
+    task = (
+        f"{SPHERES[quick]} spheres. Seconds of one thread are processor time, of several the time "
+        "by the clock. Whole commands start the interpreter; their stages are what the walk notes."
+    )
+    return Page(TITLE, task, {"compression": rows}, notes(rows), {"compression": draw(rows)})
+
+
+def draw(rows: Rows) -> Figure:
+    """Milliseconds of a step over the contacts: stages of the walk, and the step at rest."""
+    figure, axes = diagram.panels(1, 1, width=4.6, height=3.9)
+    stages = [row for row in rows if row["task"].startswith("stage ")]
+    for k, (label, own) in enumerate(
+        [
+            ("stages of the walk", sorted(stages, key=lambda row: row["contacts"])),
+            *((f"{STEP}, {row['threads']} threads", [row]) for row in rows if row["task"] == STEP),
+        ]
+    ):
+        style = diagram.look(k) | {"ls": "none"}
+        diagram.curve(axes[0, 0], own, "contacts", "ms_a_step", label=label, **style)
+    axes[0, 0].set(xlabel="number of contacts", ylabel="time of a step (ms)")
+    diagram.decades(axes[0, 0])
+    diagram.legend_below(figure, axes[0, 0])
+    return figure
+
+
+def notes(rows: Rows) -> list[str]:
+    """Each step by its contacts, and each command with its memory."""
+    return [
+        f"{row['task']}, {row['contacts']:.0f} contacts, {row['threads']:.0f} threads: "
+        f"{row['ms_a_step']:.3g} ms."
+        if row["task"] == STEP
+        else f"{row['task']}: {row['seconds']:.3g} s, {row['peak_mb']:.3g} MB."
+        for row in rows
+        if row.get("peak_mb")
+    ]
