@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.figures.picture import Panel, Picture, share_limits
 from analysis.measures import Measures
-from modal.packing.state import contacts_per_particle
+from modal.packing.state import contacts_per_particle, void_ratio
 
 
 def samples(cases: list[Measures]) -> Picture:
@@ -22,14 +22,17 @@ def samples(cases: list[Measures]) -> Picture:
         chosen = near[abs((y[near] % network.cell_size[1]) - middle) < 0.5 * d]
         x = network.position[chosen, 0] % network.cell_size[0]
         z = network.position[chosen, 2] - network.wall_position[0]
-        number = contacts_per_particle(network)[chosen]
+        number = contacts_per_particle(network)
+        known = np.isfinite(case.mu_comp) and not case.is_crystal
+        title = case.label + (f", friction {case.mu_comp:g}" if known else "")
+        title += f": void ratio {void_ratio(network):.3f}, {number.mean():.2f} contacts a sphere"
         panel = Panel(
-            "distance from the source wall (mm)", "x (mm)", title=case.label, equal=True,
+            "distance from the source wall (mm)", "x (mm)", title=title, equal=True,
             colour_label="contacts", xlim=(0, 1e3 * network.length),
             ylim=(-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d),
         )  # fmt: skip
         style: dict[str, Any] = {"diameter": 1e3 * d, "cmap": "viridis", "clim": (0, 12)}
-        panel.add("spheres", 1e3 * z, 1e3 * x, number, **style)
+        panel.add("spheres", 1e3 * z, 1e3 * x, number[chosen], **style)
         panels.append(panel)
     return Picture(share_limits(panels, "x"), shape=(11, 0.4 + 1.6 * len(panels)))
 
