@@ -2,6 +2,7 @@
 #
 #   snakemake -s workflow/convergence.smk -c 2 --keep-going
 #
+# Another table of the same columns: --config table=NAME, of cases/NAME.table, with a folder of its own.
 # Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
 # tables and figures of them. States are kept: a row added later runs alone.
 import sys
@@ -23,7 +24,7 @@ FOLDER = config.get("folder", "products/convergence")
 def rows():
     """Rows by setting and friction, a dash replaced by the value of `own` at the same friction."""
     found, own = {}, {}
-    for row in lines_of("convergence"):
+    for row in lines_of(config.get("table", "convergence")):
         own = row if row["setting"] == "own" else own
         row = {name: own[name] if cell == "-" else cell for name, cell in row.items()}
         found[f"{row['setting']}_mu{row['mu_comp']}"] = row

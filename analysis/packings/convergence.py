@@ -23,11 +23,14 @@ from modal.preparation.protocol import NOMINAL_FRACTION
 
 OWN, NOT_AGITATED = "own", "monotonic_not_agitated"
 RATES = frozenset({"approach_rate", "inertial_number"})
-SHOWN = ("e", "Z", "Z_bearing", "rattlers", "fabric_zz", "force_squared", "weak_forces", "V_P")
-"""Quantities of the tables; the first, second and last decide about the default."""
+SHOWN = (
+    *("e", "Z", "Z_bearing", "rattlers", "fabric_zz", "force_squared", "weak_forces"),
+    *("V_P", "f_low_pass"),
+)
+"""Quantities of the tables; e, Z and V_P decide about the default."""
 STRESS_ERROR = 0.01
 """Of a packing that has reached its stress: the relative error of V_P is then below 0.2 %."""
-DIGITS = {"e": 4, "e_bulk": 4, "Z": 3, "Z_bearing": 3, "V_P": 1}
+DIGITS = {"e": 4, "e_bulk": 4, "Z": 3, "Z_bearing": 3, "V_P": 1, "f_low_pass": 0}
 TWINS = {"twin": "twin_yade", "modal_half_step": "yade_half_step"}
 TWINS |= {"modal_half_rates": "yade_half_rates"}
 """Rows of the same settings by modal's own loop and by YADE."""

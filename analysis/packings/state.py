@@ -6,11 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.estimators.low_pass import PASSAGES, Passband
 from modal.formats.hdf5 import InputError
+from modal.packing.affine import affine_velocity
+from modal.packing.network import Network
 from modal.packing.sample import read_sample
 from modal.packing.state import summary
 from modal.preparation.relax import balance_of
 from modal.stiffness.static_load import static_velocity
+from modal.waves.propagate import propagate
 
 QUANTITIES = {
     "e": "void ratio, wall to wall",
@@ -22,10 +26,27 @@ QUANTITIES = {
     "force_squared": "mean squared normal force over squared mean",
     "weak_forces": "share of normal forces below half the mean",
     "V_P": "long-wave velocity along z from a steady push, m/s",
+    "f_low_pass": "of the 2 % rule, mean over the columns of spheres as chains, Hz",
     "residual": "mean net force over mean contact force",
     "stress_error": "largest relative deviation of a principal stress from the state's target",
 }
 """Columns of a row, and what they are."""
+
+
+def low_pass(network: Network, velocity: float) -> float:
+    """f_low-pass, Hz, by the rule of `analysis.estimators.low_pass` on the wave of the springs.
+
+    Mean over all columns, each a diameter wide and a chain of its own; NaN where half of them have
+    no value: the sample is too short, or its record, which ends as the waves of `velocity`, m/s,
+    reach the other wall. A record of T tells frequencies 1 / T apart.
+    """
+    record = PASSAGES * network.length / velocity
+    interval = 0.4 * 2 * float(network.radius.mean()) / affine_velocity(network)
+    wave = propagate(network, record, interval=interval, particles=True).signals
+    band = Passband(network, wave, None, velocity=velocity, crystal=False)
+    columns = band.of_columns[:, 0]
+    known = columns[np.isfinite(columns)]
+    return float(known.mean()) if 2 * len(known) > len(columns) else np.nan
 
 
 def measured(path: str | Path) -> dict[str, float]:
@@ -37,8 +58,9 @@ def measured(path: str | Path) -> dict[str, float]:
     force = force[~network.with_wall]
     try:
         velocity = static_velocity(network)[0]
+        passing = low_pass(network, velocity)
     except InputError:
-        velocity = np.nan  # too short for a bulk, or with parts that nothing holds
+        velocity = passing = np.nan  # too short for a bulk, or with parts that nothing holds
     values = (
         found["void_ratio"],
         found.get("void_ratio_of_bulk", np.nan),
@@ -49,6 +71,7 @@ def measured(path: str | Path) -> dict[str, float]:
         (force**2).mean() / force.mean() ** 2,
         (force < 0.5 * force.mean()).mean(),
         velocity,
+        passing,
         balance_of(sample, network)[1].residual,
         max(abs(stress / sample.study.get("stress", np.nan) - 1) for stress in found["stress_pa"]),
     )
