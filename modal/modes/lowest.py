@@ -26,6 +26,8 @@ SLICE = 300
 """Modes that one factorisation is asked for; wider intervals are cut by exact counts."""
 FEWER = "ask for fewer, or for the density or a count"
 """What to do instead of finding each of very many modes."""
+MANY = 4
+"""Of so large a part of all modes, one in so many, the dense solver is the faster one."""
 NARROW = 1e-6
 """Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
 
@@ -39,7 +41,7 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     floppy = problem.floppy.total
     check_count(problem, count, problem.size - floppy)
     choice = Choice("lowest", count)
-    if problem.size <= SMALL or count > problem.size // 4:
+    if problem.size <= SMALL or count > problem.size // MANY:
         return dense_modes(problem, lambda f: slice(floppy, floppy + count), choice)
     effort = near_a_shift(problem, count, SLICE)
     refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
@@ -69,16 +71,18 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
     low, high = max(float(low), 0.0), float(high)
     choice = Choice("between", low=low, high=high)
-    if problem.size <= DENSE_LIMIT:
 
-        def inside(frequency: Floats) -> slice:
-            first = max(int((frequency < low).sum()), problem.floppy.total)
-            return slice(first, max(first, int((frequency < high).sum())))
+    def inside(frequency: Floats) -> slice:
+        first = max(int((frequency < low).sum()), problem.floppy.total)
+        return slice(first, max(first, int((frequency < high).sum())))
 
+    if problem.size <= SMALL:
         return dense_modes(problem, inside, choice)
     below = {low: problem.floppy.total if low == 0 else count_below(problem, low)}
     below[high] = count_below(problem, high)
     wanted = below[high] - below[low]
+    if problem.size <= DENSE_LIMIT and wanted > problem.size // MANY:
+        return dense_modes(problem, inside, choice)
     effort = near_a_shift(problem, wanted, SLICE)
     refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
     slices = _cut(problem, low, high, below)

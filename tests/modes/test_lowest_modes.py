@@ -63,6 +63,18 @@ def test_intervals_are_cut_and_complete(monkeypatch, solver):
         assert found.frequency == pytest.approx(expected, rel=1e-8)
 
 
+def test_a_small_part_of_a_small_packing_is_not_solved_dense():
+    """A third of the modes are; a twentieth are searched for, with the same digits."""
+    problem = Eigenproblem.of(diluted(0.35, 5, layers=7))
+    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    middle = (elastic[1:] + elastic[:-1]) / 2
+    for last, dense in ((len(elastic) // 20, False), (problem.size // 3, True)):
+        found = modes_between(problem, 0.0, middle[last])
+        assert (found.attributes["solver"] == "dense") is dense
+        tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
+        assert found.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)
+
+
 def test_degenerate_spectrum_is_complete():
     problem = Eigenproblem.of(columns_side_by_side(100))
     expected = frequency_of(dense_squares(problem))
