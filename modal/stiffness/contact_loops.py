@@ -145,6 +145,18 @@ def _mix(first, last, x, y, single, own, kept, fresh, sums, slab):
                 y[i, d, v] = own * x[i, d, v] + (kept * y[i, d, v] if kept != 0 else 0.0)
 
 
+def _at_rest(first, last, x, fresh):
+    for at in range(first, last):
+        i = fresh[at]
+        moves = False
+        for d in range(x.shape[1]):
+            for v in range(x.shape[2]):
+                moves |= x[i, d, v] != 0
+        if moves:
+            return False
+    return True
+
+
 def _combine_by_slabs(
     x,
     y,
@@ -162,27 +174,35 @@ def _combine_by_slabs(
     shear,
     scale,
     sums,
+    threads,
 ):
     """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
 
     `single` is not None where k is 1. S is diagonal: `scale` (n, 2) holds its value for the
     translations of a particle and that for its rotations. The contacts as in `PackedContacts`.
     `sums` (s + 1, 2, dof), where it is not None: to each slab's row are added, by component, the
-    sums of y y and of y x over its fresh spheres, y as it came.
+    sums of y y and of y x over its fresh spheres, y as it came. `threads` share the slabs.
     """
     mixing = own != 0 or kept != 1 or sums is not None
     count = len(slabs) - 1
     for odd in range(2):
-        for half in prange((count + 1 - odd) // 2):
-            slab = 2 * half + odd
-            for piece in range(slabs[slab], slabs[slab + 1]):
-                first, last = pieces[piece, 0], pieces[piece + 1, 0]
-                if mixing:
-                    here, there = pieces[piece, 1], pieces[piece + 1, 1]
-                    _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
-                _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scale)
-                if shear is not None:
-                    _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
+        for thread in prange(threads):
+            # Slabs that follow each other go to different threads: a wave sets them moving in turn.
+            for slab in range(2 * int(thread) + odd, count, 2 * threads):
+                # Its contacts touch what is met first in this slab and in those beside it. Before
+                # the wave comes nothing moves there, and zero is what the springs would add.
+                near, far = slabs[max(slab - 1, 0)], slabs[min(slab + 2, count)]
+                still = _at_rest(pieces[near, 1], pieces[far, 1], x, fresh)
+                for piece in range(slabs[slab], slabs[slab + 1]):
+                    first, last = pieces[piece, 0], pieces[piece + 1, 0]
+                    if mixing:
+                        here, there = pieces[piece, 1], pieces[piece + 1, 1]
+                        _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
+                    if still:
+                        continue
+                    _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scale)
+                    if shear is not None:
+                        _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
     if mixing:
         _mix(pieces[-1, 1], len(fresh), x, y, single, own, kept, fresh, sums, count)
 
@@ -191,6 +211,7 @@ if numba is not None:
     _OF = fingerprint()
     _springs = compiled_part(_springs, _OF, fastmath=True)
     _turning_shear = compiled_part(_turning_shear, _OF, fastmath=True)
-    # Without fastmath, which would lose the NaN that a `kept` of 0 clears.
+    # Without fastmath, which would lose the NaN that a `kept` of 0 clears, or take one for rest.
     _mix = compiled_part(_mix, _OF)
+    _at_rest = compiled_part(_at_rest, _OF)
     combine_by_slabs = compiled(_combine_by_slabs, 0, _OF, fastmath=True)

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
-from modal.loops import numba
+from modal.loops import numba, threads_for
 from modal.packing.network import Network
 from modal.stiffness import contact_loops
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
@@ -144,7 +144,7 @@ class ContactOperator(LinearOperator):
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
             *(float(factor), float(own), float(kept)),
             *(on.rows, on.ends, on.slabs, on.pieces, on.fresh, on.lateral, on.aside, on.shear),
-            *(self._scale, of_slabs),
+            *(self._scale, of_slabs, threads_for(len(self._scale))),
         )
         if sums is not None and of_slabs is not None:
             sums[:] = of_slabs.sum(axis=0)

@@ -128,6 +128,24 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
     assert (abs(found[rows] - same) <= 160 * np.finfo(float).eps * (abs(K) @ abs(x))[rows]).all()
 
 
+@pytest.mark.parametrize("order", [lambda operator: operator, ContactOperator.renumbered])
+def test_slabs_at_rest_leave_out_no_force(order, monkeypatch):
+    """A single moving sphere, anywhere: the springs' round-off, as for motions of all of them."""
+    monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
+    network = crystal()
+    network = renumbered(network, np.random.default_rng(3).permutation(network.n_particles))
+    operator, K = order(ContactOperator(network)), stiffness_matrix(network)
+    for sphere in range(0, network.n_particles, 7):
+        x = np.zeros((network.n_particles, 6))
+        x[sphere] = np.random.default_rng(sphere).standard_normal(6)
+        found = operator.outward(operator @ operator.inward(x.ravel()))
+        bound = 80 * np.finfo(float).eps * (abs(K) @ abs(x.ravel()))
+        assert (abs(found - K @ x.ravel()) <= bound).all()
+        x[sphere, sphere % 6] = np.nan
+        found = operator.outward(operator @ operator.inward(x.ravel()))
+        assert np.isnan(found).any()
+
+
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch):
     """Every sum is made of the same terms in the same order; only their places in memory differ."""
