@@ -3,9 +3,10 @@
     python -m benchmarks [--quick] [NAME ...] [-o DIR]
 
 Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
-there lists them. Without names all jobs run but `compression`, whole packings, and `large`, which
-needs 16 GB: some three minutes with --quick, 25 without. The name `defaults` measures nothing: it
-prints what the rows in DIR say of the programs' defaults.
+there lists them. Without names all jobs run but `compression`, whole packings, `threads`, whole
+commands on one core and on all, and `large`, which needs 16 GB: some three minutes with --quick, 25
+without. The name `defaults` measures nothing: it prints what the rows in DIR say of the programs'
+defaults.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from benchmarks.harness import machine
 from modal.formats.hdf5 import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "scaling")
-NAMED = (*JOBS, "compression", "large")
-"""The last two run only when they are named."""
+NAMED = (*JOBS, "compression", "threads", "large")
+"""The last three run only when they are named."""
 
 
 def index(folder: Path, quick: bool) -> None:

@@ -69,10 +69,10 @@ SPECTRA = {
 @pytest.mark.parametrize("name", SPECTRA)
 @pytest.mark.parametrize("end", [top_of_spectrum, bound_of_spectrum])
 def test_end_of_known_spectra(end, name):
-    """Above the top by the margin of 2 % at most and half a per cent of residual; products told."""
+    """Above the top by margin and residual, 2 % each at most; products told."""
     operator = Diagonal(SPECTRA[name])
     top, products = end(operator)
-    assert SPECTRA[name].max() < top < 1.026 * SPECTRA[name].max()
+    assert SPECTRA[name].max() < top < 1.041 * SPECTRA[name].max()
     assert products == operator.products
 
 
@@ -86,10 +86,10 @@ def test_few_values_take_as_many_products():
 
 
 def test_an_estimate_ends_at_its_most_products():
-    """From -1 to 1 the residual falls as k^(-3/2), to 0.8 % of the top after 40 steps."""
-    top, products = top_of_spectrum(Diagonal(np.linspace(-1, 1, 3000)))
+    """After 40 steps the residual is 0.8 % of half the width, 2.4 % of the top."""
+    top, products = top_of_spectrum(Diagonal(np.linspace(-5, 1, 3000)))
     assert products == LANCZOS_STEPS
-    assert 1 < top < 1.03
+    assert 1 < top < 1.05
 
 
 @pytest.mark.parametrize("size", [500, 1000, 2000, 3000, 5000])
@@ -229,7 +229,10 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     module, compute = TASKS[task]
     said = {}
     monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: said.update(what))
-    ContactOperator(CRYSTAL, mass_scaled=True).apply(np.zeros(6 * CRYSTAL.n_particles))
+    # What compiling takes is no part of a task.
+    motion = np.zeros(6 * CRYSTAL.n_particles)
+    for sums in (None, np.zeros((2, 6))):
+        ContactOperator(CRYSTAL, mass_scaled=True).combine(motion, motion.copy(), 1.0, sums=sums)
     tracemalloc.start()
     made = compute().products
     peak = tracemalloc.get_traced_memory()[1]
