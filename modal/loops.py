@@ -13,6 +13,7 @@ import os
 import sys
 import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
@@ -57,16 +58,37 @@ def slabs_of(ends: Ints, n: int) -> Ints:
 def threads_for(spheres: int) -> int:
     """How many threads a loop over so many spheres takes; results are the same to the bit.
 
-    One where more are not worth their start. On cores that other programs use a thread waits for
-    its turn in every step: OMP_NUM_THREADS=1, which docs/command_line.md recommends there, bounds
-    the threads as NUMBA_NUM_THREADS does.
+    One where more are not worth their start. OMP_NUM_THREADS bounds the threads as
+    NUMBA_NUM_THREADS does; where neither is set, cores that other programs use are left to them:
+    a thread that waits for its turn holds up every step.
     """
     if spheres < ENOUGH:
         return 1
-    allowed = os.environ.get("OMP_NUM_THREADS", "")
-    if allowed.isdigit() and 0 < int(allowed) < numba.get_num_threads():
-        numba.set_num_threads(int(allowed))
+    _bound_threads()
     return int(numba.get_num_threads())
+
+
+@cache
+def _bound_threads() -> None:
+    """Once, when the program first needs threads."""
+    given = [os.environ.get(f"{name}_NUM_THREADS", "") for name in ("OMP", "NUMBA")]
+    asked = [int(text) for text in given if text.isdigit() and int(text) > 0]
+    numba.set_num_threads(min(numba.get_num_threads(), *asked or [free_cores()]))
+
+
+def free_cores(load: Path = Path("/proc/loadavg")) -> int:
+    """Cores, at least one, that no other program wants now and wanted over the last minute.
+
+    All where that cannot be known. A program that has just ended still counts in the mean over the
+    last minute, and one that starts for a moment in what runs now: only both together count.
+    """
+    cores = int(numba.config.NUMBA_NUM_THREADS)
+    try:
+        mean, _, _, tasks, _ = load.read_text().split()
+        others = min(round(float(mean)), int(tasks.split("/")[0]) - 1)
+    except (OSError, ValueError):
+        return cores
+    return max(cores - others, 1)
 
 
 def _keep_tbb() -> None:

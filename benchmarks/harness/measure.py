@@ -91,8 +91,10 @@ def median_of(times: int, run: Callable[[], Measured]) -> Measured:
     )
 
 
-def _limited(threads: int) -> dict[str, str]:
-    """This environment with so many threads for every library that has any."""
+def _limited(threads: int | None) -> dict[str, str]:
+    """This environment with so many threads for every library that has any, or its own choice."""
+    if threads is None:
+        return {name: text for name, text in os.environ.items() if name not in THREADS}
     return os.environ | dict.fromkeys(THREADS, str(threads))
 
 
@@ -114,9 +116,11 @@ def run_command(
     folder: Path,
     log: Path,
     environment: Mapping[str, str] | None = None,
-    threads: int = 1,
+    threads: int | None = 1,
 ) -> Measured:
     """Time and peak memory of a command; its output goes to `log`.
+
+    Without `threads` it takes as many as it chooses itself.
 
     InputError with the command's own last error if it fails.
     """

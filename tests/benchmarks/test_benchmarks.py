@@ -57,7 +57,7 @@ COLUMNS = {
     "compression": {
         "compression": ("task", "threads", "contacts", "steps", "ms_a_step", "seconds", "peak_mb"),
     },
-    "threads": {"threads": ("task", "others", "one_thread_s", "all_cores_s", "times_faster")},
+    "threads": {"threads": ("task", "others", "one_thread_s", "own_choice_s", "times_faster")},
     "large": {"large": ("task", "spheres", "seconds", "peak_mb")},
 }
 """Table -> columns that must hold numbers, for each job."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from modal import loops
+from modal.loops import free_cores
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.stiffness import packed_contacts
@@ -75,6 +76,25 @@ def test_threads_change_no_bit():
         command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("load", "free"),
+    [
+        ("0.10 0.50 0.90 1/200 4321", 8),
+        ("3.10 2.00 1.00 4/200 4321", 5),
+        ("7.90 2.00 1.00 1/200 4321", 8),  # other programs have just ended
+        ("0.05 0.00 0.00 7/200 4321", 8),  # they run for a moment
+        ("40.0 40.0 40.0 41/900 4321", 1),
+        ("what is this", 8),
+    ],
+)
+def test_cores_that_others_use_are_left_to_them(tmp_path, monkeypatch, load, free):
+    numba = pytest.importorskip("numba")
+    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 8)
+    (tmp_path / "loadavg").write_text(load)
+    assert free_cores(tmp_path / "loadavg") == free
+    assert free_cores(tmp_path / "missing") == 8
 
 
 WHOLE = """
