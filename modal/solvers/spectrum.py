@@ -30,6 +30,8 @@ CLOSE = 0.02
 15 more would make the interval of a wave of 440 products shorter by 3 of them."""
 LANCZOS_STEPS = 40
 """Most products spent on an estimate."""
+TOGETHER = 2**16
+"""Numbers of a vector that are worked on together: what is in between stays in a cache."""
 ROUND_OFF = 100 * np.finfo(float).eps
 """Times the order squared: how much round-off may let a recurrence grow. It makes an error at every
 order, and each error grows by at most the order."""
@@ -119,7 +121,9 @@ def _random(operator: ScaledOperator) -> Floats:
 
 def _ritz_values(operator: ScaledOperator, start: Floats, steps: int) -> Floats:
     """Shape (k,), ascending: Ritz values of at most `steps` steps of Lanczos."""
-    *_, (diagonal, off, _) = islice(lanczos_steps(operator, start), steps)
+    made = islice(lanczos_steps(operator, start), steps)
+    del start
+    *_, (diagonal, off, _) = made
     return eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]), eigvals_only=True)
 
 
@@ -133,6 +137,7 @@ def lanczos_steps(operator: ScaledOperator, start: Floats) -> Iterator[Step]:
     (size,) is overwritten two steps later.
     """
     now = start / norm(start)
+    del start  # of millions of spheres a vector is half a gigabyte
     before, scale = np.zeros_like(now), 0.0
     diagonal: list[float] = []
     off: list[float] = []
@@ -140,7 +145,9 @@ def lanczos_steps(operator: ScaledOperator, start: Floats) -> Iterator[Step]:
         # In the array of the vector before: A now - (off-diagonal number) before.
         ahead = operator.combine(now, before, 1.0, kept=-off[-1] if off else 0.0)
         diagonal.append(dot(ahead, now))
-        ahead -= diagonal[-1] * now
+        for first in range(0, len(now), TOGETHER):
+            part = slice(first, first + TOGETHER)
+            ahead[part] -= diagonal[-1] * now[part]
         beta = norm(ahead)
         scale = max(scale, abs(diagonal[-1]) + beta)
         off.append(beta if beta > 1e-12 * scale else 0.0)

@@ -135,10 +135,15 @@ def propagate_from_plane(
     push = -loads(network, opening[None])[0][:, 0]
     if not push.any():
         raise InputError(f"nothing resists an opening along {direction} at {height:g} m")
-    start = push / np.sqrt(mass_diagonal(network))
     operator = ContactOperator(network, mass_scaled=True)
     time, recorded, products, _ = carried(
-        operator, start, _Spheres(network, axis), motion, duration, interval, tolerance
+        operator,
+        lambda: push / np.sqrt(mass_diagonal(network)),
+        _Spheres(network, axis),
+        motion,
+        duration,
+        interval,
+        tolerance,
     )
     layers = Layers(network)
     return PlaneWave(

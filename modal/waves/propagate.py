@@ -83,18 +83,18 @@ def chebyshev_moments(
 ) -> Floats:
     """Shape (count, receivers.count): what the receivers read of T_k(2 A / top - 1) start.
 
-    Row k belongs to the Chebyshev polynomial T_k. `operator` is A, `start` (6n,), `top` the upper
-    end of the interval in omega^2, 1/s^2; the receivers are mass-scaled. GrowthError where the
-    vectors grow, as they do when modes lie outside the interval.
+    Row k belongs to the Chebyshev polynomial T_k. `operator` is A, `start` (6n,), which is worked
+    on in place, `top` the upper end of the interval in omega^2, 1/s^2; the receivers are
+    mass-scaled. GrowthError where the vectors grow, as they do when modes lie outside the interval.
     """
     rows = np.empty((count, receivers.count))
-    before, now = start.copy(), np.empty_like(start)
+    before, now = start, np.empty_like(start)
     first = norm(start)
     for k in progress(count, "wave"):
         if k == 0:
-            now[:] = start
+            now[:] = before
         elif k == 1:
-            operator.combine(start, now, 2 / top, own=-1.0)
+            operator.combine(before, now, 2 / top, own=-1.0)
         else:
             # T_k = 2 X T_(k-1) - T_(k-2), built in the array of T_(k-2).
             operator.combine(now, before, 4 / top, own=-2.0, kept=-1.0)
@@ -109,17 +109,18 @@ def chebyshev_moments(
 
 def moments_within_spectrum(
     operator: ContactOperator,
-    start: Floats,
+    start: Callable[[], Floats],
     receivers: Observer,
     count_for: Callable[[float], int],
 ) -> tuple[Floats, float, int]:
     """`chebyshev_moments` on an interval that holds the spectrum.
 
     Returns the moments, the top of their interval, 1/s^2, and the number of products with K.
-    `count_for` gives the number of moments for a top. The first top is an estimate. Where the
-    recurrence grows, the estimate was too small and a larger one is tried. Where it does not grow,
-    modes a little above the top do no harm: the expansion holds there too, and the error of leaving
-    out high orders is no larger than inside. InputError where there is no stiffness.
+    `start` makes the start anew for each try; `count_for` gives the number of moments for a top.
+    The first top is an estimate. Where the recurrence grows, the estimate was too small and a
+    larger one is tried. Where it does not grow, modes a little above the top do no harm: the
+    expansion holds there too, and the error of leaving out high orders is no larger than inside.
+    InputError where there is no stiffness.
     """
     top, products = top_of_spectrum(operator)
     if top == 0:
@@ -127,7 +128,7 @@ def moments_within_spectrum(
     while True:
         count = count_for(top)
         try:
-            rows = chebyshev_moments(operator, start, top, count, receivers)
+            rows = chebyshev_moments(operator, start(), top, count, receivers)
         except GrowthError as found:
             top, more = wider_top(operator, found, top)
             products += more + found.products
@@ -245,7 +246,10 @@ def propagate(
     )
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress).renumbered()
     receivers.renumber(operator.order)
-    start = operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
+
+    def start() -> Floats:
+        return operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
+
     time, recorded, products, truncation = carried(
         operator, start, receivers, motion, duration, interval, tolerance
     )
@@ -262,7 +266,7 @@ def propagate(
 
 def carried(
     operator: ContactOperator,
-    start: Floats,
+    start: Callable[[], Floats],
     receivers: Observer,
     motion: Motion,
     duration: float,
@@ -271,8 +275,8 @@ def carried(
 ) -> tuple[Floats, Floats, int, float]:
     """Times (nt,), what is recorded at them (nt, count), products with K, and the truncation.
 
-    `start` (6n,) is the mass-scaled force on the particles for a unit displacement of the source,
-    which goes by `motion`; the other arguments are those of `propagate`.
+    `start` makes the mass-scaled force (6n,) on the particles for a unit displacement of the
+    source, which goes by `motion`; the other arguments are those of `propagate`.
     """
     planned: dict[float, tuple[Floats, Floats, float]] = {}
 

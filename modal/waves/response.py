@@ -178,7 +178,9 @@ def frequency_response(
         planned[top] = frequency, w
         return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
 
-    start = operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
+    def start() -> Floats:
+        return operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
+
     rows, top, products = moments_within_spectrum(operator, start, receivers, count_for)
     frequency, w = planned[top]
     rows[0] /= 2

@@ -136,7 +136,7 @@ def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
     operator, start = Diagonal(square), np.ones(400)
     monkeypatch.setattr(wave, "top_of_spectrum", lambda _: (share * 3.0, 0))
     rows, top, products = wave.moments_within_spectrum(
-        operator, start, Everything(400), lambda top: 300
+        operator, start.copy, Everything(400), lambda top: 300
     )
     assert products == operator.products
     assert top >= 3
@@ -262,7 +262,7 @@ def test_moments_are_those_of_chebyshevs_polynomials():
     """Rows of T_k(2 A / top - 1) start, by the cosine."""
     square, top = np.linspace(0, 5, 30), 6.0
     start = np.random.default_rng(1).standard_normal(30)
-    rows = chebyshev_moments(Diagonal(square), start, top, 70, Everything(30))
+    rows = chebyshev_moments(Diagonal(square), start.copy(), top, 70, Everything(30))
     angle = np.arccos(2 * square / top - 1)
     expected = np.cos(np.arange(70)[:, None] * angle) * start
     # Round-off grows by at most the order at each product.
