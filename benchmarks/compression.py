@@ -19,6 +19,7 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import ROOT, measured, run_command
 from benchmarks.harness.packing import SAMPLE, STRESS
 from benchmarks.harness.report import Page, Rows
+from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.compress import Pace
@@ -85,8 +86,11 @@ def run(quick: bool, folder: Path) -> Page:
     def add(task: str, *arguments: str) -> None:
         command = [sys.executable, "-m", "modal", *arguments]
         how = {"environment": {"PYTHONPATH": str(ROOT)}, "threads": CORES}
-        cost = run_command(command, folder, folder / "command.log", **how).cost
-        rows.append({"task": task, "threads": CORES} | cost)
+        row: dict[str, Any] = {"task": task, "threads": CORES}
+        try:
+            rows.append(row | run_command(command, folder, folder / "command.log", **how).cost)
+        except InputError as error:  # a state that does not come to rest is a result
+            rows.append(row | {"failure": str(error)})
 
     walk = ["pack", *size, "--friction", f"{FRICTION:g}", "--width", f"{WIDTH[quick]:g}"]
     stresses = STRESSES[quick]
