@@ -21,10 +21,11 @@ from analysis.figures.picture import read_picture
 from analysis.figures.preparation import ladder_pictures
 from analysis.figures.render import save
 from analysis.measures import Measures
-from analysis.packings.convergence import limits_table, read_rows, settings_table, twins_table
+from analysis.packings.convergence import limits_table, rows_of, settings_table, twins_table
 from analysis.packings.coordination import table as coordination_table
 from analysis.packings.elastic import table as elastic_table
 from analysis.packings.samples import table
+from analysis.packings.seeds import KEPT, Seeds
 from analysis.packings.state import measured
 from analysis.prepare import KINDS, prepare
 from analysis.quality import picture_of, quality_of, table_of
@@ -130,7 +131,10 @@ def _parser() -> argparse.ArgumentParser:
     state = commands.add_parser("packing", help=text, description=text)
     state.add_argument("sample", metavar="FILE", help="*.sample.h5, at rest")
     state.add_argument("-o", "--output", metavar="FILE", help="write them, *.json")
-    text = "what the settings of a compression change, from packings of several seeds"
+    text = (
+        "what the settings of a compression change, from packings of several seeds; those that "
+        "stand in DIR/seeds.csv already count as well"
+    )
     converged = commands.add_parser("convergence", help=text, description=text)
     converged.add_argument("folder", help="of workflow/convergence.smk")
     converged.add_argument("--table", default="cases/convergence.table", metavar="FILE")
@@ -281,10 +285,20 @@ def _quality(arguments: argparse.Namespace) -> None:
 
 
 def _convergence(arguments: argparse.Namespace) -> None:
-    rows, output = read_rows(arguments.folder, arguments.table), Path(arguments.output)
+    seeds, output = Seeds(arguments.table), Path(arguments.output)
+    seeds.add_kept(output)
+    seeds.add_folder(arguments.folder)
+    rows = rows_of(seeds)
+    if not rows:
+        raise InputError(
+            f"{arguments.folder}: no packing of {arguments.table} is there; run "
+            "workflow/convergence.smk"
+        )
     output.mkdir(parents=True, exist_ok=True)
     tables = {"settings": settings_table, "limits": limits_table, "twins": twins_table}
-    paths = [path for name, of in tables.items() for path in of(rows).write(output / name)]
+    found = {output / name: of(rows) for name, of in tables.items()}
+    paths = [path for stem, table_ in found.items() if table_.rows for path in table_.write(stem)]
+    paths.append(seeds.kept().write_csv(output / KEPT))
     for name, picture in ladder_pictures(rows).items():
         paths += save(picture, output / name)
     put("\n".join(str(path) for path in paths))

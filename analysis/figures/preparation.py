@@ -1,4 +1,4 @@
-"""What the settings of a compression change: e, Z and V_P along each ladder, with its limit."""
+"""What the settings of a compression change: e, Z, V_P along each ladder, with its limit."""
 
 from __future__ import annotations
 
@@ -7,26 +7,30 @@ import numpy as np
 from analysis.figures.picture import Panel, Picture
 from analysis.packings.convergence import LADDERS, Ladder, Row, limit, rungs
 
-QUANTITIES = {"e": "void ratio", "Z": "contacts of a sphere", "V_P": "$V_P$ (m/s)"}
+QUANTITIES = {
+    **{"e": "void ratio", "Z": "contacts of a sphere", "V_P": "$V_P$ (m/s)"},
+    "f_low_pass": "$f_{low-pass}$ (Hz)",
+}
+"""The last where the packings are long enough for it."""
 LOGARITHMIC = 8.0
 """Ratio of the largest size to the smallest from which an axis is logarithmic."""
 
 
 def ladder_picture(ladder: Ladder, rows: list[Row], stress: float = 1e5) -> Picture | None:
-    """A row of panels for e, Z and V_P at each friction; None without such rows.
+    """A row of panels for each friction, one a quantity; None without such rows.
 
     Bars are standard errors, the cross is the base, the line the limit with its error.
     """
-    panels = []
-    for mu in sorted({row.friction for row in rows}, reverse=True):
-        found = rungs(ladder, rows, mu, stress)
-        for quantity, label in QUANTITIES.items() if found else ():
-            panels.append(_panel(ladder, found, quantity, label, f"friction {mu:g}"))
-    return Picture(panels, columns=len(QUANTITIES)) if panels else None
+    frictions = sorted({row.friction for row in rows}, reverse=True)
+    ladders = [found for mu in frictions if (found := rungs(ladder, rows, mu, stress))]
+    steps = [row for found in ladders for row in found]
+    shown = [name for name in QUANTITIES if any(row.mean(name)[2] for row in steps)]
+    panels = [_panel(ladder, found, name) for found in ladders for name in shown]
+    return Picture(panels, columns=len(shown)) if panels else None
 
 
-def _panel(ladder: Ladder, found: list[Row], quantity: str, label: str, title: str) -> Panel:
-    panel = Panel(ladder.title, label, title)
+def _panel(ladder: Ladder, found: list[Row], quantity: str) -> Panel:
+    panel = Panel(ladder.title, QUANTITIES[quantity], f"friction {found[0].friction:g}")
     size = np.array([ladder.size(row) for row in found])
     value, error = np.array([row.mean(quantity)[:2] for row in found]).T
     if size.min() > 0 and size.max() > LOGARITHMIC * size.min():

@@ -8,20 +8,17 @@ weighted with the standard errors, gives the limit.
 
 from __future__ import annotations
 
-import json
-from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from analysis.packings.seeds import NO_SETTING, NONE, OWN, Means, Seeds
 from analysis.packings.state import QUANTITIES
 from analysis.table import Table
-from modal.formats.hdf5 import InputError
 from modal.preparation.protocol import NOMINAL_FRACTION
 
-OWN, NOT_AGITATED = "own", "monotonic_not_agitated"
+NOT_AGITATED = "monotonic_not_agitated"
 RATES = frozenset({"approach_rate", "inertial_number"})
 SHOWN = (
     *("e", "Z", "Z_bearing", "rattlers", "fabric_zz", "force_squared", "weak_forces"),
@@ -40,7 +37,8 @@ TWINS |= {"modal_half_rates": "yade_half_rates"}
 class Row:
     """One setting at one friction and stress, Pa; `values` hold a number a seed, by quantity.
 
-    `unsettled` packings more are there, which have not reached the stress: none of the values.
+    `means` are those of further seeds. `unsettled` packings more are there, which have not reached
+    the stress: none of the values.
     """
 
     name: str
@@ -48,6 +46,7 @@ class Row:
     stress: float
     values: dict[str, np.ndarray]
     unsettled: int
+    means: Means = NONE
 
     @property
     def friction(self) -> float:
@@ -56,11 +55,9 @@ class Row:
 
     def mean(self, quantity: str) -> tuple[float, float, int]:
         """Mean, its standard error (NaN from one seed) and the number of seeds."""
-        known = self.values[quantity][np.isfinite(self.values[quantity])]
-        if not known.size:
-            return np.nan, np.nan, 0
-        error = known.std(ddof=1) / np.sqrt(known.size) if known.size > 1 else np.nan
-        return float(known.mean()), float(error), known.size
+        return self.means.joined(
+            quantity, self.values[quantity][np.isfinite(self.values[quantity])]
+        )
 
 
 @dataclass(frozen=True)
@@ -113,32 +110,16 @@ LADDERS = (
 """Of `RATES` the approach's is shown; the servo's goes with it."""
 
 
-def read_rows(folder: str | Path, table: str | Path) -> list[Row]:
-    """Rows of a table with packings ROW_muMU/SEED/STRESSPa.json in `folder`; InputError if none."""
-    lines = [line.split() for line in Path(table).read_text().splitlines() if line[0] != "#"]
-    own: dict[str, str] = {}
+def rows_of(seeds: Seeds) -> list[Row]:
+    """A row for each setting and stress of which packings are known, in the order of the table."""
     rows = []
-    for cells in lines[1:]:
-        settings = dict(zip(lines[0], cells, strict=True))
-        own = settings if settings["setting"] == OWN else own
-        settings = {name: own[name] if cell == "-" else cell for name, cell in settings.items()}
-        name = settings["setting"]
-        found = defaultdict(list)
-        where = Path(folder, f"{name}_mu{settings['mu_comp']}")
-        for path in sorted(where.glob("*/*Pa.json")):
-            state = json.loads(path.read_text())
-            if lacking := set(QUANTITIES) - set(state):
-                raise InputError(
-                    f"{path}: has no {', '.join(lacking)}, an older version made it; remove it and "
-                    "run workflow/convergence.smk"
-                )
-            found[float(path.name.removesuffix("Pa.json"))].append(state)
-        for stress, states in sorted(found.items()):
-            there = [state for state in states if state["stress_error"] < STRESS_ERROR]
-            values = {q: np.array([state[q] for state in there], float) for q in QUANTITIES}
-            rows.append(Row(name, settings, stress, values, len(states) - len(there)))
-    if not rows:
-        raise InputError(f"{folder}: no packing of {table} is there; run workflow/convergence.smk")
+    for key in seeds.ordered():
+        states = seeds.numbers.get(key, {}).values()
+        there = [state for state in states if state["stress_error"] < STRESS_ERROR]
+        values = {q: np.array([state[q] for state in there], float) for q in QUANTITIES}
+        means = seeds.means.get(key, NONE)
+        unsettled = len(states) - len(there) + means.unsettled
+        rows.append(Row(key[0], seeds.settings[key[:2]], key[2], values, unsettled, means))
     return rows
 
 
@@ -148,11 +129,10 @@ def rungs(ladder: Ladder, rows: Iterable[Row], friction: float, stress: float) -
     base = next((row for row in here if row.name == ladder.base), None)
     if base is None:
         return []
-    unlike = {"setting", "seeds"}
     found = [
         row
         for row in here
-        if {n for n, cell in row.settings.items() if cell != base.settings[n]} - unlike
+        if {n for n, cell in row.settings.items() if cell != base.settings[n]} - NO_SETTING
         in (ladder.columns, set())
     ]
     return sorted(found, key=ladder.size) if len(found) > 1 else []
@@ -187,16 +167,21 @@ def _apart(distance: float, error: float, form: str = "{:+.1f}") -> str:
     return form.format(distance / error) if error > 0 else ""
 
 
+def _shown(rows: list[Row]) -> list[str]:
+    """Those of `SHOWN` that some row has."""
+    return [name for name in SHOWN if any(row.mean(name)[2] for row in rows)]
+
+
 def settings_table(rows: list[Row]) -> Table:
     """Mean and standard error of each row; in brackets its distance from `own` in such errors."""
     own = {(row.friction, row.stress): row for row in rows if row.name == OWN}
-    lines = []
+    shown, lines = _shown(rows), []
     for row in rows:
         count = row.mean("e")[2]
         seeds = f"{count}, {row.unsettled} not settled" if row.unsettled else f"{count}"
         cells = [row.name, row.settings["mu_comp"], f"{row.stress / 1e3:g}", seeds]
         base = own.get((row.friction, row.stress))
-        for quantity in SHOWN:
+        for quantity in shown:
             value, error, _ = row.mean(quantity)
             text = _text(quantity, value, error)
             if base is not None and base is not row:
@@ -204,13 +189,13 @@ def settings_table(rows: list[Row]) -> Table:
                 text += _apart(value - before, np.hypot(error, its), " ({:+.1f})")
             cells.append(text)
         lines.append(cells)
-    header = ("setting", "mu_comp", "stress, kPa", "seeds", *SHOWN)
+    header = ("setting", "mu_comp", "stress, kPa", "seeds", *shown)
     return Table("Settings: mean ± standard error (distance from `own` in errors)", header, lines)
 
 
 def limits_table(rows: list[Row]) -> Table:
     """Where a step, a rate and the size of the cell lead, and how far from it `own` is."""
-    lines = []
+    shown, lines = _shown(rows), []
     for ladder in LADDERS:
         for friction, stress in sorted({(row.friction, row.stress) for row in rows}):
             steps = rungs(ladder, rows, friction, stress)
@@ -218,7 +203,7 @@ def limits_table(rows: list[Row]) -> Table:
                 continue
             own = next(row for row in steps if row.name == ladder.base)
             size = np.array([ladder.size(row) for row in steps])
-            for quantity in SHOWN:
+            for quantity in shown:
                 means = np.array([row.mean(quantity)[:2] for row in steps])
                 there, error, chi = limit(size, *means.T)
                 here, its, _ = own.mean(quantity)
@@ -242,12 +227,12 @@ def limits_table(rows: list[Row]) -> Table:
 def twins_table(rows: list[Row]) -> Table:
     """The same settings by modal and by YADE: means, and their difference in standard errors."""
     by_name = {(row.name, row.friction, row.stress): row for row in rows}
-    lines = []
+    shown, lines = _shown(rows), []
     for (name, friction, stress), row in by_name.items():
         other = by_name.get((TWINS.get(name, ""), friction, stress))
         if other is None:
             continue
-        for quantity in SHOWN:
+        for quantity in shown:
             (a, s, n), (b, t, m) = row.mean(quantity), other.mean(quantity)
             line = [name, f"{friction:g}", f"{stress / 1e3:g}", quantity, f"{n}, {m}"]
             line += [_text(quantity, a, s), _text(quantity, b, t)]

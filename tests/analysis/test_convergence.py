@@ -1,6 +1,7 @@
 """What a setting of the compression changes is read from packings whose answer is known."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -12,22 +13,23 @@ from analysis.packings.convergence import (
     LADDERS,
     limit,
     limits_table,
-    read_rows,
+    rows_of,
     rungs,
     twins_table,
 )
+from analysis.packings.seeds import Means, Seeds
 from analysis.packings.state import QUANTITIES, measured
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 
 TABLE = """# a comment
-setting program mu_comp spheres width fraction seeds
-own modal 0.4 1000 8 0.7 40
-half_step - - - - 0.35 40
-quarter_step - - - - 0.175 40
-twin - - 500 6 - 40
-twin_yade yade - 500 6 - 40
-half_step modal 0.1 1000 8 0.35 40
+setting program mu_comp spheres width fraction residual seeds
+own modal 0.4 1000 8 0.7 1e-3 40
+half_step - - - - 0.35 - 40
+quarter_step - - - - 0.175 - 40
+twin - - 500 6 - - 40
+twin_yade yade - 500 6 - - 40
+half_step modal 0.1 1000 8 0.35 1e-3 40
 """
 NOISE = 0.05
 STEP = LADDERS[0].title
@@ -48,8 +50,14 @@ def folder(tmp_path):
     return tmp_path
 
 
+def read_rows(folder):
+    seeds = Seeds(folder / "table")
+    seeds.add_folder(folder)
+    return rows_of(seeds)
+
+
 def test_mean_and_error_are_those_of_the_draw(folder):
-    own = read_rows(folder, folder / "table")[0]
+    own = read_rows(folder)[0]
     value, error, count = own.mean("e")
     assert (count, own.unsettled) == (40, 1)
     # The scatter of 40 draws is known to 1 / sqrt(2 * 39) = 11 %; three times that.
@@ -58,7 +66,7 @@ def test_mean_and_error_are_those_of_the_draw(folder):
 
 
 def test_ladder_holds_the_rows_that_differ_in_one_setting(folder):
-    rows = read_rows(folder, folder / "table")
+    rows = read_rows(folder)
     found = rungs(LADDERS[0], rows, 0.4, 1e5)
     assert [row.name for row in found] == ["quarter_step", "half_step", "own"]
     assert rungs(LADDERS[0], rows, 0.1, 1e5) == []
@@ -75,7 +83,7 @@ def test_limit_of_a_line_is_exact_and_its_error_that_of_least_squares():
 
 
 def test_tables_tell_the_limit_and_the_twins(folder):
-    rows = read_rows(folder, folder / "table")
+    rows = read_rows(folder)
     (line,) = (row for row in limits_table(rows).rows if row[0] == STEP and row[3] == "e")
     there, error = map(float, line[5].split(" ± "))
     assert abs(there - 0.6) < 4 * error
@@ -83,12 +91,77 @@ def test_tables_tell_the_limit_and_the_twins(folder):
     assert line[4] == "40, 40" and abs(float(line[-1])) < 4
 
 
+def test_means_of_earlier_seeds_join_as_if_each_were_known():
+    """Mean and standard error of all: the textbook's, from the numbers themselves."""
+    numbers = np.random.default_rng(3).normal(0.7, NOISE, 9)
+    for count in (0, 1, 5, 8, 9):
+        first, rest = numbers[:count], numbers[count:]
+        error = first.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
+        known = {"e": (float(first.mean()), float(error))} if count else {}
+        found = Means(count, 0, known).joined("e", rest)
+        assert found == pytest.approx((numbers.mean(), numbers.std(ddof=1) / 3, 9), rel=1e-12)
+
+
+def convergence(folder, out, packings="."):
+    given = str(folder / packings), "--table", str(folder / "table"), "-o", str(out)
+    return main(["convergence", *given])
+
+
+def test_seeds_made_later_join_those_that_are_kept(folder):
+    """In two parts, the packings of the first one lost, the tables are those of all at once."""
+    whole, parts = folder / "whole", folder / "parts"
+    assert convergence(folder, whole) == 0
+    for path in [p for p in folder.glob("*_mu*/*") if int(p.name) % 3]:
+        later = folder / "later" / path.relative_to(folder)
+        later.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(path, later)
+    assert convergence(folder, parts) == 0 and convergence(folder, parts, "later") == 0
+    for name in ("seeds.csv", "settings.csv", "limits.csv", "twins.csv"):
+        assert (parts / name).read_text() == (whole / name).read_text()
+
+
+def test_seeds_of_which_the_means_are_known_count(folder):
+    """The first 15 seeds of `own` by their mean and error alone: its line stays as it was."""
+    whole, parts = folder / "whole", folder / "parts"
+    assert convergence(folder, whole) == 0
+    parts.mkdir()
+    numbers = []
+    for seed in range(1, 16):
+        path = folder / "own_mu0.4" / f"{seed}" / "100000Pa.json"
+        numbers.append(json.loads(path.read_text()))
+        path.unlink()
+    head = dict(setting="own", mu_comp="0.4", stress="100000", seeds=15, unsettled=0)
+    head["made with"] = "modal 1000 8 0.7 1e-3"
+    values = np.array([[state[name] for name in QUANTITIES] for state in numbers])
+    means = dict(zip(QUANTITIES, values.mean(axis=0), strict=True))
+    errors = values.std(axis=0, ddof=1) / np.sqrt(15)
+    line = head | means | {f"{n} error": s for n, s in zip(means, errors, strict=True)}
+    text = "\n".join(",".join(map(str, cells)) for cells in (line, line.values()))
+    (parts / "means.csv").write_text(text + "\n")
+    assert convergence(folder, parts) == 0
+    assert (parts / "settings.csv").read_text() == (whole / "settings.csv").read_text()
+
+
+def test_seeds_of_other_settings_are_refused(folder, capsys):
+    assert convergence(folder, folder / "out") == 0
+    changed = TABLE.replace("own modal 0.4 1000 8 0.7", "own modal 0.4 1000 8 0.6")
+    (folder / "table").write_text(changed)
+    assert convergence(folder, folder / "out") == 2
+    assert "was made with modal 1000 8 0.7 1e-3, " in capsys.readouterr().err
+    (folder / "table").write_text(TABLE.replace("quarter_step", "fourth_step"))
+    assert convergence(folder, folder / "out") == 2
+    assert "has no row quarter_step of friction 0.4; remove" in capsys.readouterr().err
+    (folder / "out" / "seeds.csv").write_text("setting,mu_comp\n")
+    assert convergence(folder, folder / "out") == 2
+    assert "seeds.csv: has no column V_P, " in capsys.readouterr().err
+
+
 def test_command_writes_tables_and_figures(folder, capsys):
     out = folder / "out"
-    assert main(["convergence", str(folder), "--table", str(folder / "table"), "-o", str(out)]) == 0
+    assert convergence(folder, out) == 0
     assert {p.name for p in out.glob("*.md")} == {"settings.md", "limits.md", "twins.md"}
     assert (out / "own_fraction.png").stat().st_size > 5000
-    assert main(["convergence", str(out), "--table", str(folder / "table"), "-o", str(out)]) == 2
+    assert convergence(folder, folder / "none", "out") == 2
     assert "run workflow/convergence.smk" in capsys.readouterr().err
 
 
@@ -102,6 +175,7 @@ def test_numbers_of_a_packing_are_those_of_its_contacts(tmp_path):
     force = contact.overlap[contact.particle_j >= 0] ** 1.5
     expected = (force**2).mean() / force.mean() ** 2
     assert found["force_squared"] == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(found["f_low_pass"])  # some diameters long
 
 
 def test_low_pass_is_that_of_the_study(tmp_path):
