@@ -16,14 +16,24 @@ class Powers:
     """Of each friction, in order of void ratio: e, the power and its standard error, all (k,).
 
     `of_1_kpa`: whether each e is that of the state under 1 kPa, by which the paper groups, and not
-    under the lowest stress at hand. `whole`: all frictions of the study over all its stresses.
+    under the lowest stress at hand; of the former `unsettled` ones are not at rest. `whole`: all
+    frictions of the study over all its stresses.
     """
 
     e: np.ndarray
     power: np.ndarray
     error: np.ndarray
     of_1_kpa: bool
+    unsettled: int
     whole: bool
+
+    @property
+    def which_e(self) -> str:
+        """Of which states the void ratios are."""
+        if not self.of_1_kpa:
+            return "e at the lowest stress"
+        left = f", {self.unsettled} of {len(self.e)} states not settled" if self.unsettled else ""
+        return f"e at 1 kPa{left}"
 
     @property
     def trend(self) -> tuple[float, float]:
@@ -47,8 +57,7 @@ class Powers:
         each = zip(self.power, self.error, self.e, strict=True)
         text = ", ".join(f"{p:.3f} ± {s:.1g} (e {e:.3f})" for p, s, e in each)
         slope, error = self.trend
-        text += f"; e {'at 1 kPa' if self.of_1_kpa else 'at the lowest stress'}"
-        text += f"; slope over e {slope:+.2f}"
+        text += f"; {self.which_e}; slope over e {slope:+.2f}"
         if np.isfinite(error):
             text += f" ± {error:.1g}: "
             text += "grows with e" if self.grows else "does not grow with e beyond twice the error"
@@ -69,10 +78,11 @@ def powers(rows: Iterable[Row], x: str, y: str) -> Powers | None:
             known = bool(np.isfinite(at_1_kpa))
             count = sum(bool(np.isfinite(row.value(y))) for row in members)
             e = at_1_kpa if known else members[0].value("void_ratio")
-            found.append((e, law.exponent, law.error, known, count == len(STRESSES)))
+            moving = bool(members[0].texts.get("unsettled_at_1_kpa"))
+            found.append((e, law.exponent, law.error, known, moving, count == len(STRESSES)))
     if not found:
         return None
     found.sort()
-    voids, powers_, errors, all_known, complete = zip(*found, strict=True)
-    whole = len(found) == len(FRICTIONS) and all(complete)
-    return Powers(np.array(voids), np.array(powers_), np.array(errors), all(all_known), whole)
+    voids, powers_, errors, all_known, unsettled, complete = map(np.array, zip(*found, strict=True))
+    whole = len(found) == len(FRICTIONS) and bool(complete.all())
+    return Powers(voids, powers_, errors, bool(all_known.all()), int(unsettled.sum()), whole)

@@ -149,7 +149,9 @@ def table_of_laws(rows: list[Row], states: dict[float, Row]) -> Table:
     ]
     for group, members in groups_of(rows).items():
         state = states.get(members[0].mu_comp)
-        e = "" if state is None or members[0].crystal else f"{state.value('void_ratio'):.4f}"
+        e = ""
+        if state is not None and not members[0].crystal:
+            e = f"{state.value('void_ratio'):.4f}" + " (not settled)" * bool(state.unsettled)
         for text, name in quantities:
             _line(lines, group, e, text, "stress", members, "stress_pa", name)
         for producer in ("yade", "linear"):
@@ -189,11 +191,8 @@ def _trend(lines: list[list[str]], random: list[Row], text: str, x: str, y: str)
     found = powers(random, x, y)
     if found is not None and len(found.e) > 2:
         slope, error = found.trend
-        over = f"e at {'1 kPa' if found.of_1_kpa else 'the lowest stress'} (slope)"
-        count = str(len(found.e))
-        lines.append(
-            ["random, each friction", "", text, over, f"{slope:.4f}", _text(error, ".2g"), count]
-        )
+        line = ["random, each friction", "", text, f"{found.which_e} (slope)", f"{slope:.4f}"]
+        lines.append([*line, _text(error, ".2g"), str(len(found.e))])
 
 
 def _line(

@@ -183,6 +183,7 @@ def study(
         row.packings += sum(other.number == row.number for other in others)
         if not row.crystal and row.mu_comp in at_1_kpa:
             row.values["void_ratio_at_1_kpa"] = at_1_kpa[row.mu_comp].values["void_ratio"]
+            row.texts["unsettled_at_1_kpa"] = at_1_kpa[row.mu_comp].unsettled
     output.mkdir(parents=True, exist_ok=True)
     table_1(rows).write_csv(output / "table1.csv")
     found_of_targets = answers(rows, at_1_kpa)

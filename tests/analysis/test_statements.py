@@ -150,6 +150,19 @@ def test_powers_of_the_frictions_over_void_ratio_stand_in_the_laws():
     assert found["first peaks, linear wave: power over stress"] == pytest.approx(0, abs=1e-9)
 
 
+def test_void_ratios_of_states_that_have_not_settled_are_marked():
+    rows, states = a_study(1.2), {}
+    for row in rows:
+        states[row.mu_comp] = state = a_row(0, row.mu_comp, 1e3, void_ratio=0.6)
+        state.unsettled = "residual 1e-2" if row.mu_comp > 0.05 else ""
+        row.values["void_ratio_at_1_kpa"] = Estimate(0.55 + 0.1 * row.mu_comp)
+        row.texts["unsettled_at_1_kpa"] = state.unsettled
+    lines = table_of_laws(rows, states).rows
+    assert {line[1] for line in lines} >= {"0.6000", "0.6000 (not settled)"}
+    slope = "e at 1 kPa, 2 of 3 states not settled (slope)"
+    assert {line[3] for line in lines if "(slope)" in line[3]} == {slope}
+
+
 def test_targets_that_fail_say_by_how_much_and_what_other_rules_give():
     rows = {}
     for row in a_study(1.0):
