@@ -25,7 +25,7 @@ COMMANDS = {
     "density, 2 kHz, 0.5 %": ("density", "--resolution", "2000", "--tolerance", "0.005"),
     "lowest 100 modes": ("modes", "--lowest", "100"),
     "all modes below 20 kHz": ("modes", "--below", "20000"),
-    WAVE: ("wave", "--duration", "6e-4"),
+    WAVE: ("wave", "--duration", "6e-4", "--whole"),
 }
 COPIES = {True: ((2, 1),), False: ((2, 2), (7, 4), (17, 17))}
 """Repetitions of the sample along x and y."""

@@ -103,7 +103,9 @@ def modes(network: Network, which: str, limits: Sequence[float]) -> str:
 
 ACTIONS: dict[str, Callable[..., str]] = {
     "assembly": lambda network: f"{stiffness_matrix(network).nnz} nonzeros",
-    "wave": lambda network, duration: f"{propagate(network, duration).products} products",
+    "wave": lambda network, duration: (
+        f"{propagate(network, duration, whole=True).products} products"
+    ),
     "density": lambda network, width: f"{density_of_states(network, width).products} products",
     "count": lambda network, at: f"{count_below(Eigenproblem.of(network), at)} modes",
     "modes": modes,

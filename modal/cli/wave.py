@@ -93,6 +93,10 @@ def add(commands: Any) -> None:
         help="of a cell without walls: the contacts across the plane at this height, m, open",
     )  # fmt: skip
     command.add_argument(
+        "--whole", action="store_true",
+        help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
+    )  # fmt: skip
+    command.add_argument(
         "-o", "--output", metavar="FILE", help="write *.signals.h5, with --plane *.plane.h5"
     )
     add_if_stale(command)
@@ -166,10 +170,13 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             interval=interval,
             tolerance=options.tolerance,
             damping=damping,
+            whole=options.whole,
             **settings,
         )
         signals = wave.signals
         accuracy = {"products_with_k": wave.products, "truncation": wave.truncation}
+        if wave.repeats > 1:
+            accuracy["computed_one_of_equal_parts"] = wave.repeats
     if options.output:
         write_signals(options.output, signals, options.made)
     return {

@@ -28,10 +28,9 @@ from modal.progress import progress
 from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import GrowthError, largest_growth, norm, top_of_spectrum, wider_top
 from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
 from modal.waves.damped import propagate_damped
-from modal.waves.receivers import Receivers
+from modal.waves.driven import Driven
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
 from modal.workload import refuse_endless
@@ -47,11 +46,15 @@ EXPANSION_COPIES = 4
 
 @dataclass(frozen=True, repr=False)
 class LinearWave:
-    """Result of `propagate`: signals, number of products with K, and the bound of the error."""
+    """Result of `propagate`: signals, number of products with K, and the bound of the error.
+
+    It was computed in one of so many `repeats` of which the packing consists sideways.
+    """
 
     signals: Signals
     products: int
     truncation: float
+    repeats: int = 1
 
     def __repr__(self) -> str:
         peak = quantity(float(abs(self.signals.receiver_stress).max()), "Pa")
@@ -196,6 +199,7 @@ def propagate(
     particles: bool = False,
     direction: str = "z",
     damping: ContactDamping | None = None,
+    whole: bool = False,
     network_sha256: str = "",
 ) -> LinearWave:
     """The wave that a small motion of the source wall sends through a packing.
@@ -210,7 +214,9 @@ def propagate(
     the study. `tolerance` bounds the coefficients that the expansion drops, relative to the largest
     one. `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records every particle;
     `network_sha256` is noted in the signals. `damping` gives the contacts dashpots
-    (`modal.stiffness.damping`), which takes some ten times as many products. InputError for
+    (`modal.stiffness.damping`), which takes some ten times as many products. A packing of equal
+    parts side by side, as a crystal, is computed in one of them where that is exact to the
+    `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it. InputError for
     impossible arguments, for a network without stiffness, and where the run would take more than a
     day or the memory; GrowthError where K has negative directions.
 
@@ -241,17 +247,18 @@ def propagate(
             network_sha256=network_sha256,
         )
         return LinearWave(damped, products, tolerance)
-    receivers = Receivers(
-        network, pre_stress=pre_stress, particles=particles, direction=direction, mass_scaled=True
+    driven = Driven(
+        network,
+        duration,
+        tolerance,
+        pre_stress=pre_stress,
+        particles=particles,
+        direction=direction,
+        whole=whole,
     )
-    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress).renumbered()
-    receivers.renumber(operator.order)
-
-    def start() -> Floats:
-        return operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
-
+    receivers = driven.receivers
     time, recorded, products, truncation = carried(
-        operator, start, receivers, motion, duration, interval, tolerance
+        driven.operator, driven.start, receivers, motion, duration, interval, tolerance
     )
     signals = receivers.signals(
         time,
@@ -261,7 +268,7 @@ def propagate(
         run_time=clock.perf_counter() - started,
         network_sha256=network_sha256,
     )
-    return LinearWave(signals, products, truncation)
+    return LinearWave(signals, products, truncation + driven.difference, driven.repeats)
 
 
 def carried(

@@ -77,16 +77,16 @@ class Receivers:
             parts.append(along(every, every, np.ones(len(every))))
         return sp.vstack(parts, format="csr")
 
-    def renumber(self, order: Ints | None) -> None:
-        """From now on motions are of the particles `order` (n,), in this order; None: as before."""
-        if order is None:
-            return
-        number = np.empty_like(order)
-        number[order] = np.arange(len(order))
+    def move_as(self, number: Ints) -> None:
+        """From now on motions are of other bodies: sphere k of the network moves as `number[k]`.
+
+        That is another numbering, or one for many where spheres move alike.
+        """
         particle, component = np.divmod(self._rows.indices, 6)
-        self._rows.indices = 6 * number[particle] + component
-        self._rows.has_sorted_indices = False
-        self._rows.sort_indices()
+        columns = 6 * number[particle] + component
+        shape = self.count, 6 * (int(number.max()) + 1)
+        self._rows = sp.csr_matrix((self._rows.data, columns, self._rows.indptr), shape)
+        self._rows.sum_duplicates()
 
     def source_force(self, u: Floats, displacement: float) -> float:
         """The force, N, that holds the source wall at `displacement`, m, in the motion u (6n,)."""

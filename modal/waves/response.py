@@ -29,9 +29,9 @@ from modal.packing.network import Network
 from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
 from modal.waves.damped_response import REMEDY, damped_rows
+from modal.waves.driven import Driven
 from modal.waves.propagate import moments_within_spectrum
 from modal.waves.receivers import Receivers
 from modal.workload import refuse_above, refuse_endless
@@ -150,11 +150,11 @@ def frequency_response(
         frequency = np.arange(resolution / 4, end, resolution / 4)
         found = damped_rows(network, damping, own, frequency)
         return _response(own, frequency, found, resolution=0.0, products=0, damping=damping)
-    receivers = Receivers(network, pre_stress=pre_stress, mass_scaled=True, direction=direction)
-    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress).renumbered()
-    receivers.renumber(operator.order)
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
+    # The window leaves of a wave what comes within 1 / gamma.
+    driven = Driven(network, 1 / gamma, tolerance, pre_stress=pre_stress, direction=direction)
+    receivers = driven.receivers
     planned: dict[float, tuple[Floats, Complex]] = {}
 
     def count_for(top: float) -> int:
@@ -166,7 +166,7 @@ def frequency_response(
         numbers = (orders + 4 * frequencies) * receivers.count + 4 * CHUNK * orders
         refuse_endless(
             f"a response with a resolution of {resolution:g} Hz",
-            operator,
+            driven.operator,
             products=orders,
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
@@ -178,10 +178,9 @@ def frequency_response(
         planned[top] = frequency, w
         return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
 
-    def start() -> Floats:
-        return operator.inward(receivers.source / np.sqrt(mass_diagonal(network)))
-
-    rows, top, products = moments_within_spectrum(operator, start, receivers, count_for)
+    rows, top, products = moments_within_spectrum(
+        driven.operator, driven.start, receivers, count_for
+    )
     frequency, w = planned[top]
     rows[0] /= 2
     value: Complex = np.empty((len(frequency), receivers.count), complex)

@@ -372,4 +372,4 @@ def test_wave_of_the_study_is_not_refused(monkeypatch):
     monkeypatch.setattr(wave_module, "chebyshev_moments", start)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: 3e9)
     with pytest.raises(StartedError):
-        propagate(repeat(gallery.fcc(cells=(2, 2, 180)), 7, 7), 6e-4)
+        propagate(repeat(gallery.fcc(cells=(2, 2, 180)), 7, 7), 6e-4, whole=True)

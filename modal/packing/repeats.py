@@ -1,0 +1,230 @@
+"""Lateral repeats: of how many equal parts along x and y a packing consists, and one of them.
+
+A wave that a wall sends by moving as a whole is the same in each part. One of them, in the smaller
+cell, then carries all of it: spheres across its edges touch their own images, and a sphere that
+touches an image of itself has both sides of the contact (P^T K P / n, where P repeats a motion n
+times, contact by contact). What is sought is a shift by 1/p of a period, p a prime, that maps every
+sphere and every contact on another one; and then again one of what is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import gcd
+
+import numpy as np
+
+from modal.formats.arrays import Array, Floats, Ints
+from modal.packing.network import CONTACTS, RECEIVER_WALL, SOURCE_WALL, Network
+
+SAME = 1e-9
+"""Largest `difference` that round-off explains. Of the crystals of the study it is
+some 1e-10: the positions are rounded, and an overlap is a small difference of positions."""
+NEAR = 1e-6
+"""Smallest radii within which a shifted sphere must fall on another one. Which one that is has to
+be certain; how alike they are is told by their contacts."""
+ASLANT = np.array([1.0, 0.61803, 0.75488])
+"""A direction to which no contact of a crystal is perpendicular."""
+OF_SPRINGS = ("stiffness_normal", "stiffness_tangential")
+OF_PRE_STRESS = ("force_normal", "force_tangential", "overlap", "shear_growth",
+                 "motion_shortening", "torque_shortening")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """A network of `count` equal parts, n spheres in all.
+
+    `part`: the network of one, of the size of the smallest cell found, without `cell_shift`;
+    `first` (n / count,): the sphere that each of its spheres is; `member` (n,): the sphere of the
+    part that moves as each sphere does. `difference` of the parts, at most: half that of the
+    contacts' stiffnesses and of the spheres' masses, relative, and three times that of normals and
+    levers, in terms of 1 and of the smallest radius. By this share of itself, at most, the motion
+    of a wave differs after 1 / omega_max from that of a network of which all parts are equal
+    (`modal.waves.driven`).
+    """
+
+    part: Network
+    first: Ints
+    member: Ints
+    count: int
+    difference: float
+
+
+def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
+    """The equal parts of which the network consists; one, itself, where it does not repeat itself.
+
+    The parts' difference is at most `SAME`; with `pre_stress` their forces count too. Of most
+    random packings a glance is enough, at the common divisors of the numbers of spheres and
+    contacts; of others one at the spheres that touch the source wall.
+
+    >>> import modal
+    >>> lateral_repeats(modal.fcc(cells=(3, 2, 10))).count
+    6
+    """
+    every: Ints = np.arange(network.n_particles)
+    found = Repeats(network, every, every, 1, 0.0)
+    columns = (*OF_SPRINGS, *(OF_PRE_STRESS if pre_stress else ()))
+    for axis in (0, 1):
+        for prime in _primes(_common(found.part)) if network.cell_periodic[axis] else ():
+            while (finer := _parted(found, axis, prime, columns)) is not None:
+                found = finer
+    return found
+
+
+def _common(network: Network) -> int:
+    """What divides the numbers of spheres, of contacts, and of those with either wall."""
+    walls = [int((network.particle_j == wall).sum()) for wall in (SOURCE_WALL, RECEIVER_WALL)]
+    return gcd(network.n_particles, network.n_contacts, *walls)
+
+
+def _primes(number: int) -> list[int]:
+    """The primes that divide a number, ascending; none of 0."""
+    found, trial = [], 2
+    while trial * trial <= number:
+        if number % trial == 0:
+            found.append(trial)
+        while number % trial == 0:
+            number //= trial
+        trial += 1
+    return found + ([number] if number > 1 else [])
+
+
+def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> Repeats | None:
+    """The repeats of a `prime`-th of the width along an axis, or None."""
+    network = whole.part
+    if _common(network) % prime:
+        return None
+    at_wall = np.unique(network.particle_i[network.particle_j == SOURCE_WALL])
+    if _rows_of_images(network, at_wall, axis, prime) is None:
+        return None
+    rows = _rows_of_images(network, np.arange(network.n_particles), axis, prime)
+    if rows is None:
+        return None
+    image, member = np.empty((2, network.n_particles), np.int64)
+    image[rows] = np.roll(rows, -1, axis=1)
+    member[rows] = np.arange(len(rows))[:, None]
+    compared = _compared(network, image, columns)
+    if compared is None:
+        return None
+    contact, difference = compared
+    # Any part is at most half the way round from any other.
+    difference *= prime // 2
+    if not difference <= SAME:
+        return None
+    # Of a contact and its images the one with the lowest number stays.
+    here: Ints = np.arange(len(contact))
+    lowest = here
+    for _ in range(prime - 1):
+        here = contact[here]
+        lowest = np.minimum(lowest, here)
+    kept = network.with_contacts(lowest == np.arange(len(lowest)))
+    first, size = rows[:, 0], kept.cell_size.copy()
+    size[axis] /= prime
+    part = replace(
+        kept,
+        **{name: getattr(kept, name)[first] for name in ("position", "radius", "mass", "inertia")},
+        particle_i=member[kept.particle_i],
+        particle_j=np.where(kept.with_wall, kept.particle_j, member[kept.partner]),
+        cell_size=size,
+        cell_shift=None,
+    )
+    return Repeats(
+        part,
+        whole.first[first],
+        member[whole.member],
+        whole.count * prime,
+        whole.difference + difference,
+    )
+
+
+def _rows_of_images(network: Network, spheres: Ints, axis: int, parts: int) -> Ints | None:
+    """Shape (k / parts, parts): the `spheres` (k,), each row images of each other along the axis.
+
+    From one to the next it is the cell's width over `parts`. None where that is not so of them all.
+    """
+    if len(spheres) % parts:
+        return None
+    near = NEAR * float(network.radius.min())
+    place, width = network.position[spheres], float(network.cell_size[axis]) / parts
+    ranks = []
+    for other in range(3):
+        period = float(network.cell_size[other]) if network.cell_periodic[other] else None
+        ranks.append(_ranks(place[:, other], width if other == axis else period, near))
+    along = place[:, axis] % network.cell_size[axis]
+    rows = np.lexsort((along, *ranks)).reshape(-1, parts)
+    alike = all((rank[rows] == rank[rows[:, :1]]).all() for rank in ranks)
+    if not (alike and (abs(np.diff(along[rows], axis=1) - width) <= near).all()):
+        return None
+    images: Ints = spheres[rows]
+    return images
+
+
+def _ranks(values: Floats, period: float | None, near: float) -> Ints:
+    """Shape (k,): ascending numbers of the values (k,), equal for those that are `near`."""
+    if period is not None:
+        values = values % period
+    order = np.argsort(values)
+    ascending = values[order]
+    rank = np.empty(len(values), np.int64)
+    rank[order] = np.concatenate([[0], np.cumsum(np.diff(ascending) > near)])
+    if period is not None and ascending[0] + period - ascending[-1] <= near:
+        rank[rank == rank[order[-1]]] = 0
+    return rank
+
+
+def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[Ints, float] | None:
+    """Shape (m,): the contact on which each one falls; and the largest difference of both.
+
+    `image` (n,) is the sphere on which each one falls. None where contacts fall on none.
+    """
+    i, j, wall = network.particle_i, network.particle_j, network.with_wall
+    here, turned, there, turned_there = (
+        *_sorted(network, i, j),
+        *_sorted(network, image[i], np.where(wall, j, image[network.partner])),
+    )
+    # What stands at one place of both orders is a contact and what falls on it.
+    ends = np.sort(np.column_stack([i, j]), axis=1)
+    moved = np.sort(np.column_stack([image[i], np.where(wall, j, image[network.partner])]), axis=1)
+    if not np.array_equal(ends[here], moved[there]):
+        return None
+    contact = np.empty_like(here)
+    contact[there] = here
+    sign = np.where(turned[here] == turned_there[there], 1.0, -1.0)[:, None]
+    reach = float(network.radius.min())
+    levers = [network.lever_i[here], network.lever_j[here]]
+    other = np.where(sign > 0, *levers), np.where(sign > 0, *levers[::-1])
+    shape = max(
+        _most(network.normal[there] - sign * network.normal[here], 1.0),
+        _most(network.lever_i[there] - other[0], reach),
+        _most(network.lever_j[there] - other[1], reach),
+    )
+    spheres = (getattr(network, name) for name in ("radius", "mass", "inertia"))
+    mass = max(_most(data[image] - data, data) for data in spheres)
+    stiffness = 0.0
+    for name in columns:
+        data = getattr(network, name)
+        if data is None:
+            continue
+        if name in OF_SPRINGS:
+            # Contacts without stiffness fall on such ones.
+            own = _most(data[there] - data[here], np.where(data == 0, 1.0, data)[here])
+        else:
+            facing = sign * data[here] if CONTACTS[name][1] else data[here]
+            own = _most(data[there] - facing, float(abs(data).max()) or 1.0)
+        stiffness = max(stiffness, own)
+    return contact, (stiffness + mass) / 2 + 3 * shape
+
+
+def _most(difference: Array, scale: Array | float) -> float:
+    return float(abs(difference / scale).max(initial=0.0))
+
+
+def _sorted(network: Network, i: Ints, j: Ints) -> tuple[Ints, Array]:
+    """Order (m,) of the contacts by their two ends, whichever is first, and which are turned (m,).
+
+    Two spheres that touch more than once do so in several directions.
+    """
+    slant = network.normal @ ASLANT
+    turned = (j >= 0) & ((i > j) | ((i == j) & (slant < 0)))
+    low, high = np.where(turned, j, i), np.where(turned, i, j)
+    return np.lexsort((np.where(turned, -slant, slant), high, low)), turned

@@ -1,0 +1,107 @@
+"""Equal parts side by side: how many there are, what one of them is, and what is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.repeats import SAME, lateral_repeats
+from modal.packing.tiling import repeat
+from modal.preparation.random_packing import random_network
+from modal.stiffness.matrices import stiffness_matrix
+
+RANDOM = random_network(60, 1e5, seed=2, aspect=4)
+
+
+@pytest.mark.parametrize(
+    ("network", "count"),
+    [
+        (gallery.fcc(cells=(3, 1, 6)), 3),
+        (gallery.fcc(cells=(3, 2, 6)), 6),
+        (gallery.fcc(cells=(4, 6, 5)), 24),
+        (repeat(RANDOM, 3, 1), 3),
+        (repeat(RANDOM, 2, 5), 10),
+        (RANDOM, 1),
+        (replace(repeat(RANDOM, 2, 3), cell_periodic=np.array([True, False, False])), 2),
+    ],
+)
+@pytest.mark.parametrize("pre_stress", ["none", "full"])
+def test_the_part_has_the_folded_matrix(network: Network, count: int, pre_stress: str):
+    """P^T K P / count from the whole matrix, P the repetition of a motion of the part.
+
+    Both sum the same blocks; each entry is rounded some ten times.
+    """
+    found = lateral_repeats(network, pre_stress=pre_stress != "none")
+    assert found.count == count
+    assert len(found.first) * count == network.n_particles
+    assert np.array_equal(found.member[found.first], np.arange(len(found.first)))
+    assert (np.bincount(found.member) == count).all()
+    P = np.kron(np.eye(len(found.first))[found.member], np.eye(6))
+    K = stiffness_matrix(network, pre_stress=pre_stress).toarray()
+    own = stiffness_matrix(found.part, pre_stress=pre_stress).toarray()
+    assert abs(own - P.T @ K @ P / count).max() < 1e-9 * abs(K).max()
+    assert found.difference < SAME
+    for name in ("mass", "inertia"):
+        assert np.allclose(getattr(found.part, name)[found.member], getattr(network, name), 1e-12)
+
+
+def test_numbering_turned_contacts_and_the_origin_do_not_matter():
+    network = repeat(RANDOM, 3, 2)
+    rng = np.random.default_rng(5)
+    number = rng.permutation(network.n_particles)
+    order = rng.permutation(network.n_contacts)
+    pair = ~network.with_wall
+    i, j = number[network.particle_i], number[network.partner]
+    turned = pair & (rng.random(len(i)) < 0.5)
+    sign = np.where(turned, -1.0, 1.0)[:, None]
+    back = np.argsort(number)
+    other = replace(
+        network,
+        # A fifth of a period aside, in which no sphere keeps its cell, and far out of the cell.
+        position=network.position[back] + network.cell_size * [0.2, 3.7, 0],
+        radius=network.radius[back],
+        mass=network.mass[back],
+        inertia=network.inertia[back],
+        particle_i=np.where(turned, j, i),
+        particle_j=np.where(turned, i, np.where(pair, j, network.particle_j)),
+        normal=sign * network.normal,
+        lever_i=np.where(turned[:, None], network.lever_j, network.lever_i),
+        lever_j=np.where(turned[:, None], network.lever_i, network.lever_j),
+        force_tangential=sign * network.force_tangential,
+        cell_shift=None,
+    ).with_contacts(order)
+    assert lateral_repeats(other, pre_stress=True).count == 6
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["radius", "mass", "inertia", "stiffness_normal", "stiffness_tangential", "normal", "lever_j"],
+)
+def test_one_number_that_differs_by_1e_6_leaves_no_parts(name):
+    network = repeat(RANDOM, 3, 1)
+    data = getattr(network, name).copy()
+    data[len(data) // 2] *= 1 + 1e-6
+    assert lateral_repeats(replace(network, **{name: data})).count == 1
+
+
+def test_a_sphere_out_of_place_and_a_contact_less_leave_no_parts():
+    network = repeat(RANDOM, 3, 1)
+    position = network.position.copy()
+    position[7] += 1e-4 * network.radius[7]
+    assert lateral_repeats(replace(network, position=position)).count == 1
+    assert lateral_repeats(network.with_contacts(slice(1, None))).count == 1
+    # One from each part, but not the same: the numbers alone do not tell.
+    kept = np.ones(network.n_contacts, bool)
+    kept[np.flatnonzero(~network.with_wall)[[0, 5, 11]]] = False
+    assert lateral_repeats(network.with_contacts(kept)).count == 1
+
+
+def test_forces_count_with_pre_stress_alone():
+    network = repeat(RANDOM, 2, 1)
+    force = network.force_normal.copy()
+    force[np.argmax(force)] *= 1 + 1e-6
+    other = replace(network, force_normal=force)
+    assert lateral_repeats(other).count == 2
+    assert lateral_repeats(other, pre_stress=True).count == 1

@@ -1,0 +1,96 @@
+"""A wave in one of equal parts is the wave in all of them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.__main__ import main
+from modal.modes.problem import Eigenproblem
+from modal.packing import examples as gallery
+from modal.packing.network_file import write_network
+from modal.packing.tiling import repeat
+from modal.preparation.random_packing import random_network
+from modal.waves.driven import Driven, bound_of_omega
+from modal.waves.propagate import propagate
+from modal.waves.response import frequency_response
+from modal.waves.signals import read_signals
+
+RANDOM = random_network(60, 1e5, seed=2, aspect=4)
+DURATION = 6e-5
+FCC = gallery.fcc(cells=(3, 2, 12))
+TILED = repeat(RANDOM, 3, 1)
+RECORDS = (
+    *("chain_displacement", "layer_displacement", "particle_displacement"),
+    *("source_stress", "receiver_stress"),
+)
+
+
+@pytest.mark.parametrize(("network", "count"), [(FCC, 6), (TILED, 3), (repeat(RANDOM, 1, 2), 2)])
+@pytest.mark.parametrize("direction", ["x", "y", "z"])
+@pytest.mark.parametrize("pre_stress", ["none", "normal", "full"])
+def test_all_records_are_those_of_the_whole(network, count, direction, pre_stress):
+    """Both leave out terms below the tolerance, of up to a hundred coefficients; see `truncation`.
+
+    Every sphere's motion is compared, thus the energies of all parts.
+    """
+    settings = {"direction": direction, "pre_stress": pre_stress, "tolerance": 1e-9}
+    one = propagate(network, DURATION, particles=True, **settings)
+    all_of_it = propagate(network, DURATION, particles=True, whole=True, **settings)
+    assert (one.repeats, all_of_it.repeats) == (count, 1)
+    largest = {"m": 2 * one.signals.amplitude}
+    largest["Pa"] = abs(all_of_it.signals.source_stress).max()
+    for name in RECORDS:
+        a, b = getattr(one.signals, name), getattr(all_of_it.signals, name)
+        scale = largest["Pa" if name.endswith("stress") else "m"]
+        assert abs(b).max() > 0
+        assert abs(a - b).max() < 100 * (one.truncation + all_of_it.truncation) * scale, name
+    for name in ("chain_particle", "chain_position", "layer_position"):
+        assert np.array_equal(getattr(one.signals, name), getattr(all_of_it.signals, name))
+
+
+def test_parts_that_differ_change_the_wave_by_less_than_is_said():
+    """Stiffnesses with a noise of 2e-11, and the bound of what that does to the largest motion."""
+    rng = np.random.default_rng(3)
+    noisy = TILED.stiffness_normal * (1 + 2e-11 * rng.uniform(-1, 1, TILED.n_contacts))
+    network = replace(TILED, stiffness_normal=noisy)
+    driven = Driven(network, DURATION, 1e-6)
+    assert driven.repeats == 3 and 1e-10 < driven.difference < 1e-7
+    one = propagate(network, DURATION, tolerance=driven.difference, particles=True)
+    assert one.repeats == 3 and one.truncation > driven.difference
+    exact = propagate(network, DURATION, tolerance=1e-14, particles=True)
+    assert exact.repeats == 1, "a tighter tolerance than the parts are alike: all is computed"
+    a, b = one.signals.particle_displacement, exact.signals.particle_displacement
+    assert 0 < abs(a - b).max() < 100 * one.truncation * abs(b).max()
+
+
+@pytest.mark.parametrize("network", [FCC, RANDOM, gallery.column(5)])
+def test_bound_of_omega_is_above_the_highest_mode(network):
+    top = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())[-1]
+    assert np.sqrt(top) < bound_of_omega(network) < 4 * np.sqrt(top)
+
+
+def test_response_of_a_repeated_packing_is_the_small_ones():
+    """Below the tolerance of both, relative to the highest resonance."""
+    small, large = (
+        frequency_response(network, highest=4e4, resolution=4e3, tolerance=1e-8)
+        for network in (RANDOM, TILED)
+    )
+    for name in ("layer_displacement", "receiver_stress", "source_stress"):
+        a, b = getattr(small, name), getattr(large, name)
+        assert abs(a - b).max() < 1e-6 * abs(a).max(), name
+
+
+def test_command_says_that_it_computed_a_part(tmp_path, capsys):
+    path = tmp_path / "a.network.h5"
+    write_network(path, FCC)
+    told = []
+    for name, more in (("one", []), ("all", ["--whole"])):
+        out = str(tmp_path / f"{name}.signals.h5")
+        given = ["--duration", "2e-5", "--particles", "--json", "-o", out]
+        assert main(["wave", str(path), *given, *more]) == 0
+        told.append(json.loads(capsys.readouterr().out).get("computed_one_of_equal_parts"))
+        shape = read_signals(out).particle_displacement.shape
+        assert shape == (21, FCC.n_particles)
+    assert told == [6, None]
