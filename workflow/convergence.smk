@@ -4,7 +4,8 @@
 #
 # Another table of the same columns: --config table=NAME, of cases/NAME.table, with a folder of its own.
 # Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
-# tables and figures of them. States are kept: a row added later runs alone.
+# tables and figures of them. States are kept: a row added later runs alone. Where states are gone and their numbers
+# kept (seeds.csv beside the tables), --config first=7 makes the seeds from 7 on, which join the others there.
 import sys
 from math import pi
 from pathlib import Path
@@ -73,7 +74,7 @@ rule all:
         [
             f"{FOLDER}/{name}/{seed}/{state}Pa.json"
             for name, row in ROWS.items()
-            for seed in range(1, min(int(row["seeds"]), config.get("seeds", 99)) + 1)
+            for seed in range(config.get("first", 1), min(int(row["seeds"]), config.get("seeds", 99)) + 1)
             for state in states(name)
             if float(state) >= 1e5
         ],
