@@ -24,11 +24,13 @@ from modal.workload import memory_at_hand
 SOLVERS = ("pardiso", "banded", "superlu")
 SUPERLU_FILL = 1.4e3
 """Bytes of a SuperLU factor for each nonzero of a packing's matrix: 12 GB for 9 million."""
-PARDISO = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1}
+PARDISO = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1, 37: -100}
 """What is asked of PARDISO in place of its defaults: order by nested dissection, pivots of size
-1 and 2, a factorisation for two cores, and no refinement of solutions unless a pivot was perturbed.
+1 and 2, a factorisation for two cores, no refinement of solutions unless a pivot was perturbed, and
+rows of equal pattern, those of a sphere, ordered as one (iparm 37: variable blocks).
 By default every solution is refined twice, which takes three times as long: from a residual of
-4e-12, which Lanczos does not notice, to 1e-13."""
+4e-12, which Lanczos does not notice, to 1e-13. Row by row the analysis of 35,201 spheres takes
+1.1 s instead of 0.3 and holds 240 MB instead of 60."""
 PARDISO_WITHOUT_MEMORY = -2
 """PARDISO's error code where it found too little memory."""
 
