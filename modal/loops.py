@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from modal.formats.arrays import Ints
+from modal.loading import undisturbed
 
 try:
     import numba
@@ -133,11 +134,19 @@ def compiled(function: Loop, place: int, of: str, *, fastmath: bool = False) -> 
     def loop(*given: Any) -> Any:
         spheres = len(given[place])
         if spheres < ENOUGH:
-            return few(*given)
+            return called(few, *given)
         threads_for(spheres)
-        return many(*given)
+        return called(many, *given)
 
     return loop
+
+
+def called(function: Any, *given: Any) -> Any:
+    """What a function gives; if numba compiles it, its first call is what loads most of numba."""
+    if getattr(function, "overloads", True):
+        return function(*given)
+    with undisturbed():
+        return function(*given)
 
 
 def _renamed(function: Any, ending: str) -> FunctionType:

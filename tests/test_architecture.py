@@ -15,7 +15,8 @@ BELOW = {
     "display": set(),
     "formats": set(),
     "arguments": {"formats"},
-    "loops": {"formats"},
+    "loading": set(),
+    "loops": {"formats", "loading"},
     "pairs": {"formats", "loops"},
     "workload": {"formats"},
     "packing": {"arguments", "display", "formats", "pairs", "workload"},
@@ -40,7 +41,7 @@ BELOW = {
     "description": {"modes", "packing"},
     "exchange": {"display", "formats", "packing", "stiffness"},
     "cli": {
-        "display",
+        *("display", "loading"),
         *("exchange", "formats", "packing", "progress", "solvers", "stiffness", "workload"),
         *("preparation", "waves", "theory", "modes", "elasticity"),
     },

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import importlib
 import json
 import sys
@@ -16,6 +15,7 @@ from modal.cli.options import SHORT, Parser, say
 from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
+from modal.loading import undisturbed
 from modal.workload import peak_memory
 
 COMMANDS = {
@@ -49,13 +49,8 @@ def command_of(name: str) -> ModuleType:
     fall short has `short_of(path)`; one whose result is long sorts it for people with
     `shown(result)`.
     """
-    # Loading makes objects by the hundred thousand and hardly any garbage: to look for it again and
-    # again would take a tenth of the time.
-    gc.disable()
-    try:
+    with undisturbed():
         return importlib.import_module(f"modal.cli.{COMMANDS[name]}")
-    finally:
-        gc.enable()
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
