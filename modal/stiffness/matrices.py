@@ -53,13 +53,14 @@ def assembled(network: Network, local: Floats, size: int = 6) -> sp.csr_matrix:
         rows.append(row[pair])
         columns.append(column[pair])
     block, row, column = np.concatenate(blocks), np.concatenate(rows), np.concatenate(columns)
-    inner = np.arange(size)
-    shape = block.shape
-    row_index = np.broadcast_to((size * row)[:, None, None] + inner[:, None], shape)
-    column_index = np.broadcast_to((size * column)[:, None, None] + inner, shape)
-    return sp.coo_matrix(
-        (block.ravel(), (row_index.ravel(), column_index.ravel())), shape=(size * n, size * n)
-    ).tocsr()
+    # Whole blocks are sorted and added up, a thirty-sixth of the indices that entries would take.
+    order = np.lexsort((column, row))
+    row, column = row[order], column[order]
+    first = np.flatnonzero(np.diff(row, prepend=-1) | np.diff(column, prepend=-1))
+    summed = np.add.reduceat(block[order], first, axis=0) if len(first) else block
+    start = np.searchsorted(row[first], np.arange(n + 1))
+    shape = size * n, size * n
+    return sp.bsr_matrix((summed, column[first], start), shape).tocsr()
 
 
 def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> Floats:
