@@ -5,7 +5,7 @@
 # Another table of the same columns: --config table=NAME, of cases/NAME.table, with a folder of its own.
 # Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
 # tables and figures of them. States are kept: a row added later runs alone. Where states are gone and their numbers
-# kept (seeds.csv beside the tables), --config first=7 makes the seeds from 7 on, which join the others there.
+# kept (seeds.csv beside the tables), --config first=6 makes the seeds from 6 on, which join the others there.
 import sys
 from math import pi
 from pathlib import Path
