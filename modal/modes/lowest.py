@@ -22,8 +22,10 @@ from modal.solvers.factor import available
 
 SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
-SLICE = 300
-"""Modes that one factorisation is asked for; wider intervals are cut by exact counts."""
+SLICE = 700
+"""Modes that one factorisation is asked for; wider intervals are cut by exact counts. Of 35,201
+spheres their basis takes as much memory as two factors; 300 modes about a shift take 2.8 solves
+each, 600 take 2.4, and half of the factorisations."""
 FEWER = "ask for fewer, or for the density or a count"
 """What to do instead of finding each of very many modes."""
 MANY = 4

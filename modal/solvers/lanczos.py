@@ -19,17 +19,16 @@ from modal.formats.arrays import Bools, Floats
 from modal.progress import progress
 
 BLOCK = 12
-"""Right-hand sides of one solve."""
-MANY, WIDE = 200, 24
-"""From so many modes on, as many right-hand sides: it takes a third more solves, each for two
-thirds of the price."""
+"""Right-hand sides of one solve. Of twice as many each costs four fifths, but 300 modes take 1.4
+times as many solves, and so many more vectors to be kept orthogonal."""
 TOLERANCE = 1e-10
 """Residual at which a mode counts as converged, relative to its eigenvalue: of (A - sigma)^-1, or
 of A for the highest modes. The error of omega^2 - sigma, or omega^2, is then no larger relative to
 it. After solves the residual of A, which a `ModeSet` states, may be |A| / omega^2 times as large;
 it was 50 times for the lowest 100 of 35,201 spheres."""
-BASIS = 1.5
-"""Vectors of the basis for each mode that is asked for, besides some blocks."""
+BASIS, BLOCKS = 2.5, 8
+"""Vectors of the basis for each mode that is asked for, and blocks besides. Several hundred modes
+then converge without a restart, which combines the whole basis anew."""
 WIDTH_ABOVE = 4
 """Columns of a block from the top, where products cost less than the basis."""
 ROOM = 4
@@ -150,15 +149,14 @@ def modes_nearest(
     `solve` applies (A - sigma)^-1 to a block (size, k). After 5 `count` and 40 blocks of solves at
     most, what has not converged is returned as it is.
     """
-    width = WIDE if count >= MANY else BLOCK
     return _largest(
         solve,
         size,
         count,
         held,
-        width=min(width, max(1, held.free // 8)),
-        limit=int(BASIS * count) + 10 * BLOCK,
-        most=5 * count + 40 * width,
+        width=min(BLOCK, max(1, held.free // 8)),
+        limit=int(BASIS * count) + BLOCKS * BLOCK,
+        most=5 * count + 40 * BLOCK,
         rank=np.abs,
         square=lambda inverse: sigma + 1 / inverse,
     )
