@@ -111,8 +111,10 @@ def run(quick: bool, folder: Path) -> Page:
             missing.append(f"{program.name}, which is optional, is not installed here.")
     task = (
         f"FCC crystal of {dem.WIDTH} x {dem.WIDTH} x {dem.LAYERS[quick]} spheres at 100 kPa, pulse "
-        f"of 100 kHz, {1e3 * duration:.3g} ms. Seconds of YADE are those of its steps, those of "
-        "LAMMPS include its short start. `apart_from_tangent`: difference from the leapfrog of the "
+        f"of 100 kHz, {1e3 * duration:.3g} ms. The linear wave is computed in one of the columns "
+        "of which the crystal consists, where that is exact to the tolerance. Seconds of YADE are "
+        "those of its steps, those of LAMMPS include its short start. `apart_from_tangent`: "
+        "difference from the leapfrog of the "
         "tangent with the same step, which leaves the contact law's non-linearity. "
         "`dispersion_linear`: error of the springs' leapfrog with the same step. "
         "`velocity_tangent`: error of V_P with pre-stress. The recording interval varies at "

@@ -1,4 +1,4 @@
-"""What is loaded is not searched for garbage, and everything else is."""
+"""What is loaded is not searched for garbage, everything else is; what is not used stays out."""
 
 import gc
 import subprocess
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from modal.loading import undisturbed
+from modal.loading import undisturbed, when_used
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -40,3 +40,26 @@ def test_a_command_collects_as_it_runs_and_not_as_it_ends():
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-2:] == ["True", "True True"]
+
+
+def test_a_command_loads_no_compiler_of_fortran_and_who_wants_it_has_it():
+    code = (
+        "import sys\n"
+        "from modal.cli.main import command_of\n"
+        "command_of('wave')\n"
+        "print('numpy.f2py.crackfortran' in sys.modules, 'scipy.sparse' in sys.modules)\n"
+        "import numpy.f2py\n"
+        "print(numpy.f2py is sys.modules['numpy.f2py'], callable(numpy.f2py.get_include))\n"
+        "from numpy.f2py import crackfortran\n"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True", "True", "True"]
+
+
+def test_what_is_absent_or_loaded_stays_so():
+    when_used("modal.no_such_room")
+    assert "modal.no_such_room" not in sys.modules
+    before = sys.modules["modal.loading"]
+    when_used("modal.loading")
+    assert sys.modules["modal.loading"] is before

@@ -15,7 +15,7 @@ from modal.cli.options import SHORT, Parser, say
 from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
-from modal.loading import undisturbed
+from modal.loading import undisturbed, when_used
 from modal.workload import peak_memory
 
 COMMANDS = {
@@ -50,6 +50,8 @@ def command_of(name: str) -> ModuleType:
     `shown(result)`.
     """
     with undisturbed():
+        # scipy asks numpy for each of its parts; this one, a compiler of Fortran, takes longest.
+        when_used("numpy.f2py")
         return importlib.import_module(f"modal.cli.{COMMANDS[name]}")
 
 
