@@ -104,7 +104,7 @@ def draw(rows: Rows) -> Figure:
         diagram.curve(axes[0, 0], own, "one_thread_s", "own_choice_s", **style)
     ends = [min(row["own_choice_s"] for row in rows), max(row["one_thread_s"] for row in rows)]
     axes[0, 0].plot(ends, ends, color="0.5", lw=0.8)
-    axes[0, 0].set(xlabel="one thread: seconds", ylabel=f"{CORES} threads: seconds")
+    axes[0, 0].set(xlabel="one thread: seconds", ylabel="threads of its own choice: seconds")
     diagram.decades(axes[0, 0])
     diagram.legend_below(figure, axes[0, 0])
     return figure
