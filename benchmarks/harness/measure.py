@@ -133,7 +133,7 @@ def run_command(
     status, elapsed, spent, maxrss = done.stdout.split()
     if int(status) != 0:
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
-        raise InputError(f"{command[0]} failed: {lines[-1] if lines else status}")
+        raise InputError(f"{Path(command[0]).name} failed: {lines[-1] if lines else status}")
     return Measured(None, float(spent if threads == 1 else elapsed), _megabytes(int(maxrss)))
 
 
