@@ -138,6 +138,7 @@ VALUES: dict[str, Callable[[Measures], float | Estimate]] = {
     "chi_z_below_10_khz": lambda m: m.largest_chi(0.0, 1e4, chain=True)[0],
     "chi_z_above_15_khz": lambda m: m.largest_chi(1.5e4, np.inf, chain=True)[0],
     "chi_z_above_15_khz_all": lambda m: m.largest_chi(1.5e4, np.inf, chain=False)[0],
+    "chi_z_above_15_khz_mean": lambda m: m.mean_chi(1.5e4, np.inf),
     "gain_maximum": lambda m: float(np.max(m.gain.gain)),
     "gain_resolution_hz": lambda m: m.gain.resolution,
     "free_path_at_f_low_pass_over_d": lambda m: m.free_path,

@@ -124,6 +124,7 @@ def _common_stress(rows: list[Row]) -> float:
 def low_pass_rules(rows: list[Row]) -> Picture:
     """Beyond the paper: f_low-pass by each rule over that by the paper's words, linear and YADE."""
     panel = Panel("case", "frequency over 2 % of the whole map, one chain", legend="outside")
+    panel.yscale = "log"
     number = [row.number or 0 for row in rows]
     base = column(rows, "f_low_pass_2_khz")
     for name, text, marker in (

@@ -132,7 +132,8 @@ def wavelength_cases(rows: list[Row]) -> Picture:
     panels = []
     for percent, key, letter in (("2", "lambda_over_d", "(a)"), ("1", "lambda_over_d_1", "(b)")):
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %", letter, yscale="log")
-        panel.ylim = (1, 40)
+        seen = [row.value(f"lambda_{percent}_over_d") for row in rows]
+        panel.ylim = (1, max(40.0, 1.3 * np.nanmax([*seen, 0.0])))
         panel.legend = "outside" if percent == "1" else "upper left"
         for name, members, style in styles(rows):
             e = column(members, "void_ratio")

@@ -127,14 +127,30 @@ class Eigenmodes(FirstPeaks):
                 end = float(modes.frequency[-1])
         return found
 
-    def largest_chi(self, low: float, high: float, chain: bool) -> tuple[float, str]:
-        """Largest chi_z between two Hz, of the chain as in the paper or of all; of which modes."""
+    def chi_between(self, low: float, high: float, chain: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Natural frequencies (k,) between two Hz, and chi_z of each (k,).
+
+        Of the chain, as in the paper, or of all particles; empty where no mode is at hand.
+        """
         if not self.moved:
-            return np.nan, ""
+            return np.empty(0), np.empty(0)
         f, every, along = (np.concatenate(part) for part in zip(*self.moved, strict=True))
-        chi = along if chain else every
         inside = (f > low) & (f < high)
-        if not inside.any():
+        return f[inside], (along if chain else every)[inside]
+
+    def largest_chi(self, low: float, high: float, chain: bool) -> tuple[float, str]:
+        """Largest chi_z between two Hz, and of which modes."""
+        f, chi = self.chi_between(low, high, chain)
+        if not len(f):
             return np.nan, ""
-        seen = f"{inside.sum()} modes, {f[inside].min() / 1e3:.2f}-{f[inside].max() / 1e3:.2f} kHz"
-        return float(chi[inside].max()), seen
+        return float(chi.max()), f"{len(f)} modes, {f.min() / 1e3:.2f}-{f.max() / 1e3:.2f} kHz"
+
+    def mean_chi(self, low: float, high: float) -> Estimate:
+        """Mean chi_z of the chain between two Hz, 1/3 where motion has no direction.
+
+        Its error is the standard error of as many independent modes.
+        """
+        chi = self.chi_between(low, high, chain=True)[1]
+        if len(chi) < 2:
+            return Estimate(np.nan)
+        return Estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))

@@ -42,7 +42,7 @@ OF_CASES = (
     Shown("fig04_stress", "signals_stress", "Figure 4: motion at 50 D", NINE, 1, 2.4, "xy", True),
     Shown("fig05_space_time", "space_time", "Figure 5: motion over distance and time", (2, 6)),
     Shown("fig07_modes", "natural_frequencies", "Figure 7: modes", (2, 6, 30), 2, 4.0, "", True),
-    Shown("fig09_chi_z", "chi_z", "Figure 9: chi_z of the modes", (2, 6), 2, 3.4, "y"),
+    Shown("fig09_chi_z", "chi_z", "Figure 9: chi_z of the modes", (2, 6, 30), 2, 3.4, "y"),
     Shown("fig10_shapes", "mode_shapes", "Figure 10: shapes of P resonances", (2, 6), 3, 1.6),
     Shown("fig11_velocities", "velocity_frequency", "Figure 11: velocities over frequency", (2, 6)),
     Shown("fig12_spectra", "spectrum_distance", "Figure 12: spectra, 100 kPa", AT_100_KPA),

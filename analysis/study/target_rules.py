@@ -221,7 +221,10 @@ def chi_high(rows: dict[int, Row]) -> Finding:
     value = rows[6].value("chi_z_above_15_khz")
     every = rows[6].value("chi_z_above_15_khz_all")
     seen = rows[6].texts.get("chi_z_above_15_khz", "")
+    mean, error = (f("chi_z_above_15_khz_mean") for f in (rows[6].value, rows[6].error))
     why = f"of the chain, {seen}; of all particles {every:.3f}: the chain is a small draw of them"
+    if np.isfinite(mean):
+        why += f"; mean of the chain {mean:.3f} ± {error:.1g}, 1/3 without direction"
     return Finding(value, np.nan, abs(value - paper("chi_high", 6)) < 0.05, why)
 
 

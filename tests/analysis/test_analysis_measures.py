@@ -225,6 +225,9 @@ def test_modes_that_two_lists_share_count_once(tmp_path):
     m = Measures(case)
     assert m.largest_chi(0, 1e4, chain=False) == (pytest.approx(0.475), "3 modes, 1.00-9.50 kHz")
     assert m.largest_chi(1.5e4, np.inf, chain=True)[1] == "2 modes, 16.00-19.00 kHz"
+    mean = m.mean_chi(1.5e4, np.inf)  # of 0.4 and 0.475, whose standard error is half their gap
+    assert (mean.value, mean.error) == pytest.approx((0.4375, 0.0375))
+    assert np.isnan(m.mean_chi(1.7e4, np.inf).value)
     case.modes = some([1e3 * (1 - 2e-10), *lowest[1:]])  # now the short list begins first
     assert Measures(case).largest_chi(0, np.inf, chain=True)[1] == "5 modes, 1.00-19.00 kHz"
     assert [len(f) for f, _, _ in Measures(case).moved] == [3, 2]
