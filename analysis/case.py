@@ -17,10 +17,11 @@ from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Source, packing_of, require_same_packing
 from modal.modes.density import read_density
-from modal.modes.mode_set import ModeSet, read_modes
+from modal.modes.mode_set import ModeSet, read_modes, read_z_shapes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
 from modal.packing.state import FORCES, stress_tensor
@@ -187,12 +188,17 @@ class Case:
 
     @cached_property
     def modes(self) -> ModeSet | None:
-        """Modes with rotations; of a random packing with their shapes, which hold the waves."""
-        return self._modes("modes", shapes=not self.is_crystal)
+        """Modes with rotations, without their shapes."""
+        return self._modes("modes")
+
+    @cached_property
+    def z_shapes(self) -> Floats | None:
+        """Shape (k, n), kg^-1/2: how each of the modes moves the particles along z, as waves do."""
+        return read_z_shapes(self.product("modes")) if self.has("modes") else None
 
     @cached_property
     def shaped_modes(self) -> ModeSet | None:
-        """Modes with rotations and with their shapes, of crystals too, whose waves need none."""
+        """Modes with rotations and with their whole shapes."""
         return self._modes("modes", shapes=True)
 
     @cached_property

@@ -13,9 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimators.structure_factor import standing_waves
-from modal.modes.mode_set import ModeSet
 from modal.packing.network import Network
-from modal.stiffness.matrices import mass_diagonal
 
 LEAST_SHARE = 0.25
 """Below it the standing wave belongs to no mode."""
@@ -33,16 +31,19 @@ class Standing:
     row: np.ndarray
 
 
-def standing_modes(modes: ModeSet, network: Network) -> Standing:
-    """The resonances r = 1, 2, ... up to the first that no mode bears; needs the modes' shapes."""
+def standing_modes(frequency: np.ndarray, z_shape: np.ndarray, network: Network) -> Standing:
+    """The resonances r = 1, 2, ... up to the first that no mode bears.
+
+    Of modes: frequency (k,) Hz, and their mass-normalised displacements along z, `z_shape` (k, n).
+    """
     orders = np.arange(1, HIGHEST_ORDER + 1)
-    pattern = standing_waves(network, orders) * np.sqrt(mass_diagonal(network))[:, None]
-    share = (modes.mode_shape.reshape(len(modes.frequency), -1) @ pattern) ** 2
+    along_z = standing_waves(network, orders).reshape(network.n_particles, 6, -1)[:, 2]
+    share = (z_shape @ (along_z * np.sqrt(network.mass)[:, None])) ** 2
     row = np.argmax(share, axis=0)
     largest = share[row, np.arange(len(orders))]
     lost = np.flatnonzero(largest < LEAST_SHARE)
     kept = slice(0, lost[0] if len(lost) else len(orders))
-    return Standing(modes.frequency[row[kept]], largest[kept], row[kept])
+    return Standing(frequency[row[kept]], largest[kept], row[kept])
 
 
 def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> np.ndarray:

@@ -127,7 +127,7 @@ def mode_shapes(cases: list[Measures]) -> Picture:
             # A sphere that little holds swings by itself, far beyond the standing wave.
             chain = chain[firmly_held(case.network)[chain]]
             f = m.standing.frequency
-            shapes = case.modes.mode_shape[m.standing.row][:, chain, 2]
+            shapes = case.z_shapes[m.standing.row][:, chain]
         if shapes is None or len(shapes) == 0:
             continue
         z = case.network.position[chain, 2] - case.network.wall_position[0]

@@ -31,10 +31,9 @@ class Eigenmodes(FirstPeaks):
     @cached_property
     def standing(self) -> Standing | None:
         """Modes that bear the standing waves of a random packing; None without mode shapes."""
-        modes = self.case.modes
-        if self.case.is_crystal or modes is None or modes.mode_shape is None:
+        if self.case.is_crystal or self.case.z_shapes is None:
             return None
-        return standing_modes(modes, self.case.network)
+        return standing_modes(self.case.modes.frequency, self.case.z_shapes, self.case.network)
 
     @cached_property
     def resonances(self) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +83,7 @@ class Eigenmodes(FirstPeaks):
         bearing = force_bearing(network)
         depth = network.position[bearing, 2] - network.wall_position[0]
         rows = self.standing.row[:LOW_ORDER]
-        kappa = fitted_wavenumbers(modes.mode_shape[rows][:, bearing, 2], depth, network.length)
+        kappa = fitted_wavenumbers(self.case.z_shapes[rows][:, bearing], depth, network.length)
         return Estimate(*long_wave_velocity(self.standing.frequency[:LOW_ORDER], kappa))
 
     @cached_property

@@ -159,8 +159,18 @@ def put(file: h5py.File | h5py.Group, name: str, data: Array, units: str) -> Non
     file.create_dataset(name, data=data, **options).attrs["units"] = units
 
 
-def get(file: h5py.File, name: str, kind: str, shape: tuple[int | None, ...]) -> Array:
-    """Read one dataset as float ("f"), integer ("i") or boolean ("b"); None is any length."""
+def get(
+    file: h5py.File,
+    name: str,
+    kind: str,
+    shape: tuple[int | None, ...],
+    *,
+    of: Any = (),
+) -> Array:
+    """Read one dataset as float ("f"), integer ("i") or boolean ("b"); None is any length.
+
+    `of` are the indices of the part that is read; by default all of it.
+    """
     node = file.get(name)
     if not isinstance(node, h5py.Dataset):
         raise InputError(f"{file.filename}: dataset {name} is missing; write it as documented")
@@ -173,10 +183,11 @@ def get(file: h5py.File, name: str, kind: str, shape: tuple[int | None, ...]) ->
     allowed = {"f": "fiu", "i": "iu", "b": "biu"}[kind]
     if node.dtype.kind not in allowed:
         raise InputError(f"{file.filename}: {name} has type {node.dtype}, which is not numeric")
-    data: Array = node[()].astype({"f": np.float64, "i": np.int64, "b": bool}[kind], copy=False)
+    data: Array = node[of].astype({"f": np.float64, "i": np.int64, "b": bool}[kind], copy=False)
     return data
 
 
 def sha256(path: str | Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    with open(path, "rb") as file:  # piece by piece: mode shapes take gigabytes
+        return hashlib.file_digest(file, "sha256").hexdigest()

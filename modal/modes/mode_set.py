@@ -198,6 +198,21 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
     return modes
 
 
+def read_z_shapes(path: str | Path) -> Floats | None:
+    """Shape (k, n), kg^-1/2: the displacements along z of the mode shapes; None without shapes.
+
+    A sixth of the data: files hold the components apart. InputError for anything wrong.
+    """
+    with open_h5(path, SCHEMA, VERSION) as file:
+        if "mode_shape" not in file:
+            return None
+        modes = len(get(file, "frequency", "f", (None,)))
+        shape = get(file, "mode_shape", "f", (modes, None, 6), of=np.s_[:, :, 2])
+    if not np.isfinite(shape).all():
+        raise InputError(f"{path}: mode_shape is not finite; make it again")
+    return shape
+
+
 def _validate(modes: ModeSet, name: str) -> None:
     """Refuse columns of different lengths, what is not finite, and frequencies out of order."""
     for count, columns in (

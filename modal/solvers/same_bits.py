@@ -7,15 +7,15 @@ a product of any size is put together, always in the same order.
 
 from __future__ import annotations
 
-from itertools import product
 from math import isqrt
 
 import numpy as np
 
 from modal.formats.arrays import Array, Floats
 
-ALONE, DEEP = 2**18, 512
-"""Multiplications of a block, and terms of its sums, at most."""
+ALONE, DEEP = 2**18, 256
+"""Multiplications of a block, and terms of its sums, at most. Of 512 terms a block would be 22
+wide, which fits the kernels of BLAS badly: a third slower."""
 
 
 def same_bits_product(a: Array, b: Floats) -> Array:
@@ -33,11 +33,13 @@ def same_bits_product(a: Array, b: Floats) -> Array:
         return same_bits_product(real, b) + 1j * same_bits_product(imaginary, b)
     out = np.zeros((len(a), b.shape[1]))
     across = isqrt(ALONE // min(max(len(b), 1), DEEP))
-    starts = (range(0, n, step) for n, step in ((len(b), DEEP), (len(a), across)))
-    for k, t in product(*starts):
-        terms, rows = slice(k, k + DEEP), slice(t, t + across)
-        left = a[rows, terms]
+    for k in range(0, len(b), DEEP):
+        terms = slice(k, k + DEEP)
+        # Copies lie together in memory; rows of `b` are pages apart, and each is met many times.
+        lefts = [a[t : t + across, terms].copy() for t in range(0, len(a), across)]
         for r in range(0, b.shape[1], across):
             columns = slice(r, r + across)
-            out[rows, columns] += left @ b[terms, columns]
+            right = b[terms, columns].copy()
+            for n, left in enumerate(lefts):
+                out[n * across : (n + 1) * across, columns] += left @ right
     return out

@@ -42,36 +42,40 @@ def spring_motion(
     blocks = own_blocks(network) / np.outer(arm, arm)
     # Translations and rotations still differ in stiffness, so each has its own mean.
     mean = np.einsum("nii->ni", blocks).reshape(-1, 2, 3).mean(axis=(0, 2)).repeat(3)
+    operator = ContactOperator(network).renumbered()
     inverse = np.linalg.inv(blocks + max(shift, 1e-8) * np.diag(mean))
-    operator, held = ContactOperator(network), shift * mean
+    if operator.order is not None:
+        inverse = inverse[operator.order]
+    per_arm, held = (np.tile(part, len(load)) for part in (1 / arm, shift * mean))
+    pushed = operator.inward((load / arm).ravel())
     products = 0
 
-    def resist(motion: Floats) -> Floats:
+    def resist(arcs: Floats) -> Floats:
         nonlocal products
         products += 1
-        arcs = motion.reshape(load.shape)
-        return (
-            operator.apply((arcs / arm).ravel()).reshape(load.shape) / arm + held * arcs
-        ).ravel()
+        force = operator.apply(arcs * per_arm)
+        force *= per_arm
+        force += held * arcs
+        return force
 
     def ease(rest: Floats) -> Floats:
         return np.einsum("nij,nj->ni", inverse, rest.reshape(load.shape)).ravel()
 
     size = operator.shape
-    motion, unfinished = cg(
+    arcs, unfinished = cg(
         LinearOperator(size, resist, dtype=float),
-        (load / arm).ravel(),
+        pushed,
         M=LinearOperator(size, ease, dtype=float),
         rtol=tolerance,
         maxiter=MAX_PRODUCTS,
     )
-    if unfinished or not np.isfinite(motion).all():
-        left = np.linalg.norm((load / arm).ravel() - resist(motion)) / np.linalg.norm(load / arm)
+    if unfinished or not np.isfinite(arcs).all():
+        left = np.linalg.norm(pushed - resist(arcs)) / np.linalg.norm(pushed)
         raise InputError(
             f"the springs do not balance the load: {left:.1e} of it is left after {products} "
             f"products with K, {tolerance:g} was asked for; parts of the packing are not held"
         )
-    return motion.reshape(load.shape) / arm, products
+    return operator.outward(arcs).reshape(load.shape) / arm, products
 
 
 def own_blocks(network: Network) -> Floats:

@@ -7,10 +7,18 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
+from modal.formats.hdf5 import InputError
 from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes import lowest as intervals
-from modal.modes.mode_set import Choice, ModeSet, read_modes, subset, write_modes
+from modal.modes.mode_set import (
+    Choice,
+    ModeSet,
+    read_modes,
+    read_z_shapes,
+    subset,
+    write_modes,
+)
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.network import Network
@@ -103,8 +111,25 @@ def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monke
     assert len(said) == 1 and "fewer" in said[0]
     written = read_modes(out)
     assert written.mode_shape is None and "fewer" in written.attributes["shapes_left_out"]
+    assert read_z_shapes(out) is None
     assert main(["modes", str(source), "--lowest", "5", "-o", str(out)]) == 0
     assert read_modes(out).mode_shape.shape == (5, 36, 6)
+
+
+def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
+    """Read alone they are the same numbers, and refused where they are damaged in the same way."""
+    path = tmp_path / "x.modes.h5"
+    modes = dense.all_modes(Eigenproblem.of(gallery.fcc(cells=(1, 1, 4))))
+    write_modes(path, modes)
+    np.testing.assert_array_equal(read_z_shapes(path), read_modes(path).shapes()[:, :, 2])
+    write_modes(path, replace(modes, mode_shape=None))
+    assert read_z_shapes(path) is None
+    shapes = modes.shapes().copy()
+    shapes[3, 2, 2] = np.nan
+    for wrong in (shapes, modes.shapes()[:-1], modes.shapes()[:, :, :3]):
+        write_modes(path, replace(modes, mode_shape=wrong))
+        with pytest.raises(InputError, match="mode_shape"):
+            read_z_shapes(path)
 
 
 @pytest.mark.parametrize("network", [gallery.fcc(cells=(3, 3, 4)), crystal_without_symmetry(5)])
