@@ -295,16 +295,20 @@ class Case:
 
     @cached_property
     def wave(self) -> Signals:
-        """The linear wave of the springs, every particle recorded, from wall to wall and back.
+        """The linear wave of the springs, every particle recorded, from wall to wall and back."""
+        return self.linear_wave(particles=True)
 
-        The pulse is that of the recorded run, or the study's.
+    def linear_wave(self, *, particles: bool) -> Signals:
+        """That wave, on request on every particle; its pulse is the recorded run's, or the study's.
+
+        Every particle takes half of the time.
         """
         return propagate(
             self.network,
             RECORD * self.passage,
             motion=self._motion,
             interval=self.interval,
-            particles=True,
+            particles=particles,
         ).signals
 
     @property

@@ -7,11 +7,12 @@ into memory, and its cases are measured side by side.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from analysis.case import Case
 from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.low_pass import THRESHOLDS, Edge
 from analysis.estimators.power_law import PowerLaw, power_law
@@ -216,9 +217,9 @@ def row_of(m: Measures) -> Row:
     return m.row
 
 
-def _measured(m: Measures) -> Row:
-    case = m.case
-    row = Row(
+def bare_row(case: Case) -> Row:
+    """The row of a case that nothing has been measured of."""
+    return Row(
         number_of(case.name),
         case.name,
         case.label,
@@ -228,14 +229,19 @@ def _measured(m: Measures) -> Row:
         "linear" if case.signals is None else "yade",
         case.unsettled,
     )
+
+
+def _measured(m: Measures) -> Row:
+    case, row = m.case, bare_row(m.case)
     for name, measure in VALUES.items():
         try:
             found = measure(m)
         except InputError as error:
             row.notes.append(f"{name}: {error}")
             continue
-        row.values[name] = found if isinstance(found, Estimate) else Estimate(float(found))
-    _low_pass(m, row)
+        row.values[name] = Estimate.of(found)
+    row.values["record_passages"] = Estimate(m.passband.common)
+    add_low_pass(row, m, MAPS, m.passband.chain_scatter)
     own = "yade" if row.record == "yade" else "linear"
     row.values["v_p_first_peaks_m_per_s"] = row.values[f"v_p_first_peaks_{own}_m_per_s"]
     for percent in PERCENT.values():
@@ -256,13 +262,20 @@ def _measured(m: Measures) -> Row:
     return row
 
 
-def _low_pass(m: Measures, row: Row) -> None:
-    """f_low-pass and lambda / D of both producers, by the paper's words and by its neighbours."""
+def add_low_pass(
+    row: Row,
+    m: Measures,
+    rules: Mapping[str, tuple[str, str]],
+    chain_scatter: Iterable[float] = (np.nan,) * len(THRESHOLDS),
+) -> None:
+    """f_low-pass and lambda / D of both producers by some of the rules of `MAPS`, to the row.
+
+    `chain_scatter`, Hz, of each of `THRESHOLDS` is that over the packing's columns.
+    """
     band = m.passband
-    row.values["record_passages"] = Estimate(band.common)
-    scatter = dict(zip(THRESHOLDS, band.chain_scatter, strict=True))
+    scatter = dict(zip(THRESHOLDS, chain_scatter, strict=True))
     for producer, record in (("yade", m.case.signals), ("linear", m.case.wave)):
-        for rule, (whose, reference) in MAPS.items():
+        for rule, (whose, reference) in rules.items():
             edges = band.edges(record, whose, reference, band.common)
             of_threshold = dict(zip(THRESHOLDS, edges, strict=True))
             for threshold, percent in PERCENT.items():

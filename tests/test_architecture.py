@@ -62,7 +62,7 @@ ANALYSIS_BELOW = {
     "status": {"case", "estimators"},
     "crystal": {"case", "estimators", "paper", "table"},
     "measures": {"case", "estimators"},
-    "rows": {"estimators", "measures"},
+    "rows": {"case", "estimators", "measures"},
     "comparable": {"paper", "rows"},
     "deviations": {"estimators", "measures", "paper"},
     "shear_table": {"measures", "table"},

@@ -237,7 +237,8 @@ class Passband:
         """
         network, length = self.network, self.network.length
         bearing = np.flatnonzero(self._bearing)
-        kept = self.wave.time <= self.end(self.wave, self.common) * (1 + 1e-9)
+        end = self.end(self.wave, self.common) * (1 + 1e-9)
+        kept = slice(int(np.searchsorted(self.wave.time, end, "right")))
         u = self.wave.particle_displacement[kept][:, bearing]
         frequency, amplitude = spectra(self.wave.time[kept], u, self.highest)
         distance = network.position[bearing, 2] - network.wall_position[0]

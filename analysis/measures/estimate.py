@@ -13,3 +13,8 @@ class Estimate:
 
     value: float
     error: float = np.nan
+
+    @classmethod
+    def of(cls, found: float | Estimate) -> Estimate:
+        """What was measured, of a bare number without an uncertainty."""
+        return found if isinstance(found, Estimate) else cls(float(found))

@@ -45,12 +45,14 @@ class FirstPeaks(BandEnd):
         """
         run = self.case.signals
         end = RECORDED * self.case.passage if run is None else float(run.time[-1])
-        kept = wave.time <= end * (1 + 1e-9)
-        motions = {
-            name: getattr(wave, name)[kept]
-            for name in ("time", "chain_displacement", "particle_displacement")
-        }
-        return replace(wave, **motions)
+        kept = slice(int(np.searchsorted(wave.time, end * (1 + 1e-9), "right")))
+        every = wave.particle_displacement
+        return replace(
+            wave,
+            time=wave.time[kept],
+            chain_displacement=wave.chain_displacement[kept],
+            particle_displacement=None if every is None else every[kept],
+        )
 
     def _first_peak(self, record: Signals) -> Estimate:
         """Slope over the chain; the error is the fit's."""

@@ -1,34 +1,23 @@
 """The whole study: every case of a folder measured, its tables and figures written, one page.
 
-Cases are measured one after the other, or side by side in processes of their own, and let go of:
-what stays are their rows and the panels of those figures that show them. A case that is not there
-is said to be missing; nothing stands in for it.
+A case that is not there is said to be missing; nothing stands in for it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
-from analysis.case import Case
-from analysis.case_tables import choices_of, table_2
 from analysis.comparable import scatter_of_samples
-from analysis.figures import compose
-from analysis.figures.picture import Panel
-from analysis.measures import Measures
 from analysis.measures.estimate import Estimate
 from analysis.packings.settled import why_unsettled
 from analysis.page import Section, list_html, made_by, page, table_html
-from analysis.report import provenance_table, shown, without_folder
-from analysis.rows import Row, row_of
+from analysis.report import provenance_table, shown
+from analysis.rows import Row
 from analysis.status import names_in
-from analysis.study.arrangement import arrange, wanted
-from analysis.study.elasticity import add_elasticity, table_of_elasticity
+from analysis.study.arrangement import arrange
+from analysis.study.elasticity import table_of_elasticity
+from analysis.study.measuring import Packing, measure_all
 from analysis.study.statements import statements
 from analysis.study.summary import summary
 from analysis.study.tables import (
@@ -44,77 +33,11 @@ from analysis.study.tables import (
 from analysis.study.targets import answers, targets, targets_seen
 from analysis.study.velocity_rules import table_of_biases, table_of_laws, velocities
 from analysis.table import Table, read_csv
-from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError, write_text
 from modal.packing.plausibility import read_remarked
 from modal.packing.state import contacts_per_particle, void_ratio
 
 CASES = range(1, 33)
-SECOND_TABLE = 2, 6, 10, 14, 18, 22, 26, 30
-"""Cases of Table 2: all that are under 100 kPa."""
-
-
-@dataclass
-class Measured:
-    """What stays of a case: its row, panels by figure, Table 2, choices, provenance."""
-
-    row: Row
-    panels: dict[str, list[Panel]] = field(default_factory=dict)
-    second: Table | None = None
-    choices: list[list[str]] = field(default_factory=list)
-    provenance: list[list[str]] = field(default_factory=list)
-
-
-def measure(folder: Path, name: str, *, rows_alone: bool = False) -> Measured:
-    """Measure one case and, unless `rows_alone`, draw the panels of the figures that show it."""
-    case = Case(name, folder)
-    case.check()
-    m = Measures(case)
-    found = Measured(row_of(m))
-    add_elasticity(found.row, m)
-    if rows_alone:
-        return found
-    for figure in wanted(found.row.number):
-        try:
-            found.panels[figure] = compose(figure, [m]).panels
-        except InputError as error:
-            found.row.notes.append(f"figure {figure}: {error}")
-    if found.row.number in SECOND_TABLE:
-        found.second = table_2([m])
-        found.choices = choices_of(m)
-    found.provenance = [list(row) for row in provenance_table([m]).rows]
-    found.row.notes = [without_folder(note, [m]) for note in found.row.notes]
-    return found
-
-
-def measure_all(
-    folder: Path, names: list[str], jobs: int, *, rows_alone: bool = False
-) -> tuple[list[Measured], list[str]]:
-    """All cases in their order, and one line for each that cannot be read."""
-    found: list[Measured] = []
-    failed: list[str] = []
-    one = partial(measure, folder, rows_alone=rows_alone)
-    if jobs > 1 and len(names) > 1:
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            waiting = [pool.submit(one, name) for name in names]
-            results: list[Callable[[], Measured]] = [future.result for future in waiting]
-            return _collect(names, results, found, failed)
-    return _collect(names, [partial(one, name) for name in names], found, failed)
-
-
-def _collect(
-    names: list[str],
-    results: list[Callable[[], Measured]],
-    found: list[Measured],
-    failed: list[str],
-) -> tuple[list[Measured], list[str]]:
-    for name, result in zip(names, results, strict=True):
-        try:
-            found.append(result())
-            put(f"{name}: measured")
-        except InputError as error:
-            failed.append(f"{name}: {error}")
-    return found, failed
 
 
 def states_at_1_kpa(folders: list[Path]) -> dict[float, Row]:
@@ -167,16 +90,19 @@ def study(
     names = [name for name in names if _has_packing(folder, name)]
     if not names:
         raise InputError(f"{folder}: no case has a packing; run the cases first")
-    found, failed = measure_all(folder, names, jobs)
+    packings = [Packing(folder, name) for name in names]
+    packings += [
+        Packing(other, name, other_seed=True)
+        for other in seeds or []
+        for name in names_in(other)
+        if _has_packing(other, name)
+    ]
+    measured, failed = measure_all(packings, jobs)
+    found = [one for packing, one in measured if not packing.other_seed]
     if not found:
         raise InputError(f"{folder}: no case can be read; {failed[0]}")
     rows = [one.row for one in found]
-    others: list[Row] = []
-    for other in seeds or []:
-        twins = [name for name in names_in(other) if _has_packing(other, name)]
-        more, lost = measure_all(other, twins, jobs, rows_alone=True)
-        others += [one.row for one in more]
-        failed += lost
+    others = [one.row for packing, one in measured if packing.other_seed]
     at_1_kpa = states_at_1_kpa([folder, *(states or [])])
     for row in rows:
         row.samples = scatter_of_samples(row, others)
