@@ -241,14 +241,14 @@ def dense_squares(problem: Eigenproblem) -> np.ndarray:
     return np.linalg.eigvalsh(problem.scaled.toarray())
 
 
-def columns_side_by_side(copies: int) -> Network:
-    """Uncoupled columns of two spheres: every frequency at least so many times."""
-    single = gallery.column(2)
+def columns_side_by_side(copies: int, high: int = 2) -> Network:
+    """Uncoupled columns of `high` spheres: every frequency at least so many times."""
+    single = gallery.column(high)
     many = {}
     for name in PER_CONTACT:
         data = getattr(single, name)
         many[name] = np.concatenate([data] * copies)
-    ids = np.repeat(np.arange(copies) * 2, single.n_contacts)
+    ids = np.repeat(np.arange(copies) * high, single.n_contacts)
     many["particle_i"] = many["particle_i"] + ids
     many["particle_j"] = np.where(
         many["particle_j"] >= 0, many["particle_j"] + ids, many["particle_j"]

@@ -31,6 +31,8 @@ ORTHOGONAL = 2e-10
 """Seconds for each multiplication and addition of a dense product."""
 PRODUCT = 2e-8
 """Seconds of A v for each degree of freedom."""
+PRODUCT_OF_BLOCK = 5e-9
+"""The same for each vector of a block; without numba four times as long."""
 DENSE = 5e-10
 """Seconds of a dense eigenproblem over the cube of its rows. Two blocks of opposite wavevectors
 share one complex eigenproblem, which costs about as much as two real ones."""
@@ -87,6 +89,19 @@ def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
     seconds = factor.seconds + counting.seconds + basis * solve + orthogonal
     vectors = 8.0 * problem.size * basis
     return Effort(slices * seconds, max(factor.bytes + vectors, counting.bytes))
+
+
+def below_an_edge(problem: Eigenproblem, count: int, degree: int) -> Effort:
+    """The effort of finding the `count` lowest modes by `degree` products with A for each vector.
+
+    One exact count is made, which needs a factorisation.
+    """
+    basis = 1.5 * count + 100
+    counting, _ = factorisation(problem, counting=True)
+    products = problem.size * PRODUCT_OF_BLOCK * degree * basis
+    orthogonal = 2 * ORTHOGONAL * problem.size * basis**2
+    vectors = 8.0 * problem.size * basis
+    return Effort(products + orthogonal + counting.seconds, max(vectors, counting.bytes))
 
 
 def from_the_top(problem: Eigenproblem, count: int) -> Effort:

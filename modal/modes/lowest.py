@@ -1,6 +1,8 @@
-"""The lowest modes, or those of an interval: block Lanczos on a factorised A - sigma, certified.
+"""The lowest modes, or those of an interval, by block Lanczos, certified.
 
-Floppy modes are held out, so that the list is that of the elastic ones, and the exact counts of
+It runs on a factorised A - sigma, or, for many modes from the lowest one on, on a polynomial of A
+that lifts them (`modal.solvers.low_end`): then only the count needs a factorisation. Floppy modes
+are held out, so that the list is that of the elastic ones, and the exact counts of
 `modal.modes.counts` say whether it is complete.
 """
 
@@ -14,11 +16,14 @@ from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below
 from modal.modes.dense import DENSE_LIMIT, dense_modes
-from modal.modes.effort import near_a_shift, refuse_endless_search
+from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.problem import SMALL, Eigenproblem, check_count, frequency_of
-from modal.modes.search import Search
+from modal.modes.search import Search, SearchBelow
 from modal.solvers.factor import available
+from modal.solvers.low_end import LowEnd
+from modal.solvers.spectrum import bound_of_spectrum
+from modal.workload import memory_at_hand
 
 SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
@@ -32,6 +37,11 @@ MANY = 4
 """Of so large a part of all modes, one in so many, the dense solver is the faster one."""
 NARROW = 1e-6
 """Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
+MARGIN = 1.04
+"""From where modes are not lifted, over the frequency below which all are asked for. The last of
+them must stand out: at 1 twice as many vectors are needed, from 1.02 to 1.06 equally many."""
+WIDEST = 0.25
+"""Share of the spectrum, in omega^2, of which the low end is lifted at most."""
 
 
 def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
@@ -66,8 +76,9 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
 def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
     """Every elastic mode with low <= f < high, Hz, certified by the counts at both ends.
 
-    Intervals with more than `SLICE` modes are cut into slices, each with its own factorisation
-    and its own certificate.
+    Where no modes but floppy ones lie below `low` they may be found all at once, by a polynomial.
+    Other intervals with more than `SLICE` modes are cut into slices, each with its own
+    factorisation and its own certificate.
     """
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
@@ -85,11 +96,37 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
     wanted = below[high] - below[low]
     if problem.size <= DENSE_LIMIT and wanted > problem.size // MANY:
         return dense_modes(problem, inside, choice)
-    effort = near_a_shift(problem, wanted, SLICE)
+    effort, low_end = near_a_shift(problem, wanted, SLICE), None
+    if wanted and below[low] == problem.floppy.total:
+        effort, low_end = _quickest(problem, high, wanted, effort)
     refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
+    if low_end is not None:
+        return _joined([_found(SearchBelow(problem, low_end), low, high, wanted, wanted)], choice)
     slices = _cut(problem, low, high, below)
     parts = [_slice(problem, a, b, below[b] - below[a], wanted) for a, b in slices]
     return _joined(parts, choice)
+
+
+def _quickest(
+    problem: Eigenproblem, high: float, wanted: int, in_slices: Effort
+) -> tuple[Effort, LowEnd | None]:
+    """What lifts the `wanted` modes below `high`, Hz, and its effort, if that is less.
+
+    Else the effort of slices, as given, and None: of few modes, of a wide part of the spectrum,
+    where the basis has no room in memory, or where the user names what factorises.
+    """
+    if problem.solver is not None:
+        return in_slices, None
+    operator = problem.operator.renumbered()
+    top, _ = bound_of_spectrum(operator)
+    edge = (2 * np.pi * MARGIN * high) ** 2
+    if edge > WIDEST * top:
+        return in_slices, None
+    low_end = LowEnd(operator, edge, top)
+    lifted = below_an_edge(problem, wanted, low_end.degree)
+    if lifted.seconds > in_slices.seconds or lifted.bytes > memory_at_hand():
+        return in_slices, None
+    return lifted, low_end
 
 
 def _cut(
@@ -112,10 +149,7 @@ def _cut(
 
 
 def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int) -> ModeSet:
-    """The `wanted` modes of one slice, certified if exactly so many were found in it.
-
-    `of` is the number of modes in all slices.
-    """
+    """The `wanted` modes of one slice, of `of` in all of them, about a shift."""
     # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
     # lower end, where A - sigma is definite, needs twice as many solves.
     fast = problem.solver in (None, "pardiso") and available("pardiso")
@@ -123,7 +157,11 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int)
     sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
     if not interior:
         sigma = -SHIFT * problem.diagonal.max()
-    search = Search(problem, sigma, definite=not interior)
+    return _found(Search(problem, sigma, definite=not interior), low, high, wanted, of)
+
+
+def _found(search: Search, low: float, high: float, wanted: int, of: int) -> ModeSet:
+    """The modes with low <= f < high that a search finds, certified if they are `wanted`."""
     missing = search.gather(
         wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
     )
@@ -162,7 +200,7 @@ def _joined(parts: list[ModeSet], choice: Choice) -> ModeSet:
     whole.attributes = {
         **parts[0].attributes,
         **choice.attributes,
-        "solver": parts[0].attributes["solver"] + f"; {len(parts)} slices",
+        "solver": parts[0].attributes["solver"] + f"; {len(parts)} slices" * (len(parts) > 1),
         **certificate(sum(part.attributes["missing"] for part in parts)),
     }
     return whole

@@ -1,4 +1,4 @@
-"""A search for modes near a shift, or from the top, in rounds until an exact count is satisfied."""
+"""A search for modes near a shift, from the top or below, in rounds until an exact count agrees."""
 
 from __future__ import annotations
 
@@ -8,12 +8,21 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Bools, Floats
+from modal.formats.arrays import Bools, Floats, Ints
 from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.solvers.factor import Factor, SingularError, factorise
-from modal.solvers.lanczos import ROOM, WIDTH_ABOVE, Held, Nearest, modes_from_top, modes_nearest
+from modal.solvers.lanczos import (
+    ROOM,
+    WIDTH_ABOVE,
+    Held,
+    Nearest,
+    modes_below,
+    modes_from_top,
+    modes_nearest,
+)
+from modal.solvers.low_end import LowEnd
 from modal.solvers.top_mode import top_mode
 
 ABOVE = 1e-7
@@ -103,7 +112,9 @@ class Search:
     def keep(self, near: Nearest) -> bool:
         """Add the converged modes to those found; True if there were any."""
         self.square = np.concatenate([self.square, near.square[near.converged]])
-        self.vector = np.concatenate([self.vector, near.vector[:, near.converged]], axis=1)
+        vector = _columns(near.vector, np.flatnonzero(near.converged))
+        known = self.vector.shape[1] > 0
+        self.vector = np.concatenate([self.vector, vector], axis=1) if known else vector
         return bool(near.converged.any())
 
     def release(self) -> None:
@@ -122,8 +133,34 @@ class Search:
         order = np.argsort(self.square)
         frequency = frequency_of(self.square[order])
         order = order[(frequency >= low) & (frequency < high)]
-        square, vector = self.square[order], self.vector[:, order]
+        square, vector = self.square[order], _columns(self.vector, order)
         return found_modes(self.problem, square, vector, choice, self.description(), of)
+
+
+def _columns(vector: Floats, chosen: Ints) -> Floats:
+    """The chosen columns of vectors (size, k); all of them in their order are not copied."""
+    if np.array_equal(chosen, np.arange(vector.shape[1])):
+        return vector
+    return vector[:, chosen]
+
+
+class SearchBelow(Search):
+    """The lowest modes, all below a frequency: by a polynomial of A in place of a factorisation."""
+
+    def __init__(self, problem: Eigenproblem, low_end: LowEnd) -> None:
+        super().__init__(problem, 0.0, definite=True)
+        self.low_end = low_end
+        self.products = 0
+
+    def ask(self, count: int) -> bool:
+        """Search for `count` more modes; True if any converged."""
+        near = modes_below(self.low_end, self.problem.size, count, self.held())
+        self.products += near.products
+        return self.keep(near)
+
+    def description(self) -> str:
+        """What it has spent."""
+        return f"lanczos, {self.products} products, {self.low_end.degree} a vector"
 
 
 class SearchFromTop(Search):

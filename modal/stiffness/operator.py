@@ -77,16 +77,19 @@ class ContactOperator(LinearOperator):
         return other
 
     def inward(self, u: Floats) -> Floats:
-        """A motion (dof n,) of the network's particles, numbered as by the operator."""
-        return u if self.order is None else u.reshape(-1, self.dof)[self.order].ravel()
+        """Motions (dof n,) or (dof n, k) of the particles, numbered as by the operator."""
+        if self.order is None:
+            return u
+        return u.reshape(len(self.order), self.dof, -1)[self.order].reshape(u.shape)
 
     def outward(self, u: Floats) -> Floats:
         """The inverse of `inward`."""
         if self.order is None:
             return u
-        out = np.empty((len(self.order), self.dof))
-        out[self.order] = u.reshape(-1, self.dof)
-        return out.ravel()
+        by_particle = u.reshape(len(self.order), self.dof, -1)
+        out = np.empty_like(by_particle, order="C")
+        out[self.order] = by_particle
+        return out.reshape(u.shape)
 
     def combine(
         self,

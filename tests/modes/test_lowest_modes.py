@@ -14,6 +14,7 @@ from packings import (
 
 from modal.__main__ import main
 from modal.modes.counts import count_below
+from modal.modes.effort import Effort
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
@@ -63,6 +64,50 @@ def test_intervals_are_cut_and_complete(monkeypatch, solver):
         assert found.frequency == pytest.approx(expected, rel=1e-8)
 
 
+@pytest.mark.parametrize("network", [diluted(0.35, 5, layers=7), columns_side_by_side(30, 8)])
+def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
+    """The same list as the dense solver's, without a factor but for the count.
+
+    Columns side by side have every frequency thirty times, more than a block is wide: the count
+    asks for further rounds.
+    """
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
+    monkeypatch.delattr("modal.modes.search.factorise")
+    problem = Eigenproblem.of(network)
+    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
+    high = elastic[gap : gap + 2].mean()
+    # Nothing but floppy modes lies below the lower end, zero or not.
+    for low in (0.0, elastic[0] / 2):
+        found = modes_between(problem, low, high)
+        assert found.certified and "a vector" in found.attributes["solver"]
+        assert found.frequency == pytest.approx(elastic[: gap + 1], rel=1e-8)
+        assert (found.residual < 10 * residual_promised(problem, found)).all()
+
+
+def test_what_a_polynomial_is_not_for(monkeypatch):
+    """A named solver, a lower end inside, half of the spectrum, or no memory: a factor."""
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    dear, free = Effort(1e3, 0.0), Effort(0.0, 1e6)
+    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: dear)
+    monkeypatch.setattr("modal.modes.lowest.below_an_edge", lambda *_: free)
+    network = diluted(0.35, 5, layers=7)
+    problem = Eigenproblem.of(network)
+    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    middle = (elastic[1:] + elastic[:-1]) / 2
+    low, high = middle[20], middle[60]
+    factorised = [
+        modes_between(Eigenproblem.of(network, solver="superlu"), 0.0, high),
+        modes_between(problem, low, high),
+        modes_between(problem, 0.0, 0.6 * elastic[-1]),
+    ]
+    monkeypatch.setattr("modal.modes.lowest.memory_at_hand", lambda: 1e5)
+    factorised.append(modes_between(problem, 0.0, high))
+    for found in factorised:
+        assert found.certified and "a vector" not in found.attributes["solver"]
+
+
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():
     """A third of the modes are; a twentieth are searched for, with the same digits."""
     problem = Eigenproblem.of(diluted(0.35, 5, layers=7))
@@ -102,7 +147,7 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
     monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
     problem = Eigenproblem.of(columns_side_by_side(100))
     expected = frequency_of(dense_squares(problem))[problem.floppy.total :]
-    low, high = 0.999 * expected[0], 1.001 * expected[0]
+    low, high = 0.999 * expected[150], 1.001 * expected[150]
     wanted = int(((expected >= low) & (expected < high)).sum())
     assert wanted >= 100
     found = modes_between(problem, low, high)

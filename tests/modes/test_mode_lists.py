@@ -11,6 +11,7 @@ from modal.formats.hdf5 import InputError
 from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes import lowest as intervals
+from modal.modes.effort import Effort
 from modal.modes.mode_set import (
     Choice,
     ModeSet,
@@ -23,6 +24,7 @@ from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
+from modal.solvers import lanczos
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 EPS = np.finfo(float).eps
@@ -71,7 +73,8 @@ SHAPES = {
     "highest": (crystal_without_symmetry(27), ["--highest", "5"]),
     "dense interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
     "sparse interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
-    "slices": (crystal_without_symmetry(27), ["--below", "2e4"]),
+    "slices": (crystal_without_symmetry(27), ["--below", "2e4", "--solver", "superlu"]),
+    "low end": (crystal_without_symmetry(27), ["--below", "2e4"]),
     "translations": (gallery.fcc(cells=(3, 3, 5)), ["--all", "--translations-only"]),
 }
 
@@ -79,7 +82,7 @@ SHAPES = {
 @pytest.mark.parametrize("path", SHAPES)
 def test_mode_shapes_are_in_the_file(tmp_path, capsys, monkeypatch, path):
     """Every path writes shapes that are orthonormal with M and solve K phi = omega^2 M phi."""
-    if path in ("sparse interval", "slices"):
+    if path in ("sparse interval", "slices", "low end"):
         monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
     if path == "slices":
         monkeypatch.setattr(intervals, "SLICE", 10)
@@ -156,27 +159,28 @@ def test_a_subset_leaves_the_whole_as_it_was():
     assert len(subset(whole, slice(0, 0), Choice("lowest")).resonance_frequency) == 0
 
 
-def nothing_above(threshold: float):
+def nothing_above(threshold: float, search):
     """A search whose modes above `threshold` (omega^2) never converge."""
-    from modal.solvers.lanczos import modes_nearest
 
-    def search(*arguments, **options):
-        found = modes_nearest(*arguments, **options)
+    def short(*arguments, **options):
+        found = search(*arguments, **options)
         found.converged &= found.square < threshold
         return found
 
-    return search
+    return short
 
 
-@pytest.mark.parametrize("path", ["lowest", "interval"])
+@pytest.mark.parametrize("path", ["lowest", "interval", "low end"])
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     """12 modes asked of which the 8 lowest converge: 8 in the file, 4 missing, status 3."""
     network = crystal_without_symmetry(27)
     square = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())
     frequency = frequency_of(square)
-    monkeypatch.setattr(
-        "modal.modes.search.modes_nearest", nothing_above((square[7] + square[8]) / 2)
-    )
+    for search in (lanczos.modes_nearest, lanczos.modes_below):
+        short = nothing_above((square[7] + square[8]) / 2, search)
+        monkeypatch.setattr(f"modal.modes.search.{search.__name__}", short)
+    lifted = Effort(0.0 if path == "low end" else 1e9, 0.0)
+    monkeypatch.setattr(intervals, "below_an_edge", lambda *_: lifted)
     monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
     middle = (frequency[11] + frequency[12]) / 2
     options = ["--lowest", "12"] if path == "lowest" else ["--below", repr(float(middle))]

@@ -186,6 +186,10 @@ def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch
     assert np.array_equal(inside.outward(inside.inward(x)), x)
     found = inside.outward(inside.combine(inside.inward(x), inside.inward(y), 1e-9, -2.0, 0.5))
     assert np.array_equal(found, operator.combine(x, y, 1e-9, -2.0, 0.5))
+    both = np.column_stack([x, y])
+    for block in (both, np.asfortranarray(both)):
+        assert np.array_equal(inside.inward(block)[:, 1], inside.inward(both[:, 1]))
+        assert np.array_equal(inside.outward(inside.inward(block)), both)
 
 
 def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:

@@ -1,0 +1,78 @@
+"""A polynomial of A that lifts the low end of its spectrum: its lowest modes without a factor.
+
+The Chebyshev polynomial T_d stays between -1 and 1 where its argument does, and grows beyond like
+cosh(d arccosh x). With x = (top + edge - 2 omega^2) / (top - edge) the modes between `edge` and
+`top` are left at 1 or less, while those below `edge` are lifted, the lowest ones furthest: a block
+Lanczos finds these first. It takes d products with A where (A - sigma)^-1 takes a solve.
+(Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J. Sci. Comput. 34, A2220, 2012.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from modal.formats.arrays import Array, Floats
+
+REACH = 7.5
+"""Logarithm of twice what a mode at zero is lifted to. A larger one takes more products for each
+vector of the basis, and fewer vectors: on the spectrum of 35,201 spheres up to 20 kHz, 1.56, 1.38
+and 1.30 of them for each mode at 5.5, 7.5 and 11; from 5.5 to 7.5 the seconds hardly differ."""
+
+
+class Renumbering(Protocol):
+    """What is needed of A: `modal.stiffness.operator.ContactOperator.renumbered`."""
+
+    def inward(self, u: Floats) -> Floats:
+        """Vectors (size, k) in the operator's own numbering."""
+
+    def outward(self, u: Floats) -> Floats:
+        """The inverse."""
+
+    def combine(
+        self, u: Array, out: Array, factor: float, own: float = 0.0, kept: float = 0.0
+    ) -> Array:
+        """out = factor A u + own u + kept out, both (size, k) in that numbering."""
+
+
+@dataclass(frozen=True)
+class LowEnd:
+    """T_d of A as above; `edge` and `top` in omega^2, 1/s^2, `top` above all omega^2."""
+
+    operator: Renumbering
+    edge: float
+    top: float
+
+    @property
+    def degree(self) -> int:
+        """Products with A for each vector.
+
+        Odd: if a mode should lie above `top` after all, it goes far below -1, not above 1.
+        """
+        at_zero = np.arccosh((self.top + self.edge) / (self.top - self.edge))
+        return 2 * round((REACH / at_zero - 1) / 2) + 1
+
+    @property
+    def _argument(self) -> tuple[float, float]:
+        """x = c - a omega^2: c and a."""
+        width = self.top - self.edge
+        return (self.top + self.edge) / width, 2 / width
+
+    def apply(self, block: Floats) -> Floats:
+        """T_d(x(A)) of a block (size, k)."""
+        c, a = self._argument
+        before = np.ascontiguousarray(self.operator.inward(block))
+        now = np.empty_like(before)
+        self.operator.combine(before, now, -a, own=c)
+        for _ in range(self.degree - 1):
+            # T_k = 2 x T_(k-1) - T_(k-2), built in the array of T_(k-2).
+            self.operator.combine(now, before, -2 * a, own=2 * c, kept=-1.0)
+            before, now = now, before
+        return self.operator.outward(now)
+
+    def square(self, lifted: Floats) -> Floats:
+        """The omega^2 (k,) of modes that are lifted to `lifted` (k,); `edge` where that is none."""
+        c, a = self._argument
+        return (c - np.cosh(np.arccosh(np.maximum(lifted, 1.0)) / self.degree)) / a
