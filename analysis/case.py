@@ -69,6 +69,8 @@ class Case:
     files: dict[str, Path] | None = None
     notes: list[str] = field(default_factory=list)
     """What a reader should know: products that do not say which packing they are of."""
+    _belonging: set[str] = field(default_factory=set, init=False, repr=False)
+    """Kinds of product that are known to be of this packing: each file is opened for it once."""
 
     def path(self, kind: str) -> Path:
         """File of one kind of product: where it is, or would be."""
@@ -113,9 +115,11 @@ class Case:
 
     def product(self, kind: str) -> Path:
         """File of a product; InputError, naming both files, where it is of another packing."""
-        note = require_same_packing(self.path(kind), self.packing)
-        if note and note not in self.notes:
-            self.notes.append(note)
+        if kind not in self._belonging:
+            note = require_same_packing(self.path(kind), self.packing)
+            if note and note not in self.notes:
+                self.notes.append(note)
+            self._belonging.add(kind)
         return self.path(kind)
 
     @cached_property

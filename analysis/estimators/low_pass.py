@@ -104,7 +104,8 @@ def spectra(
     amplitude = np.empty((len(frequency), displacement.shape[1]), np.float32)
     for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
         part = slice(start, start + 4096)
-        amplitude[:, part] = abs(kernel @ displacement[:, part])
+        u = displacement[:, part]  # two real products: half of the work of a complex one
+        amplitude[:, part] = np.hypot(kernel.real @ u, kernel.imag @ u)
     return frequency, amplitude
 
 

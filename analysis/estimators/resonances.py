@@ -55,15 +55,23 @@ def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> n
     """
     found = np.full(len(shape), np.nan)
     offsets = np.linspace(-0.5, 0.5, 101)
+    angle = np.pi * depth / length
+    # exp(i kappa z) of all offsets from an order; its square has the sums of products in it.
+    aside = np.exp(1j * np.outer(angle, offsets))
+    twice = aside**2
     for k, u in enumerate(shape):
+        middle = np.exp(1j * (k + 1) * angle)
+        both, products = (u * middle) @ aside, middle**2 @ twice
+        right = np.stack([both.imag, both.real], axis=-1)
+        sine, cosine = 0.5 * (len(u) - products.real), 0.5 * (len(u) + products.real)
+        mixed = 0.5 * products.imag
+        left = np.stack([sine, mixed, mixed, cosine], axis=-1).reshape(-1, 2, 2)
+        weight = np.linalg.solve(left, right[..., None])[..., 0]
+        missed = -(weight * right).sum(axis=-1)
         kappa = np.pi * (k + 1 + offsets) / length
         if k == 0:
-            kappa = kappa[kappa > 0.6 * np.pi / length]
-        missed = []
-        for wave in kappa:
-            basis = np.column_stack([np.sin(wave * depth), np.cos(wave * depth)])
-            weight = np.linalg.solve(basis.T @ basis, basis.T @ u)
-            missed.append(-float(weight @ (basis.T @ u)))
+            kept = kappa > 0.6 * np.pi / length
+            kappa, missed = kappa[kept], missed[kept]
         at = int(np.argmin(missed))
         if 0 < at < len(kappa) - 1:
             before, least, behind = missed[at - 1 : at + 2]
