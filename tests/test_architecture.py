@@ -23,7 +23,7 @@ BELOW = {
     "solvers": {"formats", "progress", "workload"},
     "stiffness": {"formats", "loops", "packing", "solvers"},
     "preparation": {
-        *("arguments", "formats", "loops", "packing", "pairs", "progress", "stiffness"),
+        *("arguments", "formats", "loops", "packing", "pairs", "progress", "solvers", "stiffness"),
     },
     "waves": {
         *("arguments", "display", "formats", "packing", "progress", "solvers", "stiffness"),

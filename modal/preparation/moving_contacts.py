@@ -154,6 +154,10 @@ class MovingContacts:
         along = (self._shear * self._normal).sum(axis=1)
         self._shear -= along[:, None] * self._normal
 
+    def pairs(self) -> np.ndarray:
+        """Shape (k, 2): the two spheres of each contact that there is, or that may soon be."""
+        return self._ends[self._ends[:, 1] >= 0]
+
     def numbers(self) -> tuple[int, int]:
         """Contacts between spheres, and with the walls."""
         walls = self._normal.any(axis=1) & (self._ends[:, 1] < 0)

@@ -1,10 +1,10 @@
-"""A sample brought into the balance of its contact law, by damped motion at a fixed cell.
+"""A sample brought into the balance of its contact law, at a fixed cell.
 
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
-Only the end matters here, not the way: each sphere is given a mass in proportion to the stiffness
-of its contacts, so that all of them move as fast as the time step allows (dynamic relaxation,
-Otter, Proc. Inst. Civ. Eng. 35, 633, 1966), with the local damping of Cundall (1987) for what is
-fast and a drag for what is slow. Contacts slide on the way; a packing that rests holds by itself.
+Damped motion (`damped_motion`) lets contacts slide, open and close until few still do; then the
+springs say how far the packing has to go (`elastic_rest`), and the few spheres that they leave out
+go their way among neighbours that stand still (`loose_rest`). What has been gained is seen after
+some more steps of all. A packing that rests holds by itself.
 """
 
 from __future__ import annotations
@@ -18,21 +18,11 @@ from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, net_forces
+from modal.preparation.damped_motion import DampedMotion
+from modal.preparation.elastic_rest import elastic_motion
+from modal.preparation.loose_rest import loose_rest
 from modal.preparation.moving_contacts import MovingContacts
 
-PACE = 0.3
-"""Squared time step over mass per sum of kn. For each contact kn (n.d)^2 + kt |d_t|^2 is at most
-2 kn (u_i^2 + u_j^2) + 4 kt (u_t^2 + (R theta)^2) summed over both ends; with kt <= 0.9 kn and
-inertia 2/5 m R^2 the largest omega^2 is below 9 PACE, the leapfrog limit is 4."""
-LIGHTEST = 0.02
-"""Least mass, over the mean: free spheres must not be light when they meet others."""
-LOCAL_DAMPING = 0.3
-DRAG = 0.3
-"""Share of the velocity lost at each step, times the length in diameters: half of what is critical
-for the longest wave along the packing, whose frequency falls as its length grows."""
-OWN_DRAG = 0.3
-"""What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
-that waves die and a loose sphere that has some micrometres to go is not held up."""
 TOLERANCE = 1e-10
 """Mean net force over mean contact force at which a sample counts as balanced. What is left moves
 spheres by a share of their overlaps, the more the higher the stress; at 100 kPa and below it is
@@ -46,6 +36,11 @@ NEAR = 1e-7
 """Residual at which a sample that comes no nearer is still given back, as one not at rest."""
 LOOK = 100
 """Steps between two looks at the balance."""
+FEW = 5e-4
+"""Share of sliding contacts below which the springs are asked."""
+GAIN = 0.5
+"""Largest residual, over the one at the last turn of the springs, with which they are asked again
+after `LOOK` steps. Otherwise damped motion goes on twice as long as before."""
 MAX_STEPS = 60_000
 
 
@@ -113,37 +108,20 @@ def relax(
         )
     contacts = MovingContacts(sample, RESERVE * sample.friction)
     length, radius = float(sample.walls[1] - sample.walls[0]), _each(sample)
-    diameter = 2 * sample.radius
     if contacts.touching == 0:
         raise InputError("the sample has no contacts; compress it before it is brought to rest")
     overlap = float(np.median(sample.contacts().overlap))
     attainable = float(10 * np.finfo(float).eps * length / overlap)
     goal = max(tolerance, attainable)
-    drag = DRAG * diameter / length
-    # Rotations as arcs, so that one mass serves all six: m R^2 for an inertia of 2/5 m R^2.
-    arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
-    lightness = np.array([1.0] * 3 + [2.5] * 3)
-    velocity = np.zeros((len(sample.position), 6))
-    height = sample.position[:, 2] - sample.position[:, 2].min()
-    layer = (height / diameter).astype(int)
-    in_layer = np.maximum(np.bincount(layer), 1)
+    motion, turns = DampedMotion(contacts, radius), _Turns()
     for step in range(max_steps + 1):
         if contacts.touching == 0:
             raise InputError(
                 f"the spheres come apart at {RESERVE:g} of their friction; give them more of it, "
                 "or compress the sample further first"
             )
-        push = contacts.load / arm
         if step % LOOK == 0:
-            size = _size(contacts.load, 1 / radius) / contacts.mean_force
-            state = Balance(
-                float(size.mean()),
-                float(size.max()),
-                np.nan,
-                contacts.sliding,
-                contacts.touching,
-                step,
-            )
+            state = _look(contacts, radius, step)
             if watch:
                 watch(state)
             # The sample is what counts: its overlaps follow from the positions once more.
@@ -152,14 +130,12 @@ def relax(
                     break
                 # It holds no part of the shear forces along the contacts.
                 contacts.level_shear()
-        mass = np.maximum(contacts.stiffness, LIGHTEST * contacts.stiffness.mean()) / PACE
-        push -= LOCAL_DAMPING * np.copysign(push, velocity)
-        velocity += push * (lightness / mass[:, None])
-        velocity *= 1 - OWN_DRAG * drag
-        for axis in range(3):
-            mean = np.bincount(layer, velocity[:, axis]) / in_layer
-            velocity[:, axis] -= drag * mean[layer]
-        contacts.move(velocity / arm)
+            elif turns.of_springs(state):
+                there = _by_springs(contacts, radius, state)
+                if there is not contacts:
+                    contacts = _by_parts(there, goal)
+                    motion.stop()
+        motion.step(contacts)
     rested, state = _end(contacts, step)
     if not state.within(max(NEAR, goal)):
         raise InputError(
@@ -168,6 +144,48 @@ def relax(
         )
     state.tolerance, state.attainable, state.at_rest = tolerance, attainable, state.within(goal)
     return rested, state
+
+
+class _Turns:
+    """When the springs are asked: at once after a gain, ever later after none."""
+
+    def __init__(self) -> None:
+        self._next, self._wait, self._before = 0, LOOK, np.inf
+
+    def of_springs(self, state: Balance) -> bool:
+        """Whether it is their turn at this look, `LOOK` or more steps after the last one."""
+        if state.steps < self._next or state.sliding > FEW * state.contacts:
+            return False
+        gained = state.residual <= GAIN * self._before
+        self._wait = LOOK if gained else 2 * self._wait
+        self._next, self._before = state.steps + self._wait, state.residual
+        return True
+
+
+def _by_springs(contacts: MovingContacts, radius: np.ndarray, state: Balance) -> MovingContacts:
+    """The contacts where the springs put them; the same ones if that is no nearer to balance."""
+    here = contacts.sample()
+    motion = elastic_motion(contacts, here)
+    if motion is None:
+        return contacts
+    there = MovingContacts(here, contacts.friction)
+    there.move(motion)
+    if there.touching and _look(there, radius, state.steps).residual < state.residual:
+        return there
+    return contacts
+
+
+def _by_parts(contacts: MovingContacts, goal: float) -> MovingContacts:
+    """The contacts after the few loose spheres have come to rest; the same ones without such."""
+    here = contacts.sample()
+    there = loose_rest(here, contacts, SINGLE * goal * contacts.mean_force)
+    return contacts if there is None else MovingContacts(there, contacts.friction)
+
+
+def _look(contacts: MovingContacts, radius: np.ndarray, step: int) -> Balance:
+    size = _size(contacts.load, 1 / radius) / contacts.mean_force
+    mean, largest = float(size.mean()), float(size.max())
+    return Balance(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
 
 
 def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Balance]:

@@ -16,7 +16,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.springs import contact_stiffness
+from modal.stiffness.springs import contact_kinematics, contact_springs
 from modal.stiffness.walls import wall_pattern
 
 MAX_PRODUCTS = 5000
@@ -80,13 +80,17 @@ def spring_motion(
 
 def own_blocks(network: Network) -> Floats:
     """Shape (n, 6, 6): K's block of each sphere with itself."""
-    local, n = contact_stiffness(network), network.n_particles
-    j, pair = network.particle_j, ~network.with_wall
-    blocks = np.empty((n, 6, 6))
-    for a in range(6):
-        for b in range(6):
-            blocks[:, a, b] = np.bincount(network.particle_i, local[:, a, b], n)
-            blocks[:, a, b] += np.bincount(j[pair], local[pair, 6 + a, 6 + b], n)
+    n, pair, k = network.n_particles, ~network.with_wall, contact_springs(network)
+    B = contact_kinematics(network)
+    blocks = np.zeros((n, 6, 6))
+    for end, on, moves in (
+        (network.particle_i, slice(None), B[:, :, :6]),
+        (network.particle_j[pair], pair, B[pair, :, 6:]),
+    ):
+        local = moves.transpose(0, 2, 1) @ (k[on] @ moves)
+        for a in range(6):
+            for b in range(6):
+                blocks[:, a, b] += np.bincount(end, local[:, a, b], n)
     return blocks
 
 

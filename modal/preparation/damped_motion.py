@@ -1,0 +1,68 @@
+"""Dynamic relaxation: contacts that move until what drives them has died.
+
+Only the end matters here, not the way: each sphere is given a mass in proportion to the stiffness
+of its contacts, so that all of them move as fast as the time step allows (Otter, Proc. Inst. Civ.
+Eng. 35, 633, 1966), with the local damping of Cundall (1987) for what is fast and a drag for what
+is slow.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.formats.arrays import Bools, Floats
+from modal.preparation.moving_contacts import MovingContacts
+
+PACE = 0.3
+"""Squared time step over mass per sum of kn. For each contact kn (n.d)^2 + kt |d_t|^2 is at most
+2 kn (u_i^2 + u_j^2) + 4 kt (u_t^2 + (R theta)^2) summed over both ends; with kt <= 0.9 kn and
+inertia 2/5 m R^2 the largest omega^2 is below 9 PACE, the leapfrog limit is 4."""
+LIGHTEST = 0.02
+"""Least mass, over the mean: free spheres must not be light when they meet others."""
+LOCAL_DAMPING = 0.3
+DRAG = 0.3
+"""Share of the velocity lost at each step, times the length in diameters: half of what is critical
+for the longest wave along the packing, whose frequency falls as its length grows."""
+OWN_DRAG = 0.3
+"""What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
+that waves die and a loose sphere that has some micrometres to go is not held up."""
+
+
+class DampedMotion:
+    """How spheres of the radii (n,), m, go on, from rest at first.
+
+    Those that are not `free` (n,) stand still; in such a part of a packing there are no long waves,
+    and no drag.
+    """
+
+    def __init__(self, contacts: MovingContacts, radius: Floats, free: Bools | None = None) -> None:
+        self._held = None if free is None else ~free
+        diameter = 2 * float(radius.mean())
+        height = contacts.position[:, 2] - contacts.position[:, 2].min()
+        self._layer = (height / diameter).astype(int)
+        self._in_layer = np.maximum(np.bincount(self._layer), 1)
+        self._drag = DRAG * diameter / float(contacts.walls[1] - contacts.walls[0])
+        # Rotations as arcs, so that one mass serves all six: m R^2 for an inertia of 2/5 m R^2.
+        self._arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
+        self._lightness = np.array([1.0] * 3 + [2.5] * 3)
+        self._velocity = np.zeros((len(radius), 6))
+
+    def stop(self) -> None:
+        """Take all velocity away."""
+        self._velocity[:] = 0
+
+    def step(self, contacts: MovingContacts) -> None:
+        """Move all spheres by one time step."""
+        velocity, stiffness = self._velocity, contacts.stiffness
+        push = contacts.load / self._arm
+        mass = np.maximum(stiffness, LIGHTEST * stiffness.mean()) / PACE
+        push -= LOCAL_DAMPING * np.copysign(push, velocity)
+        velocity += push * (self._lightness / mass[:, None])
+        if self._held is None:
+            velocity *= 1 - OWN_DRAG * self._drag
+            for axis in range(3):
+                mean = np.bincount(self._layer, velocity[:, axis]) / self._in_layer
+                velocity[:, axis] -= self._drag * mean[self._layer]
+        else:
+            velocity[self._held] = 0
+        contacts.move(velocity / self._arm)

@@ -1,0 +1,111 @@
+"""A packing near its rest, moved to where the springs of its contacts put it.
+
+Damped motion ends in a long elastic tail: nothing slides any more, and what is left are the longest
+waves along the packing, which die slowly. The springs say at once how far each sphere still has to
+go: K d = F, with the present overlaps' stiffnesses and the net forces F (a step of Newton's method
+without the change of direction of the forces, which gains two or three digits at a time). Spheres
+that slide, or that springs alone would send far, know no such rest: their own net force is left out
+and they follow their neighbours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.formats.arrays import Bools, Floats
+from modal.formats.hdf5 import InputError
+from modal.packing.network import Network
+from modal.packing.sample import Sample
+from modal.packing.state import friction_used
+from modal.preparation.moving_contacts import MovingContacts
+from modal.solvers.conjugate_gradients import conjugate_gradients
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.static_load import own_blocks
+
+STRIDE = 1.0
+"""Median overlaps that a sphere may go at once; its neighbours go nearly as far, and the overlaps
+change by much less."""
+LOOSE = 0.05
+"""Share of loose spheres above which the packing is not yet one of springs."""
+ROUNDS = 3
+"""Solutions until no further sphere goes too far."""
+HELD = 1e-7
+"""Of the mean stiffness, added to that of every sphere: the softest elastic motion of 150 layers
+has 1e-5, motions without energy none."""
+ERROR = 1e-2
+"""Of the motion, in the energy norm. The change of stiffness on the way is off by as much."""
+LOOK_BACK, MOST_PRODUCTS = 30, 3000
+"""Products with K over which the error is measured, and after which the springs know of no rest."""
+AT_LIMIT = 1 - 1e-9
+"""Share of friction from which a contact slides: the moving contacts are cut back to exactly 1."""
+
+
+def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
+    """Shape (n, 6), m and rad: the motion to balance of the springs; None if they know of none.
+
+    `sample` is what the contacts are now. None of the spheres goes further than `STRIDE` median
+    overlaps, a turn counted as the arc that it makes. It is for the caller to see whether the
+    forces of the law are nearer to balance there.
+    """
+    network = sample.network()
+    springs = _Springs(network)
+    stride = STRIDE * float(np.median(network.known("overlap", "rest")))
+    loose = _sliding(network, contacts.friction)
+    for _ in range(ROUNDS):
+        if loose.mean() > LOOSE:
+            return None
+        try:
+            motion = springs.balance(np.where(loose[:, None], 0.0, contacts.load))
+        except InputError:
+            return None  # stiffnesses that differ too much for the solver: damped motion goes on
+        turn = motion[:, 3:] * network.radius[:, None]
+        size = np.sqrt((motion[:, :3] ** 2).sum(axis=1) + (turn**2).sum(axis=1))
+        far = size > stride
+        if not (far & ~loose).any():
+            break
+        loose |= far
+    return motion * np.minimum(1, stride / np.maximum(size, stride))[:, None]
+
+
+def _sliding(network: Network, friction: float) -> Bools:
+    """Shape (n,) bool: spheres at a contact that uses all of its friction."""
+    at = friction_used(network, friction) > AT_LIMIT
+    slides = np.zeros(network.n_particles, bool)
+    slides[network.particle_i[at]] = True
+    slides[network.particle_j[at & ~network.with_wall]] = True
+    return slides
+
+
+class _Springs:
+    """The springs of a network, all spheres held a little, ready for loads."""
+
+    def __init__(self, network: Network) -> None:
+        n = network.n_particles
+        self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
+        self._scale = self._scale.repeat(3, axis=1)
+        blocks = own_blocks(network) * self._scale[:, :, None] * self._scale[:, None, :]
+        self._held = HELD * float(np.einsum("nii->ni", blocks).mean())
+        inverse = np.linalg.inv(blocks + self._held * np.eye(6))
+        self._operator = ContactOperator(network, mass_scaled=True).renumbered()
+        order = self._operator.order
+        self._inverse = inverse if order is None else inverse[order]
+        self._shape = (n, 6)
+
+    def balance(self, load: Floats) -> Floats:
+        """Shape (n, 6), m and rad: where `load` (n, 6), N and N m, is balanced."""
+        found = conjugate_gradients(
+            self._resist,
+            self._ease,
+            self._operator.inward((load * self._scale).ravel())[:, None],
+            lambda energy: ERROR**2 * energy,
+            np.zeros(1),
+            look_back=LOOK_BACK,
+            most_products=MOST_PRODUCTS,
+        )
+        return self._operator.outward(found.motion[:, 0]).reshape(self._shape) * self._scale
+
+    def _resist(self, motion: Floats) -> Floats:
+        return self._operator.combine(motion, np.empty_like(motion), 1.0, self._held)
+
+    def _ease(self, rest: Floats) -> Floats:
+        return (self._inverse @ rest.reshape(len(self._inverse), 6, 1)).reshape(rest.shape)

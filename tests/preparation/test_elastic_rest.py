@@ -1,0 +1,217 @@
+"""The springs' way to rest: against damped motion alone, gain of a step, what it leaves out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modal.packing.state import net_forces, stress_tensor
+from modal.preparation import relax as relaxation
+from modal.preparation.elastic_rest import STRIDE, elastic_motion
+from modal.preparation.loose_rest import loose_rest
+from modal.preparation.moving_contacts import MovingContacts
+from modal.preparation.random_packing import random_sample
+from modal.preparation.relax import LOOK, RESERVE, Balance, balance_of, relax
+
+
+@pytest.fixture(scope="module")
+def rested():
+    """200 spheres at rest, every contact with shear from a shake by 2 % of an overlap."""
+    packed = replace(random_sample(200, 1e6, aspect=1.5, tolerance=1e-3), friction=0.5)
+    return relax(shaken(packed, 0.02, np.inf))[0]
+
+
+def shaken(sample, share, friction=None):
+    """The sample after random motions of `share` of the median overlap, as arcs where they turn."""
+    motion = np.random.default_rng(3).standard_normal((len(sample.position), 6))
+    motion *= share * np.median(sample.network().overlap)
+    motion[:, 3:] /= sample.radius
+    contacts = MovingContacts(sample, friction)
+    contacts.move(motion)
+    return contacts.sample()
+
+
+def alone(monkeypatch):
+    """Damped motion without the springs."""
+    monkeypatch.setattr(relaxation, "elastic_motion", lambda contacts, sample: None)
+
+
+def between(a, b):
+    """Shape (n,): how far the spheres of two samples of a cell are apart, m."""
+    apart = a.position - b.position
+    apart[:, :2] -= np.round(apart[:, :2] / a.side) * a.side
+    return np.linalg.norm(apart, axis=1)
+
+
+def test_rest_is_that_of_damped_motion(rested, monkeypatch):
+    """Both undo a shake by a hundredth of an overlap, on which hardly any contact slides or opens.
+
+    Shear forces grow with the stiffness of the moment, so that the two ways differ by products of
+    two such motions: 1e-4 of an overlap, of each of some six contacts. Spheres without contacts
+    stay where they were.
+    """
+    start = shaken(rested, 0.01)
+    found, state = relax(start)
+    alone(monkeypatch)
+    expected, slow = relax(start)
+    assert state.at_rest and slow.at_rest
+    assert state.steps < slow.steps / 2
+    one, other = found.network(), expected.network()
+    assert one.n_contacts == other.n_contacts
+    overlap = np.median(one.overlap)
+    held = np.unique(one.particle_i)
+    assert np.median(between(found, expected)[held]) < 1e-3 * overlap
+    assert one.force_normal.mean() == pytest.approx(other.force_normal.mean(), rel=1e-3)
+    assert one.study["void_ratio"] == pytest.approx(other.study["void_ratio"], rel=1e-12)
+    stress = np.diag(stress_tensor(one))
+    assert stress == pytest.approx(np.diag(stress_tensor(other)), rel=1e-3)
+
+
+def test_each_step_gains_a_digit(rested):
+    """Residuals of the law itself after steps of the springs alone.
+
+    Forces change direction by an overlap over a radius, 1e-3 here, and stiffnesses by half of the
+    share of the overlap that a step goes; the solver stops at an error of 1e-2 in the energy.
+    """
+    contacts = MovingContacts(shaken(rested, 1e-3))
+    residuals = [balance_of(*_both(contacts))[1].residual]
+    for _ in range(3):
+        contacts.move(elastic_motion(contacts, contacts.sample()))
+        residuals.append(balance_of(*_both(contacts))[1].residual)
+    assert (np.array(residuals[1:]) < 0.1 * np.array(residuals[:-1])).all()
+
+
+def _both(contacts):
+    sample = contacts.sample()
+    return sample, sample.network()
+
+
+def test_what_nothing_holds_is_left_out(rested):
+    """A push on a sphere without contacts: all others go where they go without it."""
+    network = rested.network()
+    free = np.setdiff1d(np.arange(network.n_particles), [*network.particle_i, *network.particle_j])
+    assert len(free) > 0
+    contacts = MovingContacts(shaken(rested, 1e-3))
+    sample = contacts.sample()
+    expected = elastic_motion(contacts, sample)
+    contacts.load[free[0], :3] = contacts.mean_force
+    found = elastic_motion(contacts, sample)
+    stride = STRIDE * np.median(network.overlap)
+    assert np.linalg.norm(found[free[0], :3]) <= stride * (1 + 1e-12)
+    others = np.delete(np.arange(len(found)), free[0])
+    assert found[others] == pytest.approx(expected[others], abs=1e-3 * abs(expected).max())
+
+
+def test_spheres_that_slide_follow_their_neighbours(rested):
+    """At a friction that some contacts use up: the net forces of their two ends do not count."""
+    start = shaken(rested, 0.01)
+    network = start.network()
+    shear = np.linalg.norm(network.force_tangential, axis=1) / network.force_normal
+    contacts = MovingContacts(start, float(np.sort(shear)[-3]))
+    sample = contacts.sample()
+    slides = np.unique(
+        [
+            body
+            for at in np.argsort(shear)[-3:]
+            for body in (network.particle_i[at], network.particle_j[at])
+            if body >= 0
+        ]
+    )
+    found = elastic_motion(contacts, sample)
+    contacts.load[slides] *= -5
+    assert np.array_equal(elastic_motion(contacts, sample), found)
+
+
+def test_springs_that_lead_away_are_not_followed(rested, monkeypatch):
+    """A motion by half an overlap at random: the residual grows, and damped motion goes on."""
+    asked = []
+
+    def astray(contacts, sample):
+        asked.append(contacts)
+        motion = np.random.default_rng(len(asked)).standard_normal(contacts.load.shape)
+        motion[:, 3:] /= sample.radius
+        return 0.5 * np.median(sample.network().overlap) * motion
+
+    monkeypatch.setattr(relaxation, "elastic_motion", astray)
+    found, state = relax(shaken(rested, 0.01))
+    assert state.at_rest and len(asked) > 1
+    expected = relax_alone(rested, monkeypatch)
+    assert np.array_equal(found.position, expected.position)
+
+
+def relax_alone(rested, monkeypatch):
+    """What damped motion alone makes of the same shake."""
+    alone(monkeypatch)
+    return relax(shaken(rested, 0.01))[0]
+
+
+def test_springs_that_gain_nothing_are_asked_ever_later():
+    turns = relaxation._Turns()
+    steps = [
+        step
+        for step in range(0, 33 * LOOK, LOOK)
+        if turns.of_springs(Balance(1e-6, 1e-5, np.nan, 0, 1000, step))
+    ]
+    assert steps == [0, LOOK, 3 * LOOK, 7 * LOOK, 15 * LOOK, 31 * LOOK]
+
+
+def test_springs_are_not_asked_while_many_contacts_slide():
+    sliding = Balance(1e-3, 1e-2, np.nan, 5, 1000)
+    assert not relaxation._Turns().of_springs(sliding)
+    assert relaxation._Turns().of_springs(replace(sliding, sliding=0))
+
+
+@pytest.fixture(scope="module")
+def longer():
+    """2,000 spheres at rest: a loose one is few among them."""
+    packed = replace(random_sample(2000, 1e6, aspect=6, tolerance=1e-3), friction=0.5)
+    return relax(packed)[0]
+
+
+def pushed_aside(sample, body, share):
+    """Contacts after the motion of one sphere by a share of the median overlap."""
+    contacts = MovingContacts(sample)
+    motion = np.zeros_like(contacts.load)
+    motion[body, :3] = share * np.median(sample.network().overlap) / np.sqrt(3)
+    contacts.move(motion)
+    return contacts
+
+
+def test_a_loose_sphere_comes_to_rest_by_itself(longer):
+    """It is moved aside by an overlap; those far from it keep their places, and shear forces.
+
+    These are turned once a step with a contact that does not turn: 200 roundings a look.
+    """
+    middle = int(np.argmin(abs(longer.position[:, 2] - longer.walls.mean())))
+    contacts = pushed_aside(longer, middle, 1.0)
+    start, allowed = contacts.sample(), 1e-8 * contacts.mean_force
+    contacts = MovingContacts(start)
+    before = np.linalg.norm(contacts.load[:, :3], axis=1)
+    found = loose_rest(start, contacts, allowed)
+    load = net_forces(found.network())
+    assert np.linalg.norm(load[middle, :3]) < 10 * allowed < 1e-3 * before[middle]
+    stood = (found.position == start.position).all(axis=1)
+    assert not stood[middle] and stood.mean() > 0.5
+    # Shear forces: of contacts both of whose spheres stood still.
+    old, new = start.network(), found.network()
+    held = [stood[n.particle_i] & (n.with_wall | stood[n.partner]) for n in (old, new)]
+    rounding = 1e4 * np.finfo(float).eps * contacts.mean_force
+    shear, kept = old.force_tangential[held[0]], new.force_tangential[held[1]]
+    assert abs(shear - kept).max() < rounding
+    assert np.array_equal(old.particle_i[held[0]], new.particle_i[held[1]])
+
+
+def test_many_loose_spheres_move_with_all(longer):
+    start = shaken(longer, 0.1)
+    contacts = MovingContacts(start)
+    assert loose_rest(start, contacts, 1e-12 * contacts.mean_force) is None
+    assert loose_rest(longer, MovingContacts(longer), contacts.mean_force) is None
+
+
+def test_rest_after_a_loose_sphere_is_that_of_the_law(longer):
+    """Springs and the loose sphere's own way in turn: balance and friction from the positions."""
+    middle = int(np.argmin(abs(longer.position[:, 2] - longer.walls.mean())))
+    rested, state = relax(pushed_aside(longer, middle, 1.0).sample())
+    again = balance_of(rested, rested.network())[1]
+    assert state.at_rest and again.residual == state.residual
+    assert again.friction_used <= RESERVE * (1 + 1e-9)
