@@ -26,16 +26,22 @@ from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
 
 
-@pytest.fixture(scope="module", params=["linear", "yade"])
-def folder(request, tmp_path_factory):
-    """A slender packing as case 6, long enough for a wave, with and without a run."""
-    folder = tmp_path_factory.mktemp("seed_2")
-    network = random_network(700, 1e5, seed=5, aspect=12)
+@pytest.fixture(scope="module")
+def slender():
+    """A packing long enough for a wave."""
+    network = random_network(500, 1e5, seed=5, aspect=12)
     network.study.update(stress=1e5, mu_comp=0.0)
-    write_network(folder / "case06.network.h5", network)
+    return network
+
+
+@pytest.fixture(scope="module", params=["linear", "yade"])
+def folder(request, slender, tmp_path_factory):
+    """The packing as case 6, with and without a run."""
+    folder = tmp_path_factory.mktemp("seed_2")
+    write_network(folder / "case06.network.h5", slender)
     if request.param == "yade":
         case = Case("case06", folder)
-        run = propagate(network, 1.3 * case.passage, interval=0.3 * case.interval).signals
+        run = propagate(slender, 1.3 * case.passage, interval=0.3 * case.interval).signals
         run.producer = "yade"
         write_signals(folder / "case06.signals.h5", run)
     return folder
