@@ -18,8 +18,8 @@ from modal.formats.arrays import Array, Floats
 
 REACH = 7.5
 """Logarithm of twice what a mode at zero is lifted to. A larger one takes more products for each
-vector of the basis, and fewer vectors: on the spectrum of 35,201 spheres up to 20 kHz, 1.56, 1.38
-and 1.30 of them for each mode at 5.5, 7.5 and 11; from 5.5 to 7.5 the seconds hardly differ."""
+vector of the basis, and fewer vectors: on a model of the spectrum of 35,201 spheres up to 20 kHz
+1.47 and 1.34 of them for each mode at 7.5 and 10. The seconds hardly differ."""
 
 
 class Renumbering(Protocol):
