@@ -1,6 +1,10 @@
 """The springs' way to rest: against damped motion alone, gain of a step, what it leaves out."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +21,12 @@ from modal.preparation.relax import LOOK, RESERVE, Balance, balance_of, relax
 @pytest.fixture(scope="module")
 def rested():
     """200 spheres at rest, every contact with shear from a shake by 2 % of an overlap."""
-    packed = replace(random_sample(200, 1e6, aspect=1.5, tolerance=1e-3), friction=0.5)
-    return relax(shaken(packed, 0.02, np.inf))[0]
+    return relax(shaken(made(), 0.02, np.inf))[0]
+
+
+def made():
+    """200 frictionless spheres, not quite at rest, given friction."""
+    return replace(random_sample(200, 1e6, aspect=1.5, tolerance=1e-3), friction=0.5)
 
 
 def shaken(sample, share, friction=None):
@@ -159,6 +167,37 @@ def test_springs_are_not_asked_while_many_contacts_slide():
     sliding = Balance(1e-3, 1e-2, np.nan, 5, 1000)
     assert not relaxation._Turns().of_springs(sliding)
     assert relaxation._Turns().of_springs(replace(sliding, sliding=0))
+
+
+THREADS = """
+import sys
+import numba
+sys.path[:0] = ["tests/preparation"]
+from modal import loops
+from modal.preparation.relax import relax
+from test_elastic_rest import made, shaken
+loops.ENOUGH = 1
+start = shaken(made(), 0.01)
+for threads in (1, 2):
+    numba.set_num_threads(threads)
+    sample, state = relax(start)
+    assert state.at_rest
+    print(sample.position.tobytes().hex(), sample.shear.tobytes().hex())
+"""
+
+
+def test_threads_change_no_bit():
+    """Of loops, of conjugate gradients and of the own motion of loose spheres."""
+    pytest.importorskip("numba")
+    root = Path(__file__).resolve().parents[2]
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "PYTHONPATH": str(root)}
+    environment["OMP_NUM_THREADS"] = "2"
+    command = [sys.executable, "-c", THREADS]
+    done = subprocess.run(
+        command, cwd=root, env=environment, capture_output=True, text=True, check=True
+    )
+    one, two = done.stdout.splitlines()
+    assert one == two and len(one) > 200 * 3 * 16
 
 
 @pytest.fixture(scope="module")
