@@ -31,8 +31,8 @@ ORTHOGONAL = 2e-10
 """Seconds for each multiplication and addition of a dense product."""
 PRODUCT = 2e-8
 """Seconds of A v for each degree of freedom."""
-PRODUCT_OF_BLOCK = 5e-9
-"""The same for each vector of a block; without numba four times as long."""
+PRODUCT_OF_BLOCK = 1.2e-10
+"""Seconds of A v for each nonzero of A and vector of a block; without numba four times as long."""
 DENSE = 5e-10
 """Seconds of a dense eigenproblem over the cube of its rows. Two blocks of opposite wavevectors
 share one complex eigenproblem, which costs about as much as two real ones."""
@@ -96,9 +96,9 @@ def below_an_edge(problem: Eigenproblem, count: int, degree: int) -> Effort:
 
     One exact count is made, which needs a factorisation.
     """
-    basis = 1.5 * count + 100
+    basis = 1.6 * count + 130
     counting, _ = factorisation(problem, counting=True)
-    products = problem.size * PRODUCT_OF_BLOCK * degree * basis
+    products = PRODUCT_OF_BLOCK * nonzeros(problem) * degree * basis
     orthogonal = 2 * ORTHOGONAL * problem.size * basis**2
     vectors = 8.0 * problem.size * basis
     return Effort(products + orthogonal + counting.seconds, max(vectors, counting.bytes))
