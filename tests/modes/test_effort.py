@@ -56,11 +56,13 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
 
 
 @pytest.mark.parametrize(
-    ("count", "degree", "seconds", "gigabytes"), [(177, 65, 49, 2.0), (1086, 39, 184, 3.4)]
+    ("count", "degree", "seconds", "gigabytes"), [(177, 65, 49, 1.9), (1086, 39, 184, 3.4)]
 )
 def test_estimates_of_modes_that_are_lifted(packing, count, degree, seconds, gigabytes):
-    """All below 12 and 20 kHz, measured on one busy core: as above, and few vectors for the first
-    of them leave the count's memory to decide."""
+    """All below 12 and 20 kHz, measured on one busy core: as above.
+
+    1.9 GB are those of the exact count alone, beside which 177 modes need little.
+    """
     problem = Eigenproblem.of(packing, solver="pardiso")
     found = effort.below_an_edge(problem, count, degree)
     assert 1 / 2.5 < found.seconds / seconds < 2.5
