@@ -38,6 +38,8 @@ LOOK = 100
 """Steps between two looks at the balance."""
 FEW = 5e-4
 """Share of sliding contacts below which the springs are asked."""
+FIRST = 500
+"""Steps before the springs are asked at all: how many contacts will slide shows while they do."""
 GAIN = 0.5
 """Largest residual, over the one at the last turn of the springs, with which they are asked again
 after `LOOK` steps. Otherwise damped motion goes on twice as long as before."""
@@ -150,7 +152,7 @@ class _Turns:
     """When the springs are asked: at once after a gain, ever later after none."""
 
     def __init__(self) -> None:
-        self._next, self._wait, self._before = 0, LOOK, np.inf
+        self._next, self._wait, self._before = FIRST, LOOK, np.inf
 
     def of_springs(self, state: Balance) -> bool:
         """Whether it is their turn at this look, `LOOK` or more steps after the last one."""
