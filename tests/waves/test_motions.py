@@ -11,7 +11,15 @@ from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
 from modal.stiffness.damping import ContactDamping
-from modal.waves.source import Pulse, SampledMotion, chirp, read_motion, step, write_motion
+from modal.waves.source import (
+    Pulse,
+    SampledMotion,
+    chirp,
+    read_motion,
+    sines,
+    step,
+    write_motion,
+)
 
 
 @pytest.mark.parametrize("cycles", [1, 2, 3, 7])
@@ -35,6 +43,24 @@ def test_pulse_of_several_cycles_by_duhamels_integral(cycles):
                 for a in np.arange(0, end, 1e-5)
             )
             assert found[row, column] == pytest.approx(wanted, abs=1e-9 * abs(found).max())
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        3e-6 + 5e-7 * np.arange(931),
+        np.array([0.0, 1e-6]),
+        np.geomspace(1e-6, 4e-4, 50),
+        np.empty(0),
+    ],
+    ids=["even", "two", "uneven", "none"],
+)
+def test_sines_of_a_table_are_those_of_each_time(time):
+    """Against sines in extended precision; omega t itself is rounded by half an eps of it."""
+    omega = np.linspace(0, 2e5, 40) * 2 * np.pi
+    exact = np.sin(np.outer(omega.astype(np.longdouble), time.astype(np.longdouble)))
+    rounding = 2 * np.finfo(float).eps * (1 + omega[-1] * time.max(initial=0))
+    assert sines(omega, time) == pytest.approx(exact.astype(float), abs=rounding, rel=0)
 
 
 def test_cycles_add_up():
