@@ -106,7 +106,9 @@ ACTIONS: dict[str, Callable[..., str]] = {
     "wave": lambda network, duration: (
         f"{propagate(network, duration, whole=True).products} products"
     ),
-    "density": lambda network, width: f"{density_of_states(network, width).products} products",
+    "density": lambda network, width: (
+        f"{density_of_states(network, resolution=width).products} products"
+    ),
     "count": lambda network, at: f"{count_below(Eigenproblem.of(network), at)} modes",
     "modes": modes,
 }

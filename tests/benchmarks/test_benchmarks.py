@@ -300,6 +300,21 @@ def test_products_move_what_they_must(packing):
     assert by_contacts["bytes"] > 64 * network.n_contacts + 24 * size
 
 
+@pytest.mark.parametrize(
+    ("action", "given", "unit"),
+    [
+        ("assembly", {}, "nonzeros"),
+        ("wave", {"duration": 2e-5}, "products"),
+        ("density", {"width": 4e4}, "products"),
+        ("count", {"at": 2e4}, "modes"),
+        ("modes", {"which": "highest", "limits": (1,)}, "modes"),
+    ],
+)
+def test_what_is_measured_still_works(packing, action, given, unit):
+    """A task that fails is an empty row of the table, which nobody may notice."""
+    assert re.match(rf"[1-9]\d* {unit}", scaling.ACTIONS[action](packing[0], **given))
+
+
 class Counted:
     """A number that counts what is done with it."""
 
