@@ -22,7 +22,7 @@ from benchmarks import defaults
 from benchmarks.harness import machine
 from modal.formats.hdf5 import InputError
 
-JOBS = ("wave", "modes", "density", "time_step", "preparation", "scaling")
+JOBS = ("wave", "modes", "density", "time_step", "preparation", "contact_loop", "scaling")
 NAMED = (*JOBS, "compression", "threads", "large")
 """The last three run only when they are named."""
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.estimators.layer_lattice import LayerLattice
-from benchmarks import dem, density, modes, preparation, scaling, wave
+from benchmarks import contact_loop, dem, density, modes, preparation, scaling, wave
 from benchmarks.__main__ import NAMED, main
 from benchmarks.harness import machine, product
 from benchmarks.harness.diagram import work_precision
@@ -29,6 +29,7 @@ from modal.packing.validation import validate
 from modal.preparation.random_packing import random_network
 from modal.stiffness import contact_loops
 from modal.stiffness.matrices import stiffness_matrix
+from modal.stiffness.packed_contacts import PackedContacts
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
@@ -53,6 +54,9 @@ COLUMNS = {
     "scaling": {
         "scaling": ("curve", "x", "seconds", "mb", "seconds_limit", "seconds_arithmetic"),
         "cores": ("curve", "x", "threads", "seconds", "mb", "seconds_limit", "result"),
+    },
+    "contact_loop": {
+        "contact_loop": ("product, ms", "first product, ms", "times copy", "times additions"),
     },
     "compression": {
         "compression": ("task", "threads", "contacts", "steps", "ms_a_step", "seconds", "peak_mb"),
@@ -298,6 +302,34 @@ def test_products_move_what_they_must(packing):
     assert low <= by_matrix["bytes"] <= low + 4 * nonzeros + 4 * (size + 1)
     assert by_matrix["operations"] == 2 * nonzeros
     assert by_contacts["bytes"] > 64 * network.n_contacts + 24 * size
+
+
+def test_numbering_changes_no_packing(packing):
+    """Equal forces on the same spheres by other numbers."""
+    network = packing[0]
+    old = np.random.default_rng(4).permutation(network.n_particles)
+    other = contact_loop.numbered(network, old)
+    validate(other)
+    u = np.random.default_rng(5).standard_normal((network.n_particles, 6))
+    force, same = (
+        (stiffness_matrix(of) @ motion.ravel()).reshape(-1, 6)
+        for of, motion in ((network, u), (other, u[old]))
+    )
+    assert same == pytest.approx(force[old], rel=1e-12, abs=1e-12 * abs(force).max())
+
+
+def test_additions_touch_both_ends_of_every_contact(packing):
+    """The loop that a product is compared with, against a plain sum."""
+    network = packing[0]
+    on = PackedContacts.of(network, "none")
+    x = np.random.default_rng(6).standard_normal((network.n_particles, 6))
+    y, wanted = np.zeros_like(x), np.zeros_like(x)
+    contact_loop._add_at_both_ends(x, y, on.rows, on.ends, on.pieces[on.slabs, 0], 1)
+    i, j = on.ends[:, 0], np.maximum(on.ends[:, 1], 0)
+    added = on.rows[:, :6] * (x[i] + x[j])
+    np.subtract.at(wanted, i, added)
+    np.add.at(wanted, j, added)
+    assert y == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(added).max())
 
 
 @pytest.mark.parametrize(

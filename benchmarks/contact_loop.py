@@ -1,0 +1,185 @@
+"""One product K u against what bounds it: copying its bytes, and adding at both ends of a contact.
+
+Each round copies as many bytes as a product needs, of arrays that no cache holds; makes the
+product, which finds the caches emptied, and makes it again, as a recurrence does; then goes twice
+through the same contacts and only adds at both ends, without springs: what no loop over contacts
+can do without. What else the machine does meets all of them alike.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.harness import diagram, product
+from benchmarks.harness.measure import measured
+from benchmarks.harness.packing import sample_or_small
+from benchmarks.harness.report import Page, Rows
+from modal.formats.arrays import Ints
+from modal.formats.hdf5 import InputError
+from modal.loops import numba, prange, threads_for
+from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
+from modal.stiffness.operator import ContactOperator
+from modal.stiffness.packed_contacts import PackedContacts
+
+TITLE = "One product K u against copying its bytes and against adding at the ends of the contacts"
+ROUNDS = {True: 5, False: 400}
+WIDTH = 0.2
+"""Of a bar, where groups lie 1 apart."""
+HELD = 256_000_000
+"""Bytes of each array that is copied in parts: more than a cache holds."""
+CORES = os.cpu_count() or 1
+TIMED = ("product", "first product", "additions", "copy")
+"""The second of two products, the first, the second time that only the ends are added to, the copy;
+the ratios are those of the first column."""
+
+
+def numbered(network: Network, old: Ints) -> Network:
+    """The same packing; its sphere i was `old[i]` before, (n,)."""
+    new, j = np.argsort(old), network.particle_j
+    ends = {"particle_i": new[network.particle_i], "particle_j": np.where(j < 0, j, new[j])}
+    same = {k: getattr(network, k)[old] for k in ("position", "radius", "mass", "inertia")}
+    return replace(network, **same, **ends)
+
+
+def _add_at_both_ends(x, y, rows, ends, starts, threads):
+    """y[i] -= p, y[j] += p for p = (x[i] + x[j]) times six numbers of the contact; (n, 6)."""
+    for odd in range(2):
+        for thread in prange(threads):
+            for slab in range(2 * int(thread) + odd, len(starts) - 1, 2 * threads):
+                for c in range(starts[slab], starts[slab + 1]):
+                    i, j = ends[c, 0], max(ends[c, 1], 0)
+                    for d in range(6):
+                        p = rows[c, d] * (x[i, d] + x[j, d])
+                        y[i, d] -= p
+                        y[j, d] += p
+
+
+def _copy(source, target, threads):
+    part = len(source) // threads
+    for thread in prange(threads):
+        first = int(thread) * part
+        target[first : first + part] = source[first : first + part]
+
+
+def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
+    """Task: seconds (4, rounds) of `TIMED`, by turns; what a product needs; threads."""
+    if numba is None:
+        raise InputError("the loop over contacts needs numba: install it, or leave this out")
+    network = read_network(path)
+    operator = ContactOperator(network)
+    on, threads = PackedContacts.of(network, "none"), threads_for(network.n_particles)
+    starts, needs = on.pieces[on.slabs, 0], product.of_operator(operator)
+    add, copy = (numba.njit(f, parallel=True, fastmath=True) for f in (_add_at_both_ends, _copy))
+    u = np.random.default_rng(1).standard_normal((network.n_particles, 6))
+    out, sums = np.zeros_like(u), np.zeros_like(u)
+    length = int(needs["bytes"]) // 16  # what is copied is read once and written once
+    source, target = np.ones((2, max(HELD // 8, length)))
+    at = 0
+
+    def moved() -> None:
+        nonlocal at
+        at = at + length if at + 2 * length <= len(source) else 0
+        copy(source[at : at + length], target[at : at + length], threads)
+
+    def multiplied() -> None:
+        operator.accumulate(u.ravel(), out.ravel())
+
+    def added() -> None:
+        add(u, sums, on.rows, on.ends, starts, threads)
+
+    def seconds_of(action: Callable[[], None]) -> float:
+        start = time.perf_counter()
+        action()
+        return time.perf_counter() - start
+
+    def turn() -> list[float]:
+        copying, first, again = (seconds_of(act) for act in (moved, multiplied, multiplied))
+        added()
+        return [again, first, seconds_of(added), copying]
+
+    turn()  # compiles
+
+    def action() -> dict[str, Any]:
+        seconds = np.array([turn() for _ in range(rounds)]).T
+        return {"seconds": seconds.tolist(), "threads": threads, **needs}
+
+    return action
+
+
+def row_of(numbering: str, value: dict[str, Any]) -> dict[str, Any]:
+    """Medians and quartiles of the seconds of one task, in ms, and ratios of the medians."""
+    row: dict[str, Any] = {"numbering": numbering, "threads": value["threads"]}
+    row["mb"] = value["bytes"] / 1e6
+    medians = {}
+    for name, seconds in zip(TIMED, value["seconds"], strict=True):
+        low, medians[name], high = 1e3 * np.quantile(seconds, (0.25, 0.5, 0.75))
+        row |= {f"{name}, ms": medians[name], f"{name}, quarter below": low}
+        row[f"{name}, quarter above"] = high
+    row["times additions"] = medians["product"] / medians["additions"]
+    row["times copy"] = medians["product"] / medians["copy"]
+    row["additions, times copy"] = medians["additions"] / medians["copy"]
+    return row
+
+
+def run(quick: bool, folder: Path) -> Page:
+    """The spheres as the sample numbers them, along z, and at random; one thread and all."""
+    sample = sample_or_small(500, quick)
+    n = sample.n_particles
+    orders = {
+        "as in the sample": np.arange(n),
+        "along z": np.argsort(sample.position[:, 2], kind="stable"),
+        "at random": np.random.default_rng(1).permutation(n),
+    }
+    path, rows = str(folder / "sample.network.h5"), []
+    for numbering, old in orders.items():
+        write_network(path, numbered(sample, old))
+        for threads in (1, CORES):
+            given = {"path": path, "rounds": ROUNDS[quick]}
+            run = measured("benchmarks.contact_loop:by_turns", threads=threads, **given)
+            rows.append(row_of(numbering, run.value))
+    task = (
+        f"One product K u of {n} spheres with {sample.n_contacts} contacts, by turns with a copy "
+        "of as many bytes and with a loop that only adds at both ends of each contact; medians of "
+        f"{ROUNDS[quick]} rounds by the clock, and the quarters below and above. The first product "
+        "comes right after the copy; products and additions are those right after the first."
+    )
+    return Page(TITLE, task, {"contact_loop": rows}, notes(rows), {"contact_loop": draw(rows)})
+
+
+def notes(rows: Rows) -> list[str]:
+    """How far each product is from both bounds."""
+    return [
+        f"Spheres numbered {row['numbering']}, {row['threads']} thread(s): "
+        f"{row['product, ms']:.2f} ms, {row['times copy']:.1f} times a copy of its "
+        f"{row['mb']:.1f} MB; {row['times additions']:.2f} times the additions alone, which "
+        f"take {row['additions, times copy']:.1f} times the copy."
+        for row in rows
+    ]
+
+
+def draw(rows: Rows) -> Figure:
+    """Bars with the quarters as whiskers, a group for each numbering and number of threads."""
+    figure, axes = diagram.panels(1, 1, width=6.0, height=2.9)
+    ax, places = axes[0, 0], np.arange(len(rows))
+    for k, (name, grey) in enumerate(zip(TIMED, ("0.1", "0.45", "0.75", "1"), strict=True)):
+        middle, low, high = (
+            np.array([row[f"{name}, {what}"] for row in rows])
+            for what in ("ms", "quarter below", "quarter above")
+        )
+        reach = {"yerr": [middle - low, high - middle], "capsize": 2, "error_kw": {"lw": 0.8}}
+        bars = {"width": WIDTH, "color": grey, "edgecolor": "k", "lw": 0.6, "label": name}
+        ax.bar(places + WIDTH * (k - 1.5), middle, **bars, **reach)
+    labels = [f"{row['numbering']}\n{row['threads']} thread(s)" for row in rows]
+    ax.set(xticks=places, ylabel="time (ms)", ylim=(0, None))
+    ax.set_xticklabels(labels, fontsize=7)
+    diagram.legend_below(figure, ax)
+    return figure
