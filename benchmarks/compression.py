@@ -113,21 +113,28 @@ def run(quick: bool, folder: Path) -> Page:
 
 
 def draw(rows: Rows) -> Figure:
-    """Milliseconds of a step over the contacts: stages of the walk, and the step at rest."""
-    figure, axes = diagram.panels(1, 1, width=4.6, height=3.9)
-    stages = [row for row in rows if row["task"].startswith("stage ")]
-    for k, (label, own) in enumerate(
-        [
-            ("stages of the walk", sorted(stages, key=lambda row: row["contacts"])),
-            *((f"{STEP}, {row['threads']} threads", [row]) for row in rows if row["task"] == STEP),
-        ]
-    ):
-        style = diagram.look(k) | {"ls": "none"}
-        diagram.curve(axes[0, 0], own, "contacts", "ms_a_step", label=label, **style)
-    axes[0, 0].set(xlabel="number of contacts", ylabel="time of a step (ms)")
-    diagram.decades(axes[0, 0])
-    diagram.legend_below(figure, axes[0, 0])
+    """Seconds of the whole commands, dark, and of the stages of the walk, with their steps."""
+    figure, axes = diagram.panels(1, 1, width=6.4, height=0.26 * len(rows))
+    ax, shown = axes[0, 0], [row for row in rows if row["task"] != STEP]
+    for place, row in enumerate(shown):
+        step = row.get("ms_a_step")
+        grey = "0.75" if step else "0.3"
+        ax.barh(place, row["seconds"], color=grey, edgecolor="k", lw=0.6)
+        said = f"{row['seconds']:.3g} s" + (f", {step:.2g} ms a step" if step else "")
+        ax.text(row["seconds"], place, f" {said}", va="center", fontsize=7)
+    ax.set_yticks(range(len(shown)), [_label(row["task"]) for row in shown])
+    ax.invert_yaxis()
+    ax.margins(x=0.25)
+    ax.set(xlabel="time by the clock (s)")
     return figure
+
+
+def _label(task: str) -> str:
+    """Name of a row in the figure; the stages of a walk that are stresses end with their unit."""
+    stage = task.removeprefix("stage ")
+    if stage == task:
+        return task
+    return f"to {float(stage) / 1e3:g} kPa" if stage[0].isdigit() else stage
 
 
 def notes(rows: Rows) -> list[str]:

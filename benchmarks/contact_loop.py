@@ -155,10 +155,15 @@ def run(quick: bool, folder: Path) -> Page:
     return Page(TITLE, task, {"contact_loop": rows}, notes(rows), {"contact_loop": draw(rows)})
 
 
+def said(threads: int) -> str:
+    """A number of threads in words."""
+    return f"{threads:.0f} thread" + "s" * (threads > 1)
+
+
 def notes(rows: Rows) -> list[str]:
     """How far each product is from both bounds."""
     return [
-        f"Spheres numbered {row['numbering']}, {row['threads']} thread(s): "
+        f"Spheres numbered {row['numbering']}, {said(row['threads'])}: "
         f"{row['product, ms']:.2f} ms, {row['times copy']:.1f} times a copy of its "
         f"{row['mb']:.1f} MB; {row['times additions']:.2f} times the additions alone, which "
         f"take {row['additions, times copy']:.1f} times the copy."
@@ -168,7 +173,7 @@ def notes(rows: Rows) -> list[str]:
 
 def draw(rows: Rows) -> Figure:
     """Bars with the quarters as whiskers, a group for each numbering and number of threads."""
-    figure, axes = diagram.panels(1, 1, width=6.0, height=2.9)
+    figure, axes = diagram.panels(1, 1, width=7.0, height=2.9)
     ax, places = axes[0, 0], np.arange(len(rows))
     for k, (name, grey) in enumerate(zip(TIMED, ("0.1", "0.45", "0.75", "1"), strict=True)):
         middle, low, high = (
@@ -178,7 +183,7 @@ def draw(rows: Rows) -> Figure:
         reach = {"yerr": [middle - low, high - middle], "capsize": 2, "error_kw": {"lw": 0.8}}
         bars = {"width": WIDTH, "color": grey, "edgecolor": "k", "lw": 0.6, "label": name}
         ax.bar(places + WIDTH * (k - 1.5), middle, **bars, **reach)
-    labels = [f"{row['numbering']}\n{row['threads']} thread(s)" for row in rows]
+    labels = [f"numbered\n{row['numbering']},\n{said(row['threads'])}" for row in rows]
     ax.set(xticks=places, ylabel="time (ms)", ylim=(0, None))
     ax.set_xticklabels(labels, fontsize=7)
     diagram.legend_below(figure, ax)
