@@ -149,7 +149,7 @@ class Sweep:
     def row(self, curve: str, x: int, given: dict[str, Any], threads: int = 1) -> dict[str, Any]:
         """One point; of a product, the bytes that it moves, and the least time for both limits."""
         task = "act" if "action" in given else "products"
-        how = {"times": 3 if task == "products" and not self.quick else 1, "threads": threads}
+        how = {"times": 1 if self.quick else 3, "threads": threads}
         run = measured(f"benchmarks.scaling:{task}", must=False, path=self.path, **how, **given)
         row: dict[str, Any] = {"curve": curve, "x": x, "threads": threads}
         row |= {"seconds": None, "mb": None}
