@@ -56,7 +56,8 @@ def _add_at_both_ends(x, y, rows, ends, starts, threads):
         for thread in prange(threads):
             for slab in range(2 * int(thread) + odd, len(starts) - 1, 2 * threads):
                 for c in range(starts[slab], starts[slab + 1]):
-                    i, j = ends[c, 0], max(ends[c, 1], 0)
+                    i = ends[c, 0]
+                    j = ends[c, 1] if ends[c, 1] >= 0 else i  # a wall has no motion to add to
                     for d in range(6):
                         p = rows[c, d] * (x[i, d] + x[j, d])
                         y[i, d] -= p

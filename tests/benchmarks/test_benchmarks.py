@@ -325,7 +325,8 @@ def test_additions_touch_both_ends_of_every_contact(packing):
     x = np.random.default_rng(6).standard_normal((network.n_particles, 6))
     y, wanted = np.zeros_like(x), np.zeros_like(x)
     contact_loop._add_at_both_ends(x, y, on.rows, on.ends, on.pieces[on.slabs, 0], 1)
-    i, j = on.ends[:, 0], np.maximum(on.ends[:, 1], 0)
+    i = on.ends[:, 0]
+    j = np.where(on.ends[:, 1] < 0, i, on.ends[:, 1])
     added = on.rows[:, :6] * (x[i] + x[j])
     np.subtract.at(wanted, i, added)
     np.add.at(wanted, j, added)
