@@ -77,19 +77,12 @@ ANALYSIS_BELOW = {
         *("page", "paper", "report", "rows", "status", "table"),
     },
     "quality": {"case", "figures", "table"},
-    "__main__": {
-        *(
-            "quality",
-            "agreement",
-            "belonging",
-            "case",
-            "case_tables",
-            "crystal",
-            "estimators",
-            "figures",
-        ),
-        *("measures", "packings", "prepare", "quality", "report", "status", "study", "watch"),
+    "cli": {
+        *("agreement", "belonging", "case", "case_tables", "crystal", "estimators", "figures"),
+        *("measures", "packings", "prepare", "quality", "report", "status", "study", "table"),
+        "watch",
     },
+    "__main__": {"cli"},
 }
 """Room or module of analysis: what of analysis it may import from, besides itself."""
 RULES = {"modal": BELOW, "analysis": ANALYSIS_BELOW}

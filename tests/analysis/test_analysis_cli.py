@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from analysis.__main__ import COMPARED, EXAMPLES, _parser, main
+from analysis.__main__ import main
+from analysis.cli.cases import COMPARED
+from analysis.cli.main import parser
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.examples import fcc
@@ -19,6 +21,9 @@ from modal.packing.network_file import write_network
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 from modal.waves.signals import write_signals
+
+CHOICES = next(action.choices for action in parser()._actions if action.dest == "command")
+EXAMPLES = {name: command.example for name, command in CHOICES.items()}
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +144,7 @@ def test_help_ends_in_an_example_that_parses(name, capsys):
         main([name, "--help"])
     last = capsys.readouterr().out.rstrip().splitlines()[-1]
     assert last == f"example: python -m analysis {EXAMPLES[name]}"
-    assert _parser().parse_args(EXAMPLES[name].split()).command == name
+    assert parser().parse_args(EXAMPLES[name].split()).command == name
 
 
 def test_a_reader_that_has_seen_enough_stops_nothing(products, tmp_path):

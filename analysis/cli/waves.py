@@ -1,0 +1,75 @@
+"""Commands on recorded waves: agreement, watch, estimators."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.agreement import OTHER_RUNS, Agreement, report
+from analysis.cli.options import add_command, show
+from analysis.estimators.trial import trial
+from analysis.watch import watch_page
+from modal.cli.terminal import put
+from modal.formats.hdf5 import InputError
+from modal.formats.provenance import packing_of, require_same_packing
+from modal.packing.network_file import read_network
+from modal.waves.signals import read_signals
+
+
+def add(commands: Any) -> None:
+    """The commands' options."""
+    text = "a YADE run against the linear wave of its network, the difference split by cause"
+    example = "agreement case02.network.h5 case02.signals.h5 -o agreement.md"
+    agree = add_command(commands, "agreement", text, example, _agreement)
+    agree.add_argument("network", help="*.network.h5 of the run")
+    agree.add_argument("signals", help="*.signals.h5 of the YADE run")
+    for name, what in OTHER_RUNS.items():
+        agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
+    agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")
+    text = "bias and scatter of every estimator on signals of known answer"
+    tried = add_command(commands, "estimators", text, "estimators -o estimators.md", _estimators)
+    for command in (agree, tried):
+        command.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
+    text = "a wave or modes in three dimensions: one HTML page that opens without a network"
+    example = "watch mine.signals.h5 mine.network.h5 -o wave.html"
+    watched = add_command(commands, "watch", text, example, _watch)
+    watched.add_argument("product", metavar="FILE", help="*.signals.h5 or *.modes.h5")
+    watched.add_argument("packing", nargs="?", help="what it was made from; the one beside it")
+    watched.add_argument("--frames", type=int, metavar="N", help="times of a wave; 100 or more")
+    watched.add_argument("--modes", type=int, nargs="+", metavar="K", help="which, from 1; all")
+    watched.add_argument("-o", "--output", required=True, metavar="FILE", help="*.html")
+
+
+def _agreement(options: argparse.Namespace) -> None:
+    network, run = read_network(options.network), read_signals(options.signals)
+    within = np.inf
+    if options.first is not None:
+        if not 1 <= options.first <= len(run.chain_position):
+            raise InputError(f"--first {options.first}: the chain has {len(run.chain_position)}")
+        z = np.sort(run.chain_position)[options.first - 1]
+        within = (z - network.wall_position[0]) * (1 + 1e-9)
+    paths = {name: getattr(options, name) for name in OTHER_RUNS}
+    others = {name: read_signals(path) for name, path in paths.items() if path}
+    packing = packing_of(options.network)
+    for path in (options.signals, *filter(None, paths.values())):
+        if note := require_same_packing(path, packing):
+            print(f"note: {note}", file=sys.stderr)
+    found = report(Agreement(network, run, within), **others)
+    show("\n".join(table.markdown() for table in found), options.output)
+    if options.output:
+        found[0].write_csv(Path(options.output).with_suffix(".csv"))
+
+
+def _estimators(options: argparse.Namespace) -> None:
+    show("\n".join(f"{t.title}:\n\n{t.markdown()}" for t in trial()), options.output)
+
+
+def _watch(options: argparse.Namespace) -> None:
+    asked = (options.packing, options.frames, options.modes)
+    for note in watch_page(options.product, options.output, *asked):
+        print(f"note: {note}", file=sys.stderr)
+    put(options.output)
