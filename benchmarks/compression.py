@@ -23,8 +23,10 @@ from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.compress import Pace
+from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.dynamics import Dynamics
 from modal.preparation.random_packing import random_sample
+from modal.preparation.strain_control import INERTIAL_NUMBER, Servo
 
 TITLE = "Compression: from a cloud to states at rest"
 SPHERES, WIDTH = {True: 300, False: 35_201}, {True: 5.0, False: 14.65}
@@ -42,9 +44,9 @@ STEP = "a step, spheres at rest"
 def steps(path: str, count: int) -> Callable[[], int]:
     """Task: steps under the servo at 100 kPa; the number of contacts."""
     motion = Dynamics(read_sample(path), protocol.DAMPING)
-    control = protocol.Servo(STRESS, protocol.INERTIAL_NUMBER)
-    dt = protocol.time_step(STRESS)
-    every = protocol.steps_of(protocol.duration(protocol.CONTROL, STRESS), dt)
+    control = Servo(STRESS, INERTIAL_NUMBER)
+    dt = time_step(STRESS)
+    every = steps_of(duration(protocol.CONTROL, STRESS), dt)
     pace = Pace(motion, control)
     pace.walk(2 * every, dt, every)  # compiles
 

@@ -24,10 +24,12 @@ from benchmarks.harness.report import Page, Rows
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.compress import Pace
+from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.dynamics import Dynamics
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_sample
 from modal.preparation.relax import balance_of
+from modal.preparation.strain_control import Servo
 
 TITLE = "Sample preparation: error of the state against seconds, in motion and by the minimiser"
 SPHERES = {True: 120, False: 500}
@@ -93,15 +95,15 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
 
     def action() -> Trace:
         motion = Dynamics(sample, protocol.AGITATED_DAMPING)
-        control = protocol.Servo(STRESS, inertial_number)
+        control = Servo(STRESS, inertial_number)
         pace, started = Pace(motion, control), time.process_time()
         trace: Trace = {name: [] for name in COLUMNS}
-        interval = protocol.duration(protocol.CONTROL, STRESS)
-        every = protocol.steps_of(interval, protocol.time_step(STRESS))
+        interval = duration(protocol.CONTROL, STRESS)
+        every = steps_of(interval, time_step(STRESS))
         met = jammed = 0
         while pace.steps < LONGEST and not (jammed and pace.steps - jammed >= steps):
             above = protocol.ABOVE * control.stress.mean()
-            pace.walk(CHECK, protocol.time_step(max(STRESS, above)), every)
+            pace.walk(CHECK, time_step(max(STRESS, above)), every)
             if not met and control.stress.mean() > STRESS:
                 met = pace.steps
             held, error = motion.coordination_number(), control.error()

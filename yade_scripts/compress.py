@@ -29,8 +29,10 @@ from yade.utils import PyRunner, readParamsFromTable
 from modal.formats.hdf5 import InputError
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
-from modal.preparation.protocol import Stage, Study, steps_of
+from modal.preparation.durations import REFERENCE, steps_of
+from modal.preparation.protocol import Stage, Study
 from modal.preparation.sizes import MIXTURE
+from modal.preparation.strain_control import ConstantRate
 from modal.preparation.walk import cost, walk
 from modal.progress import time_left
 from yade_scripts import servo
@@ -50,7 +52,7 @@ def compacted(study):
     loose = cloud(study)
     build_scene(loose, margin=MARGIN, damping=0.0)
     O.dt = study.time_step(protocol.COMPACTION_STRESS)
-    drive(protocol.ConstantRate(protocol.COMPACTION_RATE), protocol.REFERENCE, study)
+    drive(ConstantRate(protocol.COMPACTION_RATE), REFERENCE, study)
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / O.dt)
     O.run(steps, wait=True)

@@ -24,7 +24,7 @@ from modal.packing.layers import Layers
 from modal.packing.network_file import read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import read_sample
-from modal.preparation.protocol import time_step
+from modal.preparation.durations import time_step
 from yade_scripts import servo
 from yade_scripts.export import contact_network
 from yade_scripts.scene import finish, products_folder

@@ -62,7 +62,7 @@ def deform(n, rates):
 
 
 class Drive:
-    """Lets a control of `modal.preparation.protocol` set the strain rates of the scene.
+    """Lets a control of `modal.preparation.strain_control` set the strain rates of the scene.
 
     To be called between forces and motion.
     """

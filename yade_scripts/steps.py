@@ -21,7 +21,7 @@ from yade.utils import PyRunner
 
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample, write_sample
-from modal.preparation.protocol import INERTIAL_NUMBER, ConstantRate, Servo
+from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 from yade_scripts.scene import finish
 from yade_scripts.servo import Drive
 from yade_scripts.state import build_scene, read_scene, resume_cell

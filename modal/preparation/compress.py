@@ -14,8 +14,10 @@ from typing import Any
 from modal.packing.sample import Sample, validate
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
+from modal.preparation.durations import REFERENCE, steps_of
 from modal.preparation.dynamics import Dynamics
-from modal.preparation.protocol import ConstantRate, Servo, Stage, Study, steps_of
+from modal.preparation.protocol import Stage, Study
+from modal.preparation.strain_control import ConstantRate, Servo
 from modal.preparation.walk import cost
 from modal.preparation.walk import walk as walk_by
 
@@ -45,7 +47,7 @@ def compacted(study: Study) -> Sample:
     pace = Pace(motion, ConstantRate(protocol.COMPACTION_RATE))
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / dt)
-    interval = study.duration(protocol.CONTROL, protocol.REFERENCE)
+    interval = study.duration(protocol.CONTROL, REFERENCE)
     pace.walk(steps, dt, steps_of(interval, dt))
     sample = motion.sample(moving=False)
     spent = {"steps": steps, "seconds": time.perf_counter() - started}

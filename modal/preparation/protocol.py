@@ -1,10 +1,8 @@
 """The way from a cloud to a packing with friction: its stages, durations, rates and limits.
 
 One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Durations are times,
-not numbers of steps: half the step takes twice as many. Their unit is the packing's own time
-D sqrt(density / pressure). What agitates spheres takes a fixed number of these. What settles a
-packing is vibration, whose shortest period is own time times (pressure / E*)^(1/3): such durations
-are given in own times at `REFERENCE`, and the power follows.
+not numbers of steps: half the step takes twice as many. What agitates spheres takes a fixed number
+of the packing's own times; what settles it are vibrations (`modal.preparation.durations`).
 
 While spheres still move freely hardly anything but friction dissipates (Otsubo et al. 2017,
 section 2, have friction alone): damping makes the packing looser. The agitated packing then comes
@@ -23,15 +21,10 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
+from modal.preparation.durations import STABILITY, duration, own_time, time_step
 from modal.preparation.sizes import MIXTURE, densities_of, radii_of, wall_material
+from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 
-HIGHEST = 0.6037
-"""Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz
-contacts in similar packings; 216 kHz for the study's glass at 100 kPa."""
-STABILITY = 0.7
-"""Time step over its limit 1 / (pi f_max): overlaps may exceed the mean eightfold."""
-REFERENCE = 1e5
-"""Pressure, Pa, of the own time in which durations of vibration are given."""
 CONTROL = 0.0127
 """Between two settings of the strain rates; 5 steps of `STABILITY` at the target stress."""
 CHECK = 0.2542
@@ -69,97 +62,10 @@ JAMMED = 0.1, 1e-2
 SETTLED = 3e-3, 1e-3
 """When jamming is over, when a state is reached: largest relative error of a principal stress, mean
 residual over contact force."""
-INERTIAL_NUMBER = 0.01
-"""Largest strain rate of the servo times the own time."""
-GROWTH, TURN = 1.1, 0.5
-"""Factors of the servo's strain rate at each setting: short of the target, and on crossing it."""
-FIRST = 1e-3
-"""The servo's first strain rate over its limit."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 ABOVE = 1.5
 """Stress that the time step allows for, over the present mean."""
-
-
-def own_time(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
-    """D sqrt(density / stress), s."""
-    return 2 * radius * math.sqrt(material.density / stress)
-
-
-def highest_frequency(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
-    """Highest natural frequency of a random packing at `stress` (Pa), Hz."""
-    softness = (stress / material.effective_young) ** (1 / 6)
-    return HIGHEST * math.sqrt(material.effective_young / material.density) * softness / radius
-
-
-def time_step(
-    stress: float, fraction: float = STABILITY, radius: float = RADIUS, material: Material = GLASS
-) -> float:
-    """Stable time step of statics at `stress` (Pa), s."""
-    return fraction / (math.pi * highest_frequency(stress, radius, material))
-
-
-def duration(
-    number: float, stress: float, radius: float = RADIUS, material: Material = GLASS
-) -> float:
-    """Seconds of a vibration's duration, given in own times at `REFERENCE`, at `stress` (Pa)."""
-    stiffer = (stress / REFERENCE) ** (1 / 3)
-    return number * stiffer * own_time(stress, radius, material)
-
-
-def steps_of(seconds: float, dt: float) -> int:
-    """The number of steps nearest to a time, at least one."""
-    return max(1, round(seconds / dt))
-
-
-class ConstantRate:
-    """Isotropic compression at a constant rate, 1/s; `stress` (3,) is what was last measured."""
-
-    target = REFERENCE
-
-    def __init__(self, rate: float) -> None:
-        self.rate, self.stress = float(rate), np.zeros(3)
-
-    def follow(self, stress: np.ndarray) -> np.ndarray:
-        """Strain rates (3,), 1/s, at the principal stresses (3,), Pa."""
-        self.stress = stress
-        return np.full(3, -self.rate)
-
-    def error(self) -> float:
-        """Infinite: a constant rate leads to no stress in particular."""
-        return math.inf
-
-
-class Servo:
-    """Drives three principal stresses to one target, Pa, within a limited strain rate.
-
-    No stiffness is assumed, because that of a packing falls by orders of magnitude when it comes
-    apart: each strain rate grows until its stress crosses the target, then turns round, halved.
-    """
-
-    def __init__(
-        self,
-        target: float,
-        inertial_number: float,
-        radius: float = RADIUS,
-        material: Material = GLASS,
-    ) -> None:
-        self.target = target
-        self.limit = inertial_number / own_time(target, radius, material)
-        self.rates = np.full(3, FIRST * self.limit)
-        self.stress = np.zeros(3)
-
-    def follow(self, stress: np.ndarray) -> np.ndarray:
-        """Strain rates (3,), 1/s, at the principal stresses (3,), Pa, compression positive."""
-        self.stress = stress
-        outward = np.where(stress > self.target, 1.0, -1.0)
-        factor = np.where(outward * self.rates < 0, TURN, GROWTH)
-        self.rates = outward * np.minimum(factor * np.abs(self.rates), self.limit)
-        return self.rates
-
-    def error(self) -> float:
-        """Largest relative deviation of a principal stress from the target."""
-        return float(abs(self.stress / self.target - 1).max())
 
 
 @dataclass

@@ -13,13 +13,15 @@ from places import ROOT
 from modal import loops
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation import contact_forces, dynamics, moving_contacts, protocol
+from modal.preparation import contact_forces, dynamics, moving_contacts
+from modal.preparation.durations import time_step
 from modal.preparation.dynamics import Dynamics
 from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
+from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 
 EPS = np.finfo(float).eps
-STEP = protocol.time_step(3e5)
+STEP = time_step(3e5)
 
 
 def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
@@ -206,7 +208,7 @@ def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
 def run(sample, steps, **options):
     """The sample's motion under a servo to 300 kPa."""
     motion = Dynamics(sample, damping=0.2, **options)
-    servo = protocol.Servo(3e5, protocol.INERTIAL_NUMBER)
+    servo = Servo(3e5, INERTIAL_NUMBER)
     for k in range(steps):
         motion.step(STEP, servo.follow if k and k % 5 == 0 else None)
     return motion
@@ -316,7 +318,7 @@ def test_steps_are_those_of_yade(drive, mixture, tmp_path, yade):
     start, end = tmp_path / "start.sample.h5", tmp_path / "end.sample.h5"
     write_sample(start, sample)
     lightest = np.min(sample.masses[0] / sample.sizes) / (GLASS.sphere(RADIUS)[0] / RADIUS)
-    dt = protocol.time_step(3e5, radius=RADIUS * np.sqrt(lightest))
+    dt = time_step(3e5, radius=RADIUS * np.sqrt(lightest))
     settings = {"steps": 500, "dt": dt, "damping": 0.2, "interval": 5} | drive
     script = str(ROOT / "yade_scripts" / "steps.py")
     subprocess.run(
@@ -327,7 +329,7 @@ def test_steps_are_those_of_yade(drive, mixture, tmp_path, yade):
         cwd=tmp_path,
     )
     theirs, motion = read_sample(end), Dynamics(read_sample(start), damping=0.2)
-    control = protocol.ConstantRate(1.0) if "rate" in drive else protocol.Servo(3e5, 0.01)
+    control = ConstantRate(1.0) if "rate" in drive else Servo(3e5, 0.01)
     stresses, touching, sliding = [], [motion.contacts.touching], []
     for k in range(500):
         due = k > 0 and k % 5 == 0

@@ -19,7 +19,8 @@ from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
 from modal.preparation import compress
-from modal.preparation.protocol import Stage, Study, own_time
+from modal.preparation.durations import own_time
+from modal.preparation.protocol import Stage, Study
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import relax
 from modal.preparation.sizes import densities_of

@@ -10,7 +10,9 @@ from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.cloud import random_places
-from modal.preparation.protocol import PREPARATION, Servo, Stage, Study, steps_of
+from modal.preparation.durations import duration, highest_frequency, own_time, steps_of
+from modal.preparation.protocol import PREPARATION, Stage, Study
+from modal.preparation.strain_control import Servo
 from modal.theory.fcc import FccLattice
 
 STUDY = Study(spheres=400, width=4.2)
@@ -44,8 +46,8 @@ def test_a_smaller_step_changes_no_duration(name, over):
     for stage in (whole, part):
         stage.control.stress = np.full(3, stage.control.target)
     assert part.time_step() == pytest.approx(whole.time_step() / over)
-    for duration in ("interval", "check", "patience"):
-        assert getattr(part, duration) == getattr(whole, duration)
+    for name in ("interval", "check", "patience"):
+        assert getattr(part, name) == getattr(whole, name)
     # A control every five steps: half a step in ten is the most that rounding shifts it by.
     counts = [steps_of(stage.interval, stage.time_step()) for stage in (whole, part)]
     assert counts[1] / counts[0] == pytest.approx(over, rel=0.1)
@@ -63,7 +65,7 @@ def test_highest_frequency_scales_as_the_crystals():
         material = Material(young, 0.2, density)
         for stress in (1e3, 1e6):
             crystal = FccLattice(stress, radius=radius, material=material)
-            highest = protocol.highest_frequency(stress, radius, material)
+            highest = highest_frequency(stress, radius, material)
             ratio.append(highest / crystal.low_pass_frequency)
     assert ratio == pytest.approx([ratio[0]] * 4, rel=6e-4)
     # Random against crystal, by the study's own numbers at 100 kPa: 216.1 over 137.6 kHz.
@@ -71,13 +73,13 @@ def test_highest_frequency_scales_as_the_crystals():
 
 
 def test_own_time():
-    assert protocol.own_time(1e5) == pytest.approx(2 * RADIUS * math.sqrt(GLASS.density / 1e5))
+    assert own_time(1e5) == pytest.approx(2 * RADIUS * math.sqrt(GLASS.density / 1e5))
 
 
 def test_servo_reaches_the_stress_of_a_spring():
     """Three springs of very different stiffness, one servo: stress = -stiffness strain."""
     servo, stiffness, strain = Servo(1e5, 0.01), np.array([1e6, 1e8, 3e9]), np.zeros(3)
-    interval = protocol.duration(protocol.CONTROL, 1e5)
+    interval = duration(protocol.CONTROL, 1e5)
     errors = []
     for _ in range(4000):
         strain = strain + interval * servo.follow(-stiffness * strain)
