@@ -62,10 +62,11 @@ def command(w):
         return f"{PYTHON} -m modal pack --friction {row['mu_comp']} {given} --seed {w.seed} --stress {stresses} -o {folder}"
     head, line = " ".join([*STUDY, "seed", "highest"]), " ".join(row[n] for n in STUDY)
     highest = row["stresses"].split(",")[-1]
+    walked = f"{folder}/compression_mu{row['mu_comp']}"
     return (
         f"mkdir -p {folder} && printf '%s\\n%s\\n' '{head}' '{line} {w.seed} {highest}' > {folder}/yade.table && "
-        f"workflow/yade_job.sh {folder}/yade.table {row['mu_comp']} yade_scripts/compress.py {folder} {folder}/yade.log && "
-        f"mv {folder}/compression_mu{row['mu_comp']}/*Pa.sample.h5 {folder}/"
+        f"workflow/yade_job.sh {folder}/yade.table {row['mu_comp']} yade_scripts/compress.py {folder} {folder}/yade.log "
+        f"{walked}/{states(w.row)[-1]}Pa.sample.h5 && ln -f {walked}/*Pa.sample.h5 {folder}/"
     )
 
 

@@ -57,7 +57,7 @@ def expected(folder: Path, size: float) -> dict[str, Cost]:
     """Cost of one job of each rule; `size` is the number of spheres over that of the study."""
     found = {}
     for line in Path(__file__).with_suffix(".tsv").read_text().splitlines():
-        if line[0] != "#":
+        if line.strip() and line[0] != "#":
             rule, text, memory = line.split()
             seconds = STARTED + float(text) * size**GROWTH
             found[rule] = Cost(0, seconds, seconds, float(memory) * size)

@@ -1,7 +1,8 @@
-"""Link a walk's states to their names in the study: link_states.py FOLDER OUTPUT ...
+"""Link a walk's states to their names: link_states.py FOLDER [NAME=NUMBER ...] OUTPUT ...
 
 Each OUTPUT is named STRESSPa.sample.h5; it becomes a link to the last state in FOLDER, or in a
-folder of it, that was made for this stress. Exit status 1 where one is missing.
+folder of it, that was made for this stress. Exit status 1 where one is missing, or where the study
+of one says another number by a NAME.
 """
 
 from __future__ import annotations
@@ -13,13 +14,21 @@ from pathlib import Path
 from modal.packing.sample import read_sample
 
 
-def main(folder: Path, outputs: list[Path]) -> int:
+def main(folder: Path, wanted: dict[str, float], outputs: list[Path]) -> int:
     """Link all; the exit status."""
     states = {}
     for path in sorted(folder.rglob("*Pa.sample.h5")):
-        stress = read_sample(path).study.get("stress")
-        if stress is not None:
-            states[f"{float(stress):g}Pa.sample.h5"] = path
+        study = read_sample(path).study
+        for name, number in wanted.items():
+            if study.get(name) != number:
+                print(
+                    f"{path}: made with {name} {study.get(name)}, not {number:g}; move {folder} "
+                    "away, or give another --products",
+                    file=sys.stderr,
+                )
+                return 1
+        if "stress" in study:
+            states[f"{float(study['stress']):g}Pa.sample.h5"] = path
     for output in outputs:
         if output.name not in states:
             print(f"{folder}: no state for {output.name}; see the log of the walk", file=sys.stderr)
@@ -31,4 +40,6 @@ def main(folder: Path, outputs: list[Path]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), [Path(name) for name in sys.argv[2:]]))
+    numbers = dict(word.split("=") for word in sys.argv[2:] if not word.endswith(".h5"))
+    files = [Path(word) for word in sys.argv[2:] if word.endswith(".h5")]
+    sys.exit(main(Path(sys.argv[1]), {n: float(text) for n, text in numbers.items()}, files))

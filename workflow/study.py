@@ -124,18 +124,31 @@ class Study:
         full = float(self.compressions[mu]["width"])
         return round(full * (self.config["spheres"] / FULL) ** (1 / 3), 4)
 
+    def compression(self, mu: str) -> dict[str, str]:
+        """The line of a compression with friction, of the study's size and seed."""
+        row = self.compressions[mu]
+        if not (self.reduced or self.another_seed):
+            return row
+        own = {"spheres": self.config["spheres"], "width": self.width(mu)}
+        return row | {n: str(v) for n, v in (own | {"seed": self.config["seed"]}).items()}
+
+    def noted_of(self, mu: str) -> str:
+        """What each state of a compression notes of it, as link_states.py takes it."""
+        row = self.compression(mu)
+        return " ".join(f"{name}={row[name]}" for name in ("mu_comp", "spheres", "width", "seed"))
+
     def walk(self, mu: str) -> str:
         """Command of a compression with friction, which keeps its states in walks/."""
-        table, row, made = "cases/compressions.table", self.compressions[mu], ""
+        table, row, made = "cases/compressions.table", self.compression(mu), ""
         walks = f"{self.folder}/walks"
-        if self.reduced or self.another_seed:  # a line of its own in the place of the table's
-            row = row | {"spheres": str(self.config["spheres"]), "width": str(self.width(mu))}
-            row["seed"] = str(self.config["seed"])
+        if row != self.compressions[mu]:  # a line of its own in the place of the table's
             table = f"{walks}/mu{mu}.table"
             made = f"printf '%s\\n' '{' '.join(row)}' '{' '.join(row.values())}' > {table} && "
         if self.config["preparation"] == "yade":
             log = f"{self.folder}/log/states/{mu}.yade.log"
-            return f"{made}workflow/yade_job.sh {table} {mu} yade_scripts/compress.py {walks} {log}"
+            last = f"{walks}/compression_mu{mu}/{self.stresses[-1]}Pa.sample.h5"
+            job = f"workflow/yade_job.sh {table} {mu} yade_scripts/compress.py {walks} {log}"
+            return f"{made}{job} {last}"
         given = f"--spheres {row['spheres']} --width {row['width']} --seed {row['seed']}"
         return f"{PYTHON} -m modal pack --friction {mu} {given} -o {walks}/compression_mu{mu}"
 

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# One line of a yade-batch table: yade_job.sh TABLE KEY SCRIPT FOLDER LOG [PRODUCT]
+# One line of a yade-batch table: yade_job.sh TABLE KEY SCRIPT FOLDER LOG PRODUCT
 # The line is the one whose first column is KEY; FOLDER is where YADE's scripts read and write.
-# yade-batch returns 0 although its job failed: what counts is the PRODUCT. YADE is the program that
-# the variable YADE names, or the one in PATH.
+# yade-batch returns 0 although its job failed: what counts are the PRODUCT, which may be there from
+# before, and that the script names no error. YADE is the program that the variable YADE names, or
+# the one in PATH.
 set -euo pipefail
 tried=2023.02
-table=$1 key=$2 script=$3 folder=$4 log=$5 product=${6:-}
+table=$1 key=$2 script=$3 folder=$4 log=$5 product=$6
 fail() { echo "error: $*" >> "$log"; exit 2; }
 mkdir -p "$folder" "$(dirname "$log")"
 : > "$log"
@@ -21,12 +22,11 @@ own=${log%.log}.line%.log
 "$batch" -j 1 --job-threads 1 --nice 0 --lines "$line" --log "$own" "$table" "$script" > "$log" 2>&1 || true
 own=${own//%/$line}
 [ ! -f "$own" ] || { cat "$own" >> "$log"; rm -f "$own"; }
-[ -z "$product" ] || [ -f "$product" ] || {
-    if ! grep -q '^error: ' "$log"; then
-        here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1)
-        [[ "$here" = "$tried"* ]] || fail "no product; this is YADE ${here:-of no known version}, and" \
-            "$tried was tried; install that one, or name it by the variable YADE; see $log"
-        echo "no product from YADE $here; the lines before this one may say why" >> "$log"
-    fi
+! grep -q '^error: ' "$log" || exit 1
+[ -f "$product" ] || {
+    here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1)
+    [[ "$here" = "$tried"* ]] || fail "no product; this is YADE ${here:-of no known version}, and" \
+        "$tried was tried; install that one, or name it by the variable YADE; see $log"
+    echo "no product from YADE $here; the lines before this one may say why" >> "$log"
     exit 1
 }

@@ -12,14 +12,20 @@ LEAST = 5
 """Times that a fit needs."""
 
 
+def outward(signals: Signals) -> np.ndarray:
+    """Shape (nt, nc), m: displacements, turned round where the wall first moves backward."""
+    return -signals.chain_displacement if signals.amplitude < 0 else signals.chain_displacement
+
+
 def first_peak_times(signals: Signals) -> np.ndarray:
     """Time (nc,) s of each chain particle's first peak, by a parabola through three samples.
 
-    A peak counts when it exceeds half the particle's maximum; NaN if the record ends before.
+    A peak is one of the wall's own direction, and counts when it exceeds half the particle's
+    maximum; NaN if the record ends before.
     """
     times = np.full(signals.chain_displacement.shape[1], np.nan)
     step = signals.time[1] - signals.time[0]
-    for n, u in enumerate(signals.chain_displacement.T):
+    for n, u in enumerate(outward(signals).T):
         top = (u[1:-1] > u[:-2]) & (u[1:-1] >= u[2:]) & (u[1:-1] > 0.5 * u.max())
         if top.any():
             k = int(np.argmax(top)) + 1
@@ -29,9 +35,12 @@ def first_peak_times(signals: Signals) -> np.ndarray:
 
 
 def arrival_times(signals: Signals, level: float = 0.05) -> np.ndarray:
-    """Time (nc,) s at which each particle first exceeds `level` of its maximum, interpolated."""
+    """Time (nc,) s at which each particle first exceeds `level` of its maximum, interpolated.
+
+    The maximum is that in the wall's own direction.
+    """
     times = np.full(signals.chain_displacement.shape[1], np.nan)
-    for n, u in enumerate(signals.chain_displacement.T):
+    for n, u in enumerate(outward(signals).T):
         above = u > level * u.max()
         k = int(np.argmax(above))
         if above.any() and k > 0:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.figures.picture import Panel, Picture
-from analysis.packings.convergence import LADDERS, Ladder, Row, limit, rungs
+from analysis.packings.convergence import LADDERS, Ladder, Row, rungs
+from analysis.packings.limit import limit
 
 QUANTITIES = {
     **{"e": "void ratio", "Z": "contacts of a sphere", "V_P": "$V_P$ (m/s)"},
@@ -36,9 +37,9 @@ def _panel(ladder: Ladder, found: list[Row], quantity: str) -> Panel:
     if size.min() > 0 and size.max() > LOGARITHMIC * size.min():
         panel.xscale = "log"
     if ladder.error:
-        there, wide, _ = limit(size, value, error)
-        level = np.full(len(size), there)
-        panel.add("band", size, level - wide, level + wide, color="0.85")
+        there = limit(size, value, error)
+        level = np.full(len(size), there.value)
+        panel.add("band", size, level - there.error, level + there.error, color="0.85")
         panel.line(size, level, color="0.3", lw=0.8)
     for x, y, s in zip(size, value, np.nan_to_num(error), strict=True):
         panel.line([x, x], [y - s, y + s], color="k", lw=1.0)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.packings.limit import limit
 from analysis.packings.seeds import NO_SETTING, NONE, OWN, Means, Seeds
 from analysis.packings.state import QUANTITIES
 from analysis.table import Table
@@ -138,23 +139,6 @@ def rungs(ladder: Ladder, rows: Iterable[Row], friction: float, stress: float) -
     return sorted(found, key=ladder.size) if len(found) > 1 else []
 
 
-def limit(size: np.ndarray, value: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
-    """Value at size 0 of a line through (n,) points, its standard error, chi^2 a point to spare.
-
-    `error` (n,) holds the standard errors of the points, which weigh with their inverse squares.
-    """
-    known = np.isfinite(value) & np.isfinite(error) & (error > 0)
-    if known.sum() < 2:
-        return np.nan, np.nan, np.nan
-    matrix = np.stack([np.ones(known.sum()), size[known]], axis=1) / error[known, None]
-    target = value[known] / error[known]
-    covariance = np.linalg.inv(matrix.T @ matrix)
-    line = covariance @ matrix.T @ target
-    spare = known.sum() - 2
-    chi = float(((target - matrix @ line) ** 2).sum() / spare) if spare else np.nan
-    return float(line[0]), float(np.sqrt(covariance[0, 0])), chi
-
-
 def _text(quantity: str, value: float, error: float = np.nan) -> str:
     form = f".{DIGITS.get(quantity, 4)}f"
     if not np.isfinite(value):
@@ -205,7 +189,7 @@ def limits_table(rows: list[Row]) -> Table:
             size = np.array([ladder.size(row) for row in steps])
             for quantity in shown:
                 means = np.array([row.mean(quantity)[:2] for row in steps])
-                there, error, chi = limit(size, *means.T)
+                found = limit(size, *means.T)
                 here, its, _ = own.mean(quantity)
                 lines.append(
                     [
@@ -214,13 +198,18 @@ def limits_table(rows: list[Row]) -> Table:
                         f"{stress / 1e3:g}",
                         quantity,
                         _text(quantity, here, its),
-                        _text(quantity, there, error),
-                        _apart(here - there, error),
-                        f"{chi:.1f}" if np.isfinite(chi) else "",
+                        _text(quantity, found.value, found.error),
+                        *(
+                            form.format(number) if np.isfinite(number) else ""
+                            for form, number in (
+                                ("{:+.1f}", found.distance(ladder.size(own), here, its)),
+                                ("{:.1f}", found.chi),
+                            )
+                        ),
                     ]
                 )
     header = ["ladder", "mu_comp", "stress, kPa", "quantity", "as it is", "limit"]
-    header += ["distance in errors of the limit", "chi^2 a point to spare"]
+    header += ["distance in errors of the difference", "chi^2 a point to spare"]
     return Table("Limits of the ladders, by a straight line", header, lines)
 
 

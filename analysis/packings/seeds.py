@@ -73,10 +73,11 @@ class Seeds:
         self.settings: dict[tuple[str, str], dict[str, str]] = {}
         self.numbers: dict[Key, dict[int, dict[str, float]]] = {}
         self.means: dict[Key, Means] = {}
-        lines = [line.split() for line in self.table.read_text().splitlines() if line[0] != "#"]
+        lines = [line.split() for line in self.table.read_text().splitlines() if line[:1] != "#"]
         own: dict[str, str] = {}
-        for cells in lines[1:]:
-            row = dict(zip(lines[0], cells, strict=True))
+        names, *rows = filter(None, lines)
+        for cells in rows:
+            row = dict(zip(names, cells, strict=True))
             own = row if row["setting"] == OWN else own
             row = {name: own[name] if cell == "-" else cell for name, cell in row.items()}
             self.settings[row["setting"], row["mu_comp"]] = row

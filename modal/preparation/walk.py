@@ -47,7 +47,7 @@ def walk(
     def write(path: Path, sample: Sample) -> None:
         write_sample(path, replace(sample, provenance=made.attributes()))
 
-    sample = resumed(checkpoint, files, study)
+    sample = resumed(checkpoint, files, study, made.command)
     if sample is None:
         sample = begin()
         write(checkpoint, sample)
@@ -109,25 +109,37 @@ def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> 
     ahead = [name for name in files if float(name) > done]
     if stage == END:
         return ahead[0] if ahead else END
-    if stage not in ahead:
+    if stage not in ahead[:1]:
         raise InputError(
-            f"{checkpoint}: the walk is on its way to {stage} Pa; name this stress as well, or "
-            "take another folder"
+            f"{checkpoint}: the walk is on its way to {stage} Pa; make this the next stress that "
+            "it has not reached, or take another folder"
         )
     return stage
 
 
-def resumed(checkpoint: Path, files: dict[str, Path], study: Study) -> Sample | None:
+def resumed(checkpoint: Path, files: dict[str, Path], study: Study, command: str) -> Sample | None:
     """The state that a walk goes on from, its stage in `study`; None where it is to begin.
 
     `files` are those of the stresses by their names. InputError where the checkpoint or one of them
-    is of another study, or the walk is beyond a stress that it has not written.
+    is of another study or was made by another `command` (one program's steps are not the other's),
+    or the walk is beyond a stress that it has not written.
     """
     if not checkpoint.exists():
         return None
-    sample = read_sample(checkpoint)
-    study.refuse_other(sample.study, checkpoint)
+    sample = _of_study(checkpoint, study, command)
     sample.study["stage"] = goes_on(sample.study, files, checkpoint)
     for path in filter(Path.exists, files.values()):
-        study.refuse_other(read_sample(path).study, path)
+        _of_study(path, study, command)
+    return sample
+
+
+def _of_study(path: Path, study: Study, command: str) -> Sample:
+    """A state of this walk; InputError for one of another."""
+    sample = read_sample(path)
+    study.refuse_other(sample.study, path)
+    by = sample.provenance.get("command", command)
+    if by != command:
+        raise InputError(
+            f"{path}: made by {by}, not by {command}; go on with that, or take another folder"
+        )
     return sample

@@ -234,8 +234,23 @@ def test_walk_on_its_way_elsewhere_is_not_diverted(walked, tmp_path, capsys):
     write_sample(tmp_path / "checkpoint.sample.h5", sample)
     for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):
         (tmp_path / name).write_bytes((walked / name).read_bytes())
-    assert pack(tmp_path, "--stress", "1e4", "1e5", "1e6") == 2
-    assert "on its way to 500000 Pa" in capsys.readouterr().err
+    # Neither a stress beyond it nor one on the way, which would never be written.
+    for asked in (["1e6"], ["2e5", "5e5", "1e6"]):
+        assert pack(tmp_path, "--stress", "1e4", "1e5", *asked) == 2
+        shown = capsys.readouterr().err
+        assert len(shown.splitlines()) == 1 and "on its way to 500000 Pa" in shown
+
+
+def test_walk_of_another_program_is_not_continued(walked, tmp_path, capsys):
+    """YADE's states are not given out as modal's, nor walked on by it."""
+    for path in walked.iterdir():
+        sample = read_sample(path)
+        made = sample.provenance | {"command": "yade_scripts/compress.py"}
+        write_sample(tmp_path / path.name, replace(sample, provenance=made))
+    assert pack(tmp_path, "--stress", "1e4", "1e5") == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1
+    assert "made by yade_scripts/compress.py, not by python -m modal pack" in shown
 
 
 def test_unstable_step_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, capsys):

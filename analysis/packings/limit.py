@@ -1,0 +1,69 @@
+"""What a straight line through means with errors tends to, and how far from it one of them lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.formats.arrays import Floats
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A straight line through (n,) means, weighted with the inverse squares of their errors.
+
+    `line`: its value at size 0 and its slope, with their `covariance` (2, 2); `chi`: chi^2 a point
+    to spare, NaN where there are two. Where chi^2 exceeds 1, the points scatter about the line by
+    more than their errors say, and all variances are enlarged by it.
+    """
+
+    line: Floats
+    covariance: Floats
+    chi: float
+
+    @property
+    def value(self) -> float:
+        """The value at size 0."""
+        return float(self.line[0])
+
+    @property
+    def error(self) -> float:
+        """Its standard error."""
+        return float(np.sqrt(self._enlarged * self.covariance[0, 0]))
+
+    @property
+    def _enlarged(self) -> float:
+        return float(np.fmax(1.0, self.chi))
+
+    def distance(self, size: float, value: float, error: float) -> float:
+        """How far one of the points lies from the limit, in standard errors of the difference.
+
+        The point has drawn the line towards itself: the two share a part of their errors, whose
+        covariance is that of the line's values at 0 and at `size`.
+        """
+        shared = self.covariance[0] @ [1.0, size]
+        variance = error**2 + self.covariance[0, 0] - 2 * shared
+        if not variance > 0:
+            return np.nan
+        return float((value - self.value) / np.sqrt(self._enlarged * variance))
+
+
+NOWHERE = Limit(np.full(2, np.nan), np.full((2, 2), np.nan), np.nan)
+
+
+def limit(size: Floats, value: Floats, error: Floats) -> Limit:
+    """The line through means `value` (n,) at `size` (n,), which have standard errors `error` (n,).
+
+    Points without an error do not count; `NOWHERE` from fewer than two.
+    """
+    known = np.isfinite(value) & np.isfinite(error) & (error > 0)
+    if known.sum() < 2:
+        return NOWHERE
+    matrix = np.stack([np.ones(known.sum()), size[known]], axis=1) / error[known, None]
+    target = value[known] / error[known]
+    covariance: Floats = np.linalg.inv(matrix.T @ matrix).astype(float)
+    line = covariance @ matrix.T @ target
+    spare = known.sum() - 2
+    chi = float(((target - matrix @ line) ** 2).sum() / spare) if spare else np.nan
+    return Limit(line, covariance, chi)
