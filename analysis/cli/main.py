@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from analysis.cli import cases, packings, study, waves
-from modal.cli.options import Parser
+from modal.cli.options import Parser, refuse_overwriting
 from modal.formats.hdf5 import InputError
 
 
@@ -27,6 +27,7 @@ def main(argv: list[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     try:
         options = parser().parse_args(words)
+        refuse_overwriting(options)
         options.argv = words
         options.run(options)
     except InputError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from analysis.packings.seeds import KEPT, Seeds
 from analysis.packings.state import measured
 from analysis.quality import picture_of, quality_of, table_of
 from analysis.table import Table
+from modal.cli.options import json_text
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError
 from modal.stiffness.damping import ContactDamping
@@ -71,7 +71,7 @@ def _samples(options: argparse.Namespace) -> None:
 
 
 def _packing(options: argparse.Namespace) -> None:
-    show(json.dumps(measured(options.sample)) + "\n", options.output)
+    show(json_text(measured(options.sample)) + "\n", options.output)
 
 
 def _table_of_packings(table: Callable[[list[str]], Table]) -> Callable[[argparse.Namespace], None]:

@@ -92,6 +92,7 @@ class Seeds:
         for name, friction in self.settings:
             for path in sorted(Path(folder, f"{name}_mu{friction}").glob("*/*Pa.json")):
                 state = json.loads(path.read_text())
+                state = {name: np.nan if v is None else v for name, v in state.items()}
                 if lacking := set(QUANTITIES) - set(state):
                     raise InputError(
                         f"{path}: has no {', '.join(lacking)}, an older version made it; remove it "

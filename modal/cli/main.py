@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 import sys
 import time
 from pathlib import Path
 from types import ModuleType
 
 from modal import __version__
-from modal.cli.options import SHORT, Parser, say
+from modal.cli.options import SHORT, Parser, json_text, refuse_overwriting, say
 from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
@@ -79,6 +78,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         arguments = sys.argv[1:] if argv is None else argv
         options = parser("".join(arguments[:1])).parse_args(arguments)
+        refuse_overwriting(options)
         command = command_of(options.command)
         options.made, options.remarks = None, []
         if hasattr(command, "read_product") and options.output:
@@ -108,7 +108,7 @@ def main(argv: list[str] | None = None) -> int:
     result["seconds"] = time.perf_counter() - start
     result["peak_memory_bytes"] = peak_memory()
     if options.json:
-        text = json.dumps(result)
+        text = json_text(result)
     else:
         text = page(result, command.shown(result) if hasattr(command, "shown") else None)
     put(text)

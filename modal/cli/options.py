@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
+import math
+import os
 import sys
 from typing import Any, NoReturn
 
@@ -61,6 +64,43 @@ def add_if_stale(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--if-stale", action="store_true", help="keep FILE if sources and settings are the same"
     )
+
+
+WRITTEN = "output", "layers"
+"""Options that name files to be written."""
+
+
+def refuse_overwriting(options: argparse.Namespace) -> None:
+    """InputError where a file to be written is one that the command reads."""
+    given = vars(options)
+    read = [value for name, value in given.items() if name not in WRITTEN]
+    files = [
+        text
+        for value in read
+        for text in (value if isinstance(value, list) else [value])
+        if isinstance(text, str) and os.path.isfile(text)
+    ]
+    for output in (given.get(name) for name in WRITTEN):
+        if output and os.path.isfile(output):
+            for path in files:
+                if os.path.samefile(path, output):
+                    raise InputError(
+                        f"{output}: it is read, and would be written over; give another name to "
+                        "write to"
+                    )
+
+
+def json_text(result: Any) -> str:
+    """A result as JSON, which knows neither NaN nor infinity: null stands for them."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: plain(own) for name, own in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(own) for own in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(plain(result), allow_nan=False)
 
 
 def numbers(at: list[str]) -> np.ndarray:

@@ -21,7 +21,7 @@ from modal.exchange.program_law import (
     Units,
 )
 from modal.formats.hdf5 import InputError
-from modal.packing.contact_law import Elasticity
+from modal.packing.contact_law import YOUNG, Elasticity
 
 TANGENTIAL = {
     "linear_nohistory": (2, False, FORCE),
@@ -37,8 +37,6 @@ TANGENTIAL = {
 NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
 """Model: its number of coefficients."""
 COHESIVE = ("dmt", "jkr", "mdr")
-YOUNG = (1e3, 1e14)
-"""Pa: from gels to neutron stars' crusts; a modulus in GPa or in dyn/mm^2 lies outside."""
 
 
 @dataclass(frozen=True)

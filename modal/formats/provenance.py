@@ -162,7 +162,9 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
         if name not in _NOT_SETTINGS and value is not False
     }
     sources: tuple[Source, ...] = ()
-    if command not in ("relax", "import"):
+    if command == "tile":  # another packing than the one that it repeats
+        sources = (Source.of(STATE, options["network"]),)
+    elif command not in ("relax", "import"):
         sources = packing_of(options["network"])
     for name, role in _ROLES.items():
         if options.get(name):

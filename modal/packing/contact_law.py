@@ -17,6 +17,9 @@ from modal.formats.arrays import Floats
 
 RADIUS = 1.27e-3
 """Particle radius of the study, m (Otsubo et al. 2017, section 2)."""
+YOUNG = (1e3, 1e14)
+"""Young's moduli that are taken, Pa: from gels to what counts as rigid. Those in GPa or in dyn/mm^2
+lie outside."""
 
 
 class Moduli(NamedTuple):

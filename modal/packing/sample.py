@@ -16,7 +16,7 @@ import numpy as np
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.packing.consistency import density_of
-from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material, Moduli
+from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
 from modal.packing.equal_spheres import constants, network_of
 from modal.packing.neighbours import Touching, tangents, touching
 from modal.packing.network import Network
@@ -273,6 +273,12 @@ def validate(sample: Sample, name: str = "sample") -> None:
             f"{name}: radius, friction and the material's constants must be positive, Poisson's "
             "ratio from -1 to 0.5; make the sample again"
         )
+    for young in (material.young, wall.young):
+        if not YOUNG[0] <= young <= YOUNG[1]:
+            raise InputError(
+                f"{name}: Young's modulus {young:g} Pa is none of a solid ({YOUNG[0]:g} to "
+                f"{YOUNG[1]:g}); give it in Pa"
+            )
     n, (low, high) = len(sample.position), sample.walls
     if n == 0 or low >= high or min(sample.side) < radius:
         raise InputError(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.formats.hdf5 import InputError
-from modal.packing.contact_law import RADIUS, Elasticity
+from modal.packing.contact_law import RADIUS, YOUNG, Elasticity
 
 WIDEST = 10.0
 """Ratio of the largest to the smallest radius: pairs are sought as far as the largest reach."""
@@ -21,8 +21,6 @@ DENSITIES = (
 WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
 DENSE = (10.0, 30_000.0)
 """kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
-YOUNG = (1e3, 1e14)
-"""Pa: from gels to what counts as rigid; moduli in GPa lie outside."""
 
 
 def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarray:

@@ -6,6 +6,7 @@ rest. It is known in closed form for the pulse of the study and for a motion giv
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from math import isqrt
 from pathlib import Path
@@ -262,8 +263,9 @@ def write_motion(path: str | Path, motion: SampledMotion) -> None:
 def read_motion(path: str | Path) -> SampledMotion:
     """A source motion from a text file of two columns: time in s, displacement in m."""
     try:
-        table = np.loadtxt(path, ndmin=2)
-    except (OSError, ValueError) as error:
+        with warnings.catch_warnings(action="error"):  # an empty file is one to numpy
+            table = np.loadtxt(path, ndmin=2)
+    except (OSError, ValueError, UserWarning) as error:
         raise InputError(
             f"{path}: not a table of numbers ({' '.join(str(error).split())}); write two columns, "
             "time in s and displacement in m"

@@ -1,6 +1,7 @@
 """File formats round trip, bad input is refused in one line, the command line in-process."""
 
 import json
+import math
 from dataclasses import replace
 
 import h5py
@@ -8,10 +9,13 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
+from modal.cli.options import json_text
 from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import read_modes
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
+from modal.packing.sample import write_sample
+from modal.preparation.random_packing import random_sample
 from modal.waves.chain import wall_to_wall_chain
 from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 
@@ -167,3 +171,44 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
     chain = wall_to_wall_chain(network)
     assert len(chain) == 20
     assert np.array_equal(chain // 16, np.arange(20))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "modes {} --lowest 2 -o {}",
+        "modes {} --lowest 2 --if-stale -o {}",
+        "density {} -o {}",
+        "wave {} --duration 1e-5 -o {}",
+        "relax {} --friction 0.3 -o {}",
+        "tile {} --repeat 2 1 -o {}",
+        "info {} --layers {}",
+    ],
+)
+def test_what_is_read_is_never_written_over(command, tmp_path, capsys):
+    """By whatever name: the packing would be lost for a list of its modes."""
+    sample = tmp_path / "mine.sample.h5"
+    write_sample(sample, random_sample(60, 1e6, aspect=1.5))
+    before, other = sample.read_bytes(), tmp_path / "linked.sample.h5"
+    other.symlink_to(sample)
+    assert main(command.format(sample, other).split()) == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1 and "would be written over" in shown
+    assert sample.read_bytes() == before
+
+
+def test_what_json_does_not_know_is_null():
+    result = {"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "n": 3, "ok": True}
+    strict = json.loads(json_text(result), parse_constant=lambda text: pytest.fail(text))
+    known = {"velocity": [None, 1.5], "worst": {"residual": None}, "n": 3, "ok": True}
+    assert strict == known
+
+
+def test_modulus_in_gigapascal_is_refused(tmp_path, capsys):
+    """As `import` refuses it: frequencies would be 30,000 times too low, without a word."""
+    path = tmp_path / "mine.sample.h5"
+    write_sample(path, random_sample(60, 1e6, aspect=1.5))
+    _spoil(path, lambda f: f.attrs.__setitem__("young", 60.0))
+    assert main(["modes", str(path), "--lowest", "2"]) == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1 and "60 Pa" in shown

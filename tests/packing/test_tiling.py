@@ -9,11 +9,12 @@ import pytest
 from modal import workload
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
+from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing.network_file import read_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.packing.tiling import number_of, order_along_z, repeat, repeat_sample, tiled
-from modal.preparation.random_packing import random_network
+from modal.preparation.random_packing import random_network, random_sample
 from modal.waves import chain
 from modal.waves.propagate import propagate
 
@@ -161,3 +162,16 @@ def test_chain_of_a_wide_packing_is_that_of_all_its_spheres(sample, monkeypatch)
     assert found[6.0] == found[1.5] == found[1e9]
     whole, near, narrow, again = looked_at
     assert narrow < near < whole == again == network.n_particles
+
+
+def test_tile_is_another_packing_than_its_parent(tmp_path):
+    """Modes of the parent are not drawn on the tile, whose spheres are twice as many."""
+    small, wide, low = (
+        str(tmp_path / name) for name in ("a.sample.h5", "b.sample.h5", "a.modes.h5")
+    )
+    write_sample(small, random_sample(60, 1e6, aspect=1.5))
+    assert main(["modes", small, "--lowest", "3", "-o", low]) == 0
+    assert main(["tile", small, "--repeat", "2", "1", "-o", wide]) == 0
+    require_same_packing(low, packing_of(small))
+    with pytest.raises(InputError, match="made from"):
+        require_same_packing(low, packing_of(wide))
