@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from modal.exchange.bodies import LawOf
 from modal.exchange.dump import frame_of
 from modal.exchange.dump_spheres import cell_of, spheres_of
 from modal.exchange.found import Found, network_of
 from modal.exchange.lammps_contacts import contacts_of
-from modal.exchange.lammps_law import Coefficients, coefficients, mixed
+from modal.exchange.lammps_law import coefficients
+from modal.exchange.lammps_pairs import law_of_pairs
 from modal.exchange.lammps_script import Script, read_log, typed_pair
 from modal.exchange.program_law import SI, ProgramLaw, Units
 from modal.formats.hdf5 import InputError
@@ -74,37 +75,17 @@ def units_of(name: str, said: str) -> Units:
     return UNITS[name]
 
 
-def _laws_of(script: Script, units: Units, said: str) -> tuple[Any, tuple[float, float]]:
+def _laws_of(script: Script, units: Units, said: str) -> tuple[LawOf, tuple[float, float]]:
     """The law between any two types or a type and a wall, and where the walls are."""
-    style, *shared = script.style
-    if style.startswith("hybrid"):
-        raise InputError(
-            f"{said}: pair_style hybrid is not known; give the granular part by --pair"
-        )
-    own: dict[tuple[int, int], Coefficients] = {}
-    everywhere: Coefficients | None = None
-    for first, second, *words in script.pair:
-        law = coefficients(style, words or shared, said, units)
-        if not (first.isdigit() and second.isdigit()):
-            everywhere = law
-            continue
-        own[min(int(first), int(second)), max(int(first), int(second))] = law
-    if style.startswith("gran/") and everywhere is None and not own:
-        everywhere = coefficients(style, shared, said, units)
+    of_pairs = law_of_pairs(script, units, said)
     wall, planes = _walls(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:
-        if a < 0:
-            if wall is None:
-                raise InputError(f"{said}: a wall without a law; give --wall")
-            return wall
-        if (a, b) in own:
-            return own[a, b].law
-        if (a, a) in own and (b, b) in own:
-            return mixed(own[a, a], own[b, b])
-        if everywhere is None:
-            raise InputError(f"{said}: no pair_coeff for types {a} and {b}; give one")
-        return everywhere.law
+        if a >= 0:
+            return of_pairs(a, b)
+        if wall is None:
+            raise InputError(f"{said}: a wall without a law; give --wall")
+        return wall
 
     return law_of, planes
 
