@@ -1,12 +1,13 @@
-"""LAMMPS' contacts: columns of dump local by their meaning, and the forces of walls on spheres.
+"""LAMMPS' contacts: columns of dump local by their meaning, and those with walls.
 
 The columns c_ID[k] of a dump mean what the compute lines in the log say; forces on walls come with
-the spheres (`fix wall/gran ... contacts`).
+the spheres (`modal/exchange/lammps_walls.py`).
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,11 @@ import numpy as np
 from modal.exchange.bodies import Contacts, Spheres
 from modal.exchange.dump import Frame, frame_of
 from modal.exchange.dump_spheres import index_of, once
-from modal.exchange.lammps_script import Script
+from modal.exchange.lammps_walls import Walls, contacts_with_walls, planes_of
 from modal.exchange.program_law import Units
 from modal.exchange.rows import fault
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
+Computes = Mapping[str, Sequence[str]]
 RECIPE = {
     4: ("patom1", "patom2", "ptype1", "ptype2"),
     9: ("dist", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
@@ -33,15 +32,19 @@ def contacts_of(
     frame: Frame,
     spheres: Spheres,
     path: str | Path | None,
-    script: Script,
+    computes: Computes,
     units: Units,
-    planes: tuple[float, float],
+    walls: Sequence[Walls],
+    fixes: Sequence[str],
 ) -> tuple[Contacts | None, list[str]]:
-    """The contacts that are told, those with walls too, and what had to be assumed."""
+    """The contacts that are told, those with walls too, and what had to be assumed.
+
+    `computes` and `fixes` are the log's: the words of each compute, and the IDs of walls.
+    """
     if path is None:
         return None, []
     listed = frame_of(path, "ENTRIES", frame.step)
-    columns, assumed = _meanings(listed, script)
+    columns, assumed = _meanings(listed, computes)
     rows = listed.rows
     for name in ("patom1", "patom2", "force"):
         if name not in columns:
@@ -62,8 +65,8 @@ def contacts_of(
     force = units.force * table[:, 2]
     shear = units.force * table[:, 3:6] if sheared else None
     line = table[:, -3:] if lined else None
-    if np.isfinite(planes).any():
-        at, code, push, rub = _on_walls(frame, spheres, units, planes)
+    if np.isfinite(planes_of(walls)).any():
+        at, code, push, rub = contacts_with_walls(frame, spheres, units, walls, fixes)
         i, j = np.concatenate([i, at]), np.concatenate([j, code])
         force = np.concatenate([force, push])
         shear = None if shear is None else np.concatenate([shear, rub])
@@ -73,7 +76,7 @@ def contacts_of(
     return Contacts(i, j, force, shear, digits, line=line, listed=rows), assumed
 
 
-def _meanings(listed: Frame, script: Script) -> tuple[dict[str, str], list[str]]:
+def _meanings(listed: Frame, computes: Computes) -> tuple[dict[str, str], list[str]]:
     """Name of a quantity: column that holds it; and what was assumed about that."""
     columns: dict[str, str] = {}
     groups: dict[str, list[str]] = {}
@@ -85,7 +88,7 @@ def _meanings(listed: Frame, script: Script) -> tuple[dict[str, str], list[str]]
             columns[column] = column
     assumed = []
     for name, members in groups.items():
-        words = script.computes.get(name)
+        words = computes.get(name)
         if words is None:
             words = RECIPE.get(len(members))
             if words is None:
@@ -99,31 +102,3 @@ def _meanings(listed: Frame, script: Script) -> tuple[dict[str, str], list[str]]
             if place < len(words):
                 columns[words[place]] = member
     return columns, assumed
-
-
-def _on_walls(
-    frame: Frame, spheres: Spheres, units: Units, planes: tuple[float, float]
-) -> tuple[Ints, Ints, Floats, Floats]:
-    """Spheres at a wall, its code, normal force (k,) and shear force (k, 3) on the sphere, N."""
-    rows = frame.rows
-    fixes = sorted({column.split("[")[0] for column in rows.columns if column.startswith("f_")})
-    names = next(
-        (found for fix in fixes if rows.has(*(found := [f"{fix}[{k}]" for k in (1, 2, 3, 4)]))),
-        None,
-    )
-    if names is None:
-        do = "write fix ... wall/gran ... contacts and dump f_ID[1] f_ID[2] f_ID[3] f_ID[4]"
-        fault(rows.path, "no forces of the walls", do, rows.line - 1, "f_ID[1..4]")
-    order = np.argsort(rows.read("id")[:, 0], kind="stable")
-    table = rows.read(*names)[order]
-    (at,) = np.nonzero(table[:, 0] > 0)
-    force = units.force * table[at, 1:4]
-    # The wall that pushes; a sphere between two walls that touch it would need two rows.
-    code = np.where(force[:, 2] > 0, SOURCE_WALL, RECEIVER_WALL)
-    absent = np.isnan(planes)[np.where(code == SOURCE_WALL, 0, 1)]
-    if absent.any():
-        which = spheres.number[at[int(np.argmax(absent))]]
-        raise InputError(f"{rows.path}: sphere {which} is pushed by a wall that --wall leaves NULL")
-    push = abs(force[:, 2])
-    force[:, 2] = 0
-    return at.astype(np.int32), code.astype(np.int32), push, force

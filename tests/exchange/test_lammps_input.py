@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import program_files
 import pytest
+from places import PACKINGS
 from program_files import refused
 
 from modal.exchange.lammps import import_lammps
@@ -83,3 +84,73 @@ def test_pairs_that_no_line_covers_are_refused(tmp_path, capsys):
     atoms, log = three_types(tmp_path, f"1 * {A}")
     error = refused(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
     assert "no pair_coeff for types 2 and 2; give one" in error
+
+
+WALL = "wall/gran granular hertz 41666666666.66667 0 tangential linear_nohistory 0 0 zplane"
+LOW, HIGH = "0.0", "0.01889427084603357"
+CONTACTS = PACKINGS / "mine.contacts"
+
+
+def split(folder: Path, top: str = "41666666666.66667") -> tuple[Path, Path]:
+    """The example with a fix for each wall, that of the upper one of this modulus, N/m^2."""
+    atoms, log = folder / "x.atoms", folder / "log.lammps"
+    rows = []
+    for line in (PACKINGS / "mine.atoms").read_text().splitlines():
+        words = line.split(" ")
+        if line.startswith("ITEM: ATOMS"):
+            words[-4:] = [f"f_{name}[{k}]" for name in ("top", "bot") for k in (1, 2, 3, 4)]
+        elif len(words) > 10:
+            absent = ["0"] * 4
+            words[-4:] = absent + words[-4:] if float(words[-1]) > 0 else words[-4:] + absent
+        rows.append(" ".join(words))
+    atoms.write_text("\n".join(rows) + "\n")
+    text = (PACKINGS / "log.lammps").read_text()
+    one = f"fix wall all {WALL} {LOW} {HIGH} contacts\n"
+    assert one in text
+    upper = WALL.replace("41666666666.66667", top)
+    two = f"fix bot all {WALL} {LOW} NULL contacts\nfix top all {upper} NULL {HIGH} contacts\n"
+    log.write_text(text.replace(one, two))
+    return atoms, log
+
+
+def test_two_fixes_are_the_walls_of_one(tmp_path):
+    """The same contacts, forces and stiffnesses, with the log's IDs and with typed walls."""
+    whole = [PACKINGS / "mine.atoms", CONTACTS, PACKINGS / "log.lammps", *[None] * 4]
+    atoms, log = split(tmp_path)
+    wanted = import_lammps(*whole).network
+    assert [(wanted.particle_j == code).sum() for code in (-1, -2)] == [9, 13]
+    a = program_files.sorted_ends(wanted)
+    typed = f"{WALL.removeprefix('wall/gran ')} {LOW} {HIGH}"
+    for wall in (None, typed):
+        found = import_lammps(atoms, CONTACTS, log, None, wall, None, None).network
+        b = program_files.sorted_ends(found)
+        for name in ("particle_j", "force_normal", "force_tangential", "stiffness_normal"):
+            np.testing.assert_array_equal(getattr(found, name)[b], getattr(wanted, name)[a])
+
+
+def test_each_wall_has_the_law_of_its_fix(tmp_path):
+    """The upper one 4.8 times as stiff, contacts from positions: kn is proportional to that."""
+    whole = [PACKINGS / "mine.atoms", None, PACKINGS / "log.lammps", *[None] * 4]
+    wanted = import_lammps(*whole).network
+    atoms, log = split(tmp_path, "2e11")
+    found = import_lammps(atoms, None, log, *[None] * 4).network
+    for code, factor in ((-1, 1.0), (-2, 4.8)):
+        stiffness = [each.stiffness_normal[each.particle_j == code] for each in (found, wanted)]
+        np.testing.assert_allclose(stiffness[0], factor * stiffness[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("log", f"NULL {HIGH}", f"{LOW} {HIGH}", "fix top wall/gran: a second wall at low z, "),
+        ("atoms", "f_top[3]", "f_mine[3]", r"column f_top\[1..4\]: no forces of fix top; write"),
+        ("log", f"{LOW} NULL", "NULL NULL", "sphere 1 is pushed in f_bot by a wall that is NULL"),
+    ],
+)
+def test_walls_that_do_not_fit_are_refused(tmp_path, capsys, file, old, new, said):
+    atoms, log = split(tmp_path)
+    path = {"atoms": atoms, "log": log}[file]
+    path.write_text(path.read_text().replace(old, new))
+    given = (atoms, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / FILE)
+    error = refused(capsys, *given)
+    assert re.search(said, error), error
