@@ -14,11 +14,12 @@ from modal.exchange.bodies import Cell, Contacts, Spheres
 from modal.exchange.found import Found, network_of
 from modal.exchange.mercury_names import read_names
 from modal.exchange.mercury_numbers import read_numbers
-from modal.exchange.mercury_restart import STRAIGHT, Restart
+from modal.exchange.mercury_restart import Restart
+from modal.exchange.mercury_walls import ALONE, OTHER, planes_of
 from modal.exchange.program_law import ProgramLaw, Units
 from modal.exchange.rows import fault, last_step, read_lines, significant_digits
 from modal.formats.arrays import Floats
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.network import SOURCE_WALL
 
 
 def import_mercury(path: str | Path, units: Units) -> Found:
@@ -58,7 +59,7 @@ def _found(file: Restart, units: Units) -> Found:
         digits=digits,
         step=units.length * last_step(position, digits),
     )
-    planes, codes = _planes(file, units)
+    planes, codes = planes_of(file, spheres, units)
     cell = Cell(units.length * file.low, units.length * file.high, file.periodic, planes)
     contacts = _contacts(file, spheres, codes, units) if file.touching else None
 
@@ -82,18 +83,6 @@ def _found(file: Restart, units: Units) -> Found:
     return network_of(spheres, cell, contacts, law_of, str(file.path))
 
 
-def _planes(file: Restart, units: Units) -> tuple[tuple[float, float], dict[int, int]]:
-    """z of the lower and the upper wall, or NaN, and the code of each wall's number."""
-    planes, codes = [np.nan, np.nan], dict[int, int]()
-    for number, (normal, place, _, kind) in file.walls.items():
-        if kind != "InfiniteWall" or abs(abs(normal[2]) - 1) > STRAIGHT:
-            continue
-        side = int(normal[2] > 0)
-        planes[side] = units.length * place * normal[2]
-        codes[number] = (SOURCE_WALL, RECEIVER_WALL)[side]
-    return (planes[0], planes[1]), codes
-
-
 def _contacts(file: Restart, spheres: Spheres, codes: dict[int, int], units: Units) -> Contacts:
     """The interactions: force on the first sphere, along and across the line of centres."""
     i, j = np.empty((2, len(file.touching)), np.int32)
@@ -101,8 +90,7 @@ def _contacts(file: Restart, spheres: Spheres, codes: dict[int, int], units: Uni
     for row, (first, second, wall, _, line) in enumerate(file.touching):
         if wall:
             if second not in codes:
-                what = f"a contact with wall {second}, which is not flat at low or high z"
-                file.blame(line, what, "a network knows these two walls alone")
+                file.blame(line, f"a contact with wall {second}, {OTHER}", ALONE)
             j[row] = codes[second]
         for number in (first,) if wall else (first, second):
             place = int(np.searchsorted(spheres.number, number))

@@ -41,6 +41,9 @@ def _old_line(file: Restart, section: str, words: list[str], line: int) -> None:
         if count:
             file.blame(line, "a finite wall", "only infinite walls at low and high z are known")
         normal = np.array(named(file, words, "normal", line, 3))
+        if not normal.any():
+            file.blame(line, "a wall without a direction", "write the restart file whole")
+        normal /= np.linalg.norm(normal)
         place = named(file, words, "position", line)[0]
         file.walls[len(file.walls)] = (normal, place, 0, "InfiniteWall")
     elif section == "WallsPeriodic":

@@ -57,6 +57,69 @@ def test_mercury_of_the_older_format(tmp_path, capsys):
     assert "line 9: the period is angled" in refused(capsys, file, "-o", tmp_path / FILE)
 
 
+def old_box(tmp_path: Path, walls: str, z: str = "0.499 1.497") -> Path:
+    """Two spheres of radius 0.5 on each other at x = 0.5 between these walls, y with 13 digits."""
+    file = tmp_path / "box.restart"
+    lines = walls.splitlines()
+    particles = "".join(
+        f"0.5 2.500000000001 {each} 0 0 0 0.5 0 0 0 0 0 0 1 10 0\n" for each in z.split()
+    )
+    file.write_text(
+        "restart_version 2\nname two\nxmin 0 xmax 1 ymin 0 ymax 5 zmin 0 zmax 2\n"
+        "Species 1\nk 2000 disp 25 kt 500 dispt 25 mu 0.5 rho 1.9098593 dim_particle 3\n"
+        f"Walls {len(lines)}\n"
+        + "".join(f"numFiniteWalls 0 normal {line}\n" for line in lines)
+        + f"WallsPeriodic 0\nParticles 2\n{particles}"
+    )
+    return file
+
+
+ENDS = "0 0 -1 position 0\n0 0 1 position 1.996\n"
+
+
+@pytest.mark.parametrize(
+    ("walls", "said"),
+    [
+        ("-1 0 0 position -0.005\n1 0 0 position 0.995\n", "particle 0: a contact with wall 2, w"),
+        ("-2 0 0 position -0.005\n", "particle 0: a contact with wall 2, which is not flat at low"),
+        (
+            "0 1 0 position 2.9\n",
+            "a contact with wall 2, .*; a network knows these two walls alone",
+        ),
+        ("0 0.6 0.8 position 1.5\n", "a contact with wall 2, which is not flat"),
+        ("0 0 -1 position -0.0005\n", "particle 0: .* wall 0, beside wall 2, both at low z; "),
+        ("0 0 1 position 1.9965\n", "particle 1: .* wall 2, beside wall 1, both at high z; "),
+        ("0 0 0 position 0\n", "line 9: a wall without a direction"),
+    ],
+)
+def test_walls_that_a_network_has_not_are_refused_where_they_are_touched(
+    tmp_path, capsys, walls, said
+):
+    """Contacts follow from the positions there; overlaps with the floor and ceiling of 0.001."""
+    error = refused(capsys, old_box(tmp_path, ENDS + walls), "-o", tmp_path / FILE)
+    assert re.search(said, error), error
+
+
+def test_walls_that_no_sphere_touches_are_left_out(tmp_path, capsys):
+    """Lateral ones just at the spheres' surfaces, a second floor below, and the floor last."""
+    aside = "-1 0 0 position 0\n1 0 0 position 1\n0 0 -1 position 0.3\n0 0 1 position 2.1\n"
+    imported(capsys, old_box(tmp_path, aside + ENDS), "-o", tmp_path / FILE)
+    found = read_network(tmp_path / FILE)
+    assert sorted(found.particle_j.tolist()) == [-2, -1, 1]
+    assert found.wall_position.tolist() == [0.0, 1.996]
+    np.testing.assert_allclose(found.force_normal, [2, 4, 2], rtol=1e-9)
+
+
+def test_finite_walls_without_listed_contacts_are_refused(tmp_path, capsys):
+    """Nothing tells whether a sphere touches them."""
+    file = mercury(tmp_path, "InfiniteWall", "TriangleWall")
+    before, listed, _ = file.read_text().partition("Interactions")
+    assert listed
+    file.write_text(before)
+    error = refused(capsys, file, "-o", tmp_path / FILE)
+    assert "wall 0, TriangleWall, do not follow from positions; write" in error
+
+
 def mercury(tmp_path: Path, old: str, new: str) -> Path:
     path = tmp_path / "spoilt.restart"
     text = (PACKINGS / "mercury_CubicPacking.restart").read_text()
