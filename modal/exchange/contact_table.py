@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.bodies import Cell, Contacts, Spheres
+from modal.exchange.bodies import Cell, Contacts, Spheres, check_spheres
 from modal.exchange.found import Found, network_of
 from modal.exchange.program_law import Units
 from modal.exchange.rows import Rows, fault, last_step, open_bytes
@@ -83,6 +83,7 @@ def import_table(path: str | Path, contacts: str | Path | None, units: Units) ->
         step=units.length * last_step(table[:, 1:4], digits),
     )
     cell = _cell(path, said, units)
+    check_spheres(spheres, cell, str(path))
     touching = _contacts(contacts, spheres, units)
     found = network_of(spheres, cell, touching, None, str(path))
     return found

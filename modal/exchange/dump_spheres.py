@@ -96,7 +96,9 @@ def index_of(number: Ints, ids: Floats, frame: Frame, column: str) -> Ints:
 
 
 def once(i: Ints, j: Ints, frame: Frame) -> None:
-    """InputError, with both lines, where two rows tell of the same pair."""
+    """InputError, with both lines, where two rows tell of the same pair, or where there is none."""
+    if len(i) == 0:
+        fault(frame.rows.path, "no two spheres touch in it", "dump a packing under stress")
     key = np.minimum(i, j).astype(np.int64) * (int(max(i.max(), j.max())) + 1) + np.maximum(i, j)
     order = np.argsort(key, kind="stable")
     again = np.flatnonzero(np.diff(key[order]) == 0)

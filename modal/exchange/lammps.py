@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from modal.exchange.bodies import check_spheres
 from modal.exchange.dump import frame_of
 from modal.exchange.dump_spheres import cell_of, spheres_of
 from modal.exchange.found import Found, network_of
@@ -56,6 +57,7 @@ def import_lammps(
 
     spheres = spheres_of(frame, units)
     cell = replace(cell_of(frame, units), walls=planes_of(walls))
+    check_spheres(spheres, cell, str(atoms))
     touching, more = contacts_of(
         frame, spheres, contacts, script.computes, units, walls, wall_fixes
     )

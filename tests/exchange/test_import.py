@@ -251,6 +251,38 @@ def test_lammps_is_refused_by_file_line_and_column(tmp_path, capsys, what, said)
     assert not (tmp_path / FILE).exists()
 
 
+def emptied(path: Path) -> Path:
+    """The same dump without its rows."""
+    lines = path.read_text().splitlines()[:9]
+    empty = path.with_name(f"empty.{path.name}")
+    empty.write_text("\n".join([*lines[:3], "0", *lines[4:]]) + "\n")
+    return empty
+
+
+@pytest.mark.parametrize("program", ["lammps", "liggghts", "tables"])
+@pytest.mark.parametrize("what", ["contacts", "spheres"])
+def test_files_without_a_row_are_refused_by_name(tmp_path, capsys, program, what):
+    made = program_files.packing(True)
+    spheres, contacts, *log = getattr(program_files, program)(made, tmp_path)
+    law = {"lammps": ["--log", *log], "liggghts": ["--pair", program_files.LIGGGHTS]}
+    if program == "tables":
+        path, heads = {"contacts": (contacts, 1), "spheres": (spheres, 3)}[what]
+        path.write_text("\n".join(path.read_text().splitlines()[:heads]) + "\n")
+    elif what == "contacts":
+        contacts = emptied(contacts)
+    else:
+        spheres = emptied(spheres)
+    given = (spheres, "--contacts", contacts, *law.get(program, []), "-o", tmp_path / FILE)
+    error = refused(capsys, *given)
+    if what == "spheres":
+        assert f"{spheres}: no spheres; dump those of the packing" in error
+    else:
+        named = spheres if program == "tables" else contacts
+        assert re.search(
+            rf"{named.name}: no two spheres touch.*; dump a packing under stress", error
+        )
+
+
 def test_step_chooses_one_time_of_a_dump(tmp_path, capsys):
     made = program_files.packing(True)
     atoms, _, _ = program_files.lammps(made, tmp_path)
