@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from modal.exchange.rows import read_lines
+from modal.exchange.logged import logged_lines
 from modal.formats.hdf5 import InputError
 
 REFUSED_FIXES = {
@@ -14,6 +14,8 @@ REFUSED_FIXES = {
     "bond": "bonds are no contacts that this project knows",
     "wall/gran/region": "walls of regions are not known; only zplane is",
 }
+STYLES = ("wall/gran", "property/local", "pair/local", *REFUSED_FIXES)
+"""Of the fixes and computes that count."""
 
 
 @dataclass
@@ -31,15 +33,8 @@ class Script:
 def read_log(path: str | Path) -> Script:
     """The commands of a log that count at its end, and its printed stresses by step."""
     script = Script()
-    lines = iter(enumerate(read_lines(path), 1))
     names: list[str] = []
-    for number, line in lines:
-        text = line.split("#")[0]
-        while text.rstrip().endswith("&"):
-            text = text.rstrip()[:-1] + next(lines, (0, ""))[1]
-        words = text.split()
-        if not words or "${" in text or "$(" in text:
-            continue
+    for number, words in logged_lines(path, STYLES):
         if words[0] == "Step" and any(word.lower() == "pxx" for word in words):
             names = [word.lower() for word in words]
             continue

@@ -15,8 +15,9 @@ import numpy as np
 
 from modal.exchange.bodies import LawOf
 from modal.exchange.lammps_law import material_of
+from modal.exchange.logged import logged_lines
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ProgramLaw, Units
-from modal.exchange.rows import fault, read_lines
+from modal.exchange.rows import fault
 from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
@@ -31,6 +32,8 @@ REFUSED_FIXES = {
     "rigid": "clumps are not spheres; a network knows single spheres alone",
     "bond": "bonds are no contacts that this project knows",
 }
+STYLES = ("property/global", "pair/gran/local", "wall/gran", *REFUSED_FIXES)
+"""Of the fixes and computes that count."""
 OFF = {"cohesion": "off", "rolling_friction": "off", "surface": "default"}
 """Models that do more than springs, and the word that turns each off."""
 
@@ -50,13 +53,8 @@ class Script:
 def read_script(log: str | Path | None, pair: str | None) -> Script:
     """The commands of a log that count at its end; the law of `pair` where it is typed."""
     script = Script("--pair" if pair else f"{log}")
-    lines = iter(enumerate(read_lines(log) if log else (), 1))
-    for number, line in lines:
-        text = line.split("#")[0]
-        while text.rstrip().endswith("&"):
-            text = text.rstrip()[:-1] + next(lines, (0, ""))[1]
-        if "${" not in text and "$(" not in text:
-            _command(script, text.split(), str(log), number)
+    for number, words in logged_lines(log, STYLES) if log else ():
+        _command(script, words, str(log), number)
     if pair:
         script.model = pair.split()
         typed = [name for name in PROPERTIES if name in script.model]

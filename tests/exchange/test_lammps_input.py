@@ -154,3 +154,65 @@ def test_walls_that_do_not_fit_are_refused(tmp_path, capsys, file, old, new, sai
     given = (atoms, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / FILE)
     error = refused(capsys, *given)
     assert re.search(said, error), error
+
+
+REST = "0 0.2 tangential mindlin/force NULL 0 0.3"
+ECHOED = f"""variable E equal 6e10
+variable H string {{high}}
+variable law string hertz/material
+pair_coeff * * ${{law}} $E {REST} # of $E Pa
+pair_coeff * * hertz/material $E {REST}
+pair_coeff * * hertz/material 60000000000 {REST}
+fix w all wall/gran granular ${{law}} $(v_E) {REST} zplane 0 $H contacts
+fix w all wall/gran granular hertz/material $(v_E) {REST} zplane 0 $H contacts
+fix w all wall/gran granular hertz/material 60000000000 {REST} zplane 0 $H contacts
+fix w all wall/gran granular hertz/material 60000000000 {REST} zplane 0 {{high}} contacts
+print "pair_coeff: $E"
+pair_coeff: 60000000000
+variable s string "unfix"
+$s q
+unfix q
+"""
+"""As LAMMPS (29 Sep 2021) writes it: variables are put in one at a time, each time anew."""
+
+
+def echoed(folder: Path) -> tuple[Path, Path, Path]:
+    """A packing between walls whose log has variables."""
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), folder)
+    wall = re.search(r"(?m)^fix w .* zplane \S+ (\S+) .*\n", log.read_text())
+    text = log.read_text().replace(wall[0], ECHOED.replace("{high}", wall[1]))
+    log.write_text(re.sub(r"(?m)^pair_coeff .* 6e10 .*\n", "", text))
+    return atoms, contacts, log
+
+
+def test_variables_of_one_letter_are_read_as_the_log_puts_them_in(tmp_path):
+    """The same packing as without variables."""
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    wanted = import_lammps(atoms, contacts, log, *[None] * 4).network
+    found = import_lammps(*echoed(tmp_path), *[None] * 4).network
+    assert found.wall_position.tolist() == wanted.wall_position.tolist()
+    np.testing.assert_array_equal(found.stiffness_normal, wanted.stiffness_normal)
+    np.testing.assert_array_equal(found.particle_j, wanted.particle_j)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("pair_coeff 1 1 hertz/material ${E} 0 0.2", r"\${E} has no value in this file: pair_co"),
+        ("pair_coeff 1 1 hertz/material $E 0 0.2", r"\$E has no value in this file: pair_coeff 1"),
+        ("fix v all wall/gran granular $(v_l) zplane 0 NULL", r"\$\(v_l\) has no value"),
+        ("fix v all ${kind} $E", r"\${kind} \$E has no value"),
+        ("fix r all rigid/small $m", r"\$m has no value"),
+        ("$c 1 1 hertz/material 6e10 0 0.2", r"\$c has no value"),
+        ("unfix $w", r"line \d+: \$w has no value .*; give the log of the run, or write the value"),
+    ],
+)
+def test_variables_without_a_value_are_refused(tmp_path, capsys, line, said):
+    """As in a script that is given for its log; lines that do not count may have them."""
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    given = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    log.write_text(log.read_text() + "fix t all langevin $T $T 1 ${seed}\nrun $n\n")
+    program_files.imported(capsys, *given)
+    log.write_text(log.read_text() + line + "\n")
+    error = refused(capsys, *given)
+    assert re.search(said, error), error

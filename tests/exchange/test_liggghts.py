@@ -177,3 +177,20 @@ def test_walls_are_of_the_type_that_is_said(tmp_path, capsys):
     log.write_text(LOG.read_text() + "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
     error = refused(capsys, atoms, "--log", log, "-o", tmp_path / "m.network.h5")
     assert "only primitive walls zplane are known" in error
+
+
+def test_variables_of_a_log_are_read_as_it_puts_them_in(tmp_path, capsys, network):
+    """And refused where they have no value, as in a script that never ran."""
+    log = tmp_path / "log.liggghts"
+    text = LOG.read_text()
+    line = next(each for each in text.splitlines() if "youngsModulus" in each)
+    number = next(word for word in line.split() if re.fullmatch(r"[\d.e]+", word))
+    raw = line.replace(f" {number}", " $E", 1)
+    log.write_text(text.replace(line, f"{raw}\n{line}"))
+    found = import_liggghts(ATOMS, CONTACTS, log, None, None, SI, None).network
+    np.testing.assert_array_equal(found.stiffness_normal, network.stiffness_normal)
+    log.write_text(text.replace(line, raw))
+    error = refused(
+        capsys, ATOMS, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / "x.network.h5"
+    )
+    assert "$E has no value in this file: fix" in error
