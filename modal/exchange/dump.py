@@ -67,6 +67,8 @@ def _frames(path: Path, kind: str) -> list[Frame]:
                 what = f"{line.strip()[:40]!r} where ITEM: should stand"
                 fault(path, what, "give a text dump, style custom or local", number)
             title = line.removeprefix("ITEM: ").split()
+            if not title:
+                fault(path, "ITEM: without a name", "write the dump anew", number)
             if title[0] in ("ATOMS", "ENTRIES"):
                 if title[0] != kind:
                     wanted = {"ATOMS": "spheres (dump custom)", "ENTRIES": "contacts (dump local)"}

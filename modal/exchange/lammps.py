@@ -49,7 +49,8 @@ def import_lammps(
         )
     assumed = [] if log else ["units si"] * (units is None)
     frame = frame_of(atoms, "ATOMS", step)
-    units = units or units_of(script.units, said)
+    # LAMMPS' own units, where a log names none, are lj.
+    units = units or units_of(script.units or ("lj" if log else "si"), said)
     of_pairs, walls = law_of_pairs(script, units, said), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:

@@ -22,7 +22,7 @@ STYLES = ("wall/gran", "property/local", "pair/local", *REFUSED_FIXES)
 class Script:
     """What counts of the commands, and the printed stresses by step."""
 
-    units: str = "si"
+    units: str = ""
     style: tuple[str, ...] = ()
     pair: list[tuple[str, ...]] = field(default_factory=list)
     walls: dict[str, tuple[str, ...]] = field(default_factory=dict)

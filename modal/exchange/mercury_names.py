@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from modal.exchange.mercury_restart import Restart, add_period, named
 from modal.exchange.program_law import FORCE, ProgramLaw
 
 SPHERES = ("BaseParticle", "SphericalParticle", "ThermalParticle")
+COUNTED = "Walls", "Particles", "Interactions"
+"""Sections that have as many lines as they announce."""
 REFUSED = {
     "Plastic": "is hysteretic: its stiffness depends on the way there",
     "Adhesive": "is cohesive",
@@ -22,13 +26,15 @@ REFUSED = {
 
 def read_names(file: Restart, lines: list[str]) -> None:
     """Today's format: a word for what each line is, and a name before each number."""
-    section = ""
+    section, said, there = "", dict[str, int](), Counter[str]()
     for number, line in enumerate(lines, 1):
         words = line.split()
         if not words:
             continue
+        there[section] += 1
         if words[0] in ("Species", "Walls", "Boundaries", "Particles", "Interactions"):
             section = words[0]
+            said[section] = int(named(file, words, section, number)[0])
         elif words[0] == "xMin":
             for axis, name in enumerate("xyz"):
                 file.low[axis] = named(file, words, f"{name}Min", number)[0]
@@ -55,6 +61,10 @@ def read_names(file: Restart, lines: list[str]) -> None:
             i, j = named(file, words, "particleWallIds" if wall else "particleIds", number, 2)
             force = named(file, words, "force", number, 3)
             file.touching.append((int(i), int(j), wall, force, number))
+    for name in COUNTED:
+        if there[name] < said.get(name, 0):
+            what = f"{there[name]} {name} of {said[name]}: the file ends early"
+            file.blame(len(lines), what, "write it whole")
 
 
 def _species(file: Restart, words: list[str], line: int) -> None:

@@ -27,6 +27,9 @@ def read_numbers(file: Restart, lines: list[str]) -> None:
         elif left > 0:
             left -= 1
             _old_line(file, section, words, number)
+    if left > 0:
+        what = f"{left} {section} fewer than announced: the file ends early"
+        file.blame(len(lines), what, "write it whole")
 
 
 def _old_line(file: Restart, section: str, words: list[str], line: int) -> None:

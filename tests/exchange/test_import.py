@@ -202,6 +202,10 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
             log.write_text(text.replace("6e10", "6e7"))
         case "lj":
             log.write_text(text.replace("units si", "units lj"))
+        case "no units":
+            log.write_text(text.replace("units si", ""))
+        case "no title":
+            atoms.write_text(re.sub("ITEM: ATOMS.*", "ITEM: ", atoms.read_text()))
         case "wall":
             log.write_text(text.replace("zplane", "xplane"))
         case "outside":
@@ -235,6 +239,8 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
         ("GPa", r"log.lammps: Young's modulus 60 Pa is that of no material; write it in Pa"),
         ("softer", r"x.atoms: the law makes overlaps of .*; give stiffnesses, forces and lengths"),
         ("lj", r"log.lammps: units lj .*--scales"),
+        ("no title", r"x.atoms, line 9: ITEM: without a name"),
+        ("no units", r"log.lammps: units lj .*--scales"),
         ("wall", r"fix w wall/gran: xplane is not known"),
         ("outside", r"x.atoms: sphere 54 lies outside the cell along z"),
         ("wrong order", r"x.atoms, line 9: ITEM: ENTRIES where spheres"),

@@ -145,3 +145,28 @@ def mercury(tmp_path: Path, old: str, new: str) -> Path:
 def test_mercury_is_refused_by_line(tmp_path, capsys, old, new, said):
     error = refused(capsys, mercury(tmp_path, old, new), "-o", tmp_path / FILE)
     assert re.search(said, error), error
+
+
+@pytest.mark.parametrize(
+    "lines, said",
+    [
+        (15, "2 Walls of 6"),
+        (64, "43 Particles of 125"),
+        (220, "73 Interactions of 125"),
+    ],
+)
+def test_mercury_that_ends_early_is_refused(tmp_path, capsys, lines, said):
+    """By the numbers that each section announces: what is left would be a smaller packing."""
+    whole = (PACKINGS / "mercury_CubicPacking.restart").read_text().splitlines(keepends=True)
+    part = tmp_path / "part.restart"
+    part.write_text("".join(whole[:lines]))
+    error = refused(capsys, part, "-o", tmp_path / FILE)
+    assert said in error and "ends early" in error
+
+
+def test_older_mercury_that_ends_early_is_refused(tmp_path, capsys):
+    whole = old_box(tmp_path, ENDS).read_text().splitlines(keepends=True)
+    part = tmp_path / "part.restart"
+    part.write_text("".join(whole[:-1]))
+    error = refused(capsys, part, "-o", tmp_path / FILE)
+    assert "fewer than announced" in error
