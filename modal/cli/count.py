@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from modal.cli.options import network_command, numbers
+from modal.modes.collective import every_floppy
 from modal.modes.counts import count_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import read_remarked
@@ -36,6 +37,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     problem = Eigenproblem.of(network)
     return {
         "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
-        "floppy_modes": problem.floppy.total,
+        "floppy_modes": every_floppy(problem).total,
         "degrees_of_freedom": problem.size,
     }

@@ -9,6 +9,7 @@ from typing import Any
 from modal.cli.options import network_command
 from modal.cli.terminal import COST, Groups
 from modal.display import quantity
+from modal.modes.collective import every_floppy
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
 from modal.packing.reading import is_sample, read_packing
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Numbers of the packing as a whole, and its layers where they are asked for."""
     network = read_packing(options.network)
     touching = contacts_per_particle(network)
-    floppy = Eigenproblem.of(network).floppy
+    floppy = every_floppy(Eigenproblem.of(network))
     if options.layers:
         write_profile(options.layers, profile(network))
     return {

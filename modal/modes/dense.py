@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
+from modal.modes.collective import add_from_spectrum
 from modal.modes.effort import of_blocks, refuse_endless_search
 from modal.modes.from_vectors import found_modes, relative_residual, shapes_left_out
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
@@ -42,6 +43,7 @@ def dense_modes(
     if not group.trivial:
         return _dense_by_symmetry(problem, group, chosen, choice)
     square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
+    add_from_spectrum(problem, square, vector)
     part = chosen(frequency_of(square))
     modes = found_modes(problem, square[part], vector[:, part], choice, "dense")
     modes.attributes |= certificate(0)

@@ -24,6 +24,7 @@ from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
+from modal.modes.collective import every_floppy
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.progress import progress
@@ -199,7 +200,7 @@ def density_of_states(
     # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
     vectors = max(FEWEST, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
-    zero = problem.floppy.basis
+    zero = every_floppy(problem).basis
     at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
     exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
     numbers = size * (count + 4 * size) if exact else 6 * vectors * count + 4 * size

@@ -6,6 +6,7 @@ import numpy as np
 
 from modal.arguments import checked
 from modal.formats.hdf5 import InputError
+from modal.modes.collective import every_floppy
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
@@ -79,5 +80,5 @@ def eigenmodes(
     else:
         few = min(FEW, problem.size - problem.floppy.total)
         modes = lowest_modes(problem, few if lowest is None else lowest)
-    modes.attributes["floppy_modes"] = problem.floppy.total
+    modes.attributes["floppy_modes"] = every_floppy(problem).total
     return modes

@@ -14,6 +14,7 @@ import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
+from modal.modes.collective import SHIFT, lacking
 from modal.modes.counts import count_below
 from modal.modes.dense import DENSE_LIMIT, dense_modes
 from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
@@ -25,8 +26,6 @@ from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.workload import memory_at_hand
 
-SHIFT = 1e-7
-"""Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
 SLICE = 700
 """Modes that one factorisation is asked for; wider intervals are cut by exact counts. Of 35,201
 spheres their basis takes as much memory as two factors; 300 modes about a shift take 2.8 solves
@@ -50,26 +49,35 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     Certified: the exact count below the highest of them is that of the modes found. Where modes
     did not converge the list ends early, and `missing` says how many it lacks.
     """
-    floppy = problem.floppy.total
-    check_count(problem, count, problem.size - floppy)
+    check_count(problem, count, problem.size - problem.floppy.total)
     choice = Choice("lowest", count)
+
+    def lowest(frequency: Floats) -> slice:
+        first = _zero_modes(problem, frequency)
+        return slice(first, first + count)
+
     if problem.size <= SMALL or count > problem.size // MANY:
-        return dense_modes(problem, lambda f: slice(floppy, floppy + count), choice)
-    effort = near_a_shift(problem, count, SLICE)
+        return dense_modes(problem, lowest, choice)
+    effort = near_a_shift(problem, count + lacking(problem), SLICE)
     refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
     if count > SLICE:
         return _lowest_by_slices(problem, count)
     sigma = -SHIFT * problem.diagonal.max()
     search = Search(problem, sigma, definite=True)
-    missing = search.complete(count, 1, lambda edge: count_below(problem, edge) - floppy)
+    missing = search.complete(
+        count, 1, lambda edge: count_below(problem, edge) - problem.floppy.total
+    )
     if len(search.square) == 0:
         raise InputError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
             "below round-off; ask for the highest, or for an interval further up"
         )
     modes = search.modes(0.0, np.inf, choice)
+    short = count - len(modes.frequency)
+    missing = max(missing, short) if short > 0 else missing
     modes = subset(modes, slice(0, count - max(missing, 0)), choice)
     modes.attributes |= certificate(missing)
+    problem.floppy.all_known |= modes.certified
     return modes
 
 
@@ -84,9 +92,11 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
     low, high = max(float(low), 0.0), float(high)
     choice = Choice("between", low=low, high=high)
+    if low <= frequency_of(np.array([problem.zero]))[0]:
+        low = 0.0
 
     def inside(frequency: Floats) -> slice:
-        first = max(int((frequency < low).sum()), problem.floppy.total)
+        first = max(int((frequency < low).sum()), _zero_modes(problem, frequency))
         return slice(first, max(first, int((frequency < high).sum())))
 
     if problem.size <= SMALL:
@@ -163,11 +173,19 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int)
 def _found(search: Search, low: float, high: float, wanted: int, of: int) -> ModeSet:
     """The modes with low <= f < high that a search finds, certified if they are `wanted`."""
     missing = search.gather(
-        wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
+        wanted,
+        lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high),
+        with_zero=low == 0,
     )
     modes = search.modes(low, high, Choice("between", low=low, high=high), of)
     modes.attributes |= certificate(missing)
+    search.problem.floppy.all_known |= low == 0 and modes.certified
     return modes
+
+
+def _zero_modes(problem: Eigenproblem, frequency: Floats) -> int:
+    """How many of all frequencies, ascending, Hz, belong to modes that are no elastic ones."""
+    return int((frequency <= frequency_of(np.array([problem.zero]))[0]).sum())
 
 
 def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
@@ -176,7 +194,8 @@ def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
     The frequency is found by exact counts, each a third of an octave above the last.
     """
     top = frequency_of(np.array([problem.bound]))[0]
-    high, total = top / 64, problem.floppy.total
+    lowest = (1 + NARROW) * frequency_of(np.array([problem.zero]))[0]
+    high, total = top / 64, count_below(problem, lowest)
     while high < top and count_below(problem, high) - total < count:
         high *= 2 ** (1 / 3)
     modes = modes_between(problem, 0.0, high)

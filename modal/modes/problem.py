@@ -122,6 +122,11 @@ class Eigenproblem:
         """What round-off leaves of an omega^2 of zero: eps times A's largest diagonal entry."""
         return float(np.finfo(float).eps * self.diagonal.max(initial=0.0))
 
+    @property
+    def zero(self) -> float:
+        """The omega^2, 1/s^2, below which no factorisation tells a mode from one at zero."""
+        return COUNTED * float(self.diagonal.max(initial=0.0))
+
     @cached_property
     def operator(self) -> ContactOperator:
         """The product of A with vectors, computed contact by contact where numba is installed."""
@@ -129,7 +134,10 @@ class Eigenproblem:
 
     @property
     def floppy(self) -> FloppyModes:
-        """Zero modes (omega = 0): motions of particles that no contact resists."""
+        """Zero modes: motions that no contact resists, as the structure of the contacts shows them.
+
+        A search that meets further ones adds them; `modal.modes.collective` looks for them.
+        """
 
         def make() -> FloppyModes:
             return floppy_modes(self.network, self.operator, self.mass, self.diagonal)

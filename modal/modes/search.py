@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.arrays import Bools, Floats, Ints
+from modal.modes.collective import split
 from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
@@ -37,8 +38,11 @@ class Search:
     """Modes nearest a shift, found in rounds: each round holds out what the rounds before found.
 
     A block of start vectors sees as many modes of one frequency as it is wide. Where an exact
-    count says that some are missing, another round finds them.
+    count says that some are missing, another round finds them. Zero modes that come back are added
+    to the problem's floppy ones; `zero` says how many.
     """
+
+    elastic = True
 
     def __init__(self, problem: Eigenproblem, sigma: float, *, definite: bool) -> None:
         self.problem, self.sigma, self.definite = problem, sigma, definite
@@ -47,16 +51,27 @@ class Search:
         self.square = np.empty(0)
         self.vector = np.empty((problem.size, 0))
         self.solves = 0
+        self.zero = 0
 
-    def gather(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
+    def gather(
+        self,
+        wanted: int,
+        inside: Callable[[Floats], Bools] = np.isfinite,
+        *,
+        with_zero: bool = False,
+    ) -> int:
         """Search until `wanted` modes are found, or until a round finds none that converges.
 
         Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and gives bool (k,).
-        Returns how many are missing: 0 if all were found, negative if more were found than wanted.
+        `with_zero` says that `wanted` comes from a count that has the zero modes which are found
+        from now on among them. Returns how many are missing: 0 if all were found, negative if more
+        were found than wanted.
         """
-        going = True
+        going, known = True, self.zero
         while going:
             missing = wanted - int(inside(self.square).sum())
+            if with_zero:
+                missing -= self.zero - known
             ask = min(missing, self.held().free)
             going = ask > 0 and self.ask(ask)
         return missing
@@ -82,7 +97,7 @@ class Search:
             wanted = counted(edge)
             lacking = wanted - int(beyond(self.square).sum())
             if lacking <= count:
-                return self.gather(wanted, beyond)
+                return self.gather(wanted, beyond, with_zero=direction > 0)
             # Of a frequency so often degenerate a part is enough: the last mode will be another.
             if not self.ask(count):
                 return count
@@ -90,7 +105,7 @@ class Search:
 
     def held(self) -> Held:
         """The modes that the next round must not find again: zero modes and those found before."""
-        return Held(self.problem.floppy.basis, self.vector)
+        return Held(self.problem.floppy.basis, self.vector, self.zero)
 
     def ask(self, count: int) -> bool:
         """Search for `count` more modes; True if any converged.
@@ -110,9 +125,13 @@ class Search:
         return factorise(shifted, definite=self.definite, solver=self.problem.solver)
 
     def keep(self, near: Nearest) -> bool:
-        """Add the converged modes to those found; True if there were any."""
-        self.square = np.concatenate([self.square, near.square[near.converged]])
+        """Add the converged modes to those found, or to the zero modes; True if there were any."""
+        square = near.square[near.converged]
         vector = _columns(near.vector, np.flatnonzero(near.converged))
+        if self.elastic:
+            zero, square, vector = split(self.problem, square, vector)
+            self.zero += self.problem.floppy.add(zero)
+        self.square = np.concatenate([self.square, square])
         known = self.vector.shape[1] > 0
         self.vector = np.concatenate([self.vector, vector], axis=1) if known else vector
         return bool(near.converged.any())
@@ -168,8 +187,10 @@ class SearchFromTop(Search):
 
     Products alone find modes that stand apart; dense bunches at the top (long crystals, equal
     columns that hardly differ) need the shift, just above the highest of them, where A - sigma is
-    negative definite.
+    negative definite. Zero modes are listed with the others.
     """
+
+    elastic = False
 
     def __init__(self, problem: Eigenproblem) -> None:
         super().__init__(problem, np.inf, definite=True)

@@ -6,12 +6,13 @@ their contacts leaves others with fewer than three, so the loose parts are peele
 after the other. Held by the rest, which is taken as fixed, each connected loose part is a small
 matrix; its null space, padded with zeros, is a null space of K, since K has no negative direction
 and no energy means no stretched contact. A cluster that no wall holds also moves as a whole.
-Whether the rest really is rigid is for the exact count of `modal.modes.counts` to say.
+Whether the rest really is rigid is for the exact count of `modal.modes.counts` to say; what moves
+there without energy is found by `modal.modes.collective` and by the searches for elastic modes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,6 +31,8 @@ NULL = 1e-10
 below it only parts whose stiffnesses differ by 1e10."""
 EMPTY = 1e-15
 """A diagonal entry below this share of the largest one is what round-off leaves of zero."""
+NEW = 1e-8
+"""A motion of which the modes known before leave less, of its square, is one of them."""
 HELD_BY = 3
 """Contacts that hold a sphere in all six directions."""
 LARGEST_PART = 1500
@@ -43,7 +46,9 @@ class FloppyModes:
     The other fields are numbers of zero modes by kind. `free_particles`: of particles without
     contacts. `loose_clusters`: of clusters that no wall holds, or that slide along a wall without
     tangential springs. `hinged`: of loosely held parts of clusters that touch a wall. `spinning`:
-    rotations of particles without tangential springs.
+    rotations of particles without tangential springs. `collective`: what many spheres that have
+    `HELD_BY` contacts each do together, found by a search. `all_known` says that an exact count has
+    shown that there are no others, or that they have been looked for.
     """
 
     basis: sp.csc_matrix
@@ -51,6 +56,8 @@ class FloppyModes:
     loose_clusters: int
     hinged: int
     spinning: int
+    collective: int = 0
+    all_known: bool = field(default=False, init=False)
 
     @property
     def total(self) -> int:
@@ -59,8 +66,24 @@ class FloppyModes:
 
     def by_kind(self) -> dict[str, int]:
         """Number of zero modes of each kind."""
-        kinds = ("free_particles", "loose_clusters", "hinged", "spinning")
+        kinds = ("free_particles", "loose_clusters", "hinged", "spinning", "collective")
         return {kind: getattr(self, kind) for kind in kinds}
+
+    def add(self, vector: Floats) -> int:
+        """Add collective modes: what unit vectors (size, k) have beside the basis.
+
+        Returns how many the basis has gained.
+        """
+        if vector.shape[1] == 0:
+            return 0
+        for _ in range(2):
+            vector = vector - self.basis @ (self.basis.T @ vector)
+        square, mixing = eigh(vector.T @ vector)
+        new = square > NEW
+        vector = vector @ (mixing[:, new] / np.sqrt(square[new]))
+        self.basis = sp.hstack([self.basis, sp.csc_matrix(vector)], format="csc")
+        self.collective += vector.shape[1]
+        return int(vector.shape[1])
 
 
 def clusters(network: Network) -> tuple[Ints, Bools]:
@@ -117,7 +140,7 @@ def floppy_modes(
         rigid = _rigid_motions(network, operator, mass, diagonal.max(), cluster == which)
         rigid = rigid - basis @ (basis.T @ rigid)
         square, vector = eigh(rigid.T @ rigid)
-        new = rigid @ vector[:, square > 1e-8] / np.sqrt(square[square > 1e-8])
+        new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
     return FloppyModes(basis, **kinds, spinning=len(spins))

@@ -81,6 +81,7 @@ def test_each_kind_is_named():
         "loose_clusters": 0,
         "hinged": 3,
         "spinning": 0,
+        "collective": 0,
     }
 
 

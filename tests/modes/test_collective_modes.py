@@ -1,0 +1,112 @@
+"""Zero modes that many spheres share: found, held out and counted, whatever is asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import diluted
+
+import modal
+from modal.modes import lowest
+from modal.modes.collective import every_floppy, lacking
+from modal.modes.effort import Effort
+from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing.network import Network
+from modal.stiffness.springs import slipping
+
+SHARES = 0.3, 0.45, 0.5
+"""Of contacts left out of a crystal without tangential springs: 1, 6 and 19 zero modes of 960 that
+structure does not show, with 1.35, 1.04 and 0.97 springs for each motion that it leaves."""
+
+
+def slippery(share: float, layers: int = 10) -> Network:
+    """A crystal without tangential springs that has lost a share of its contacts."""
+    network = diluted(share, 1, layers)
+    return slipping(replace(network, sliding=np.ones(network.n_contacts, bool)))
+
+
+def by_dense_solver(network: Network) -> tuple[int, np.ndarray]:
+    """How many zero modes there are, and the frequencies of all others, Hz."""
+    square = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())
+    zero = int((abs(square) < 1e-12 * square[-1]).sum())
+    assert square[zero] > 1e-7 * square[-1]  # nothing between
+    return zero, frequency_of(square[zero:])
+
+
+def middle(frequency: np.ndarray, after: int) -> float:
+    """A frequency in the middle of the gap after so many."""
+    return float(frequency[after - 1 : after + 1].mean())
+
+
+@pytest.mark.parametrize("solver", [None, "superlu"])
+@pytest.mark.parametrize("share", SHARES)
+def test_lists_hold_elastic_modes_alone_and_are_complete(share, solver):
+    """The lowest, those below and between frequencies: as the dense solver has them, certified."""
+    zero, elastic = by_dense_solver(slippery(share))
+    assert Eigenproblem.of(slippery(share)).floppy.total < zero
+    low, high = middle(elastic, 20), middle(elastic, 40)
+    for question, expected in (
+        ({"lowest": 10}, elastic[:10]),
+        ({"lowest": 32}, elastic[:32]),
+        ({"below": high}, elastic[:40]),
+        ({"between": (1e-6, high)}, elastic[:40]),
+        ({"between": (low, high)}, elastic[20:40]),
+    ):
+        found = modal.eigenmodes(slippery(share), solver=solver, **question)
+        assert found.certified and found.missing == 0
+        assert found.frequency == pytest.approx(expected, rel=1e-6)
+        assert found.floppy_modes == zero
+
+
+@pytest.mark.parametrize("share", SHARES)
+def test_every_answer_has_the_same_number_of_zero_modes(share):
+    """All modes, many of the lowest and the highest, the density of states, what info says."""
+    zero, elastic = by_dense_solver(slippery(share))
+    many = len(elastic) // 2
+    for question in ({"all": True}, {"highest": 5}, {"highest": 500}, {"lowest": many + 10}):
+        assert modal.eigenmodes(slippery(share), **question).floppy_modes == zero
+    lowest_half = modal.eigenmodes(slippery(share), lowest=many)
+    assert lowest_half.frequency == pytest.approx(elastic[:many], rel=1e-6)
+    for tolerance in (1e-3, 0.3):
+        states = modal.density_of_states(slippery(share), tolerance=tolerance)
+        assert states.zero_modes.sum() == pytest.approx(zero, rel=1e-12)
+    kinds = every_floppy(Eigenproblem.of(slippery(share))).by_kind()
+    assert sum(kinds.values()) == zero and kinds["collective"] > 0
+    assert f"{zero} (" in str(slippery(share))
+
+
+@pytest.mark.parametrize("share", SHARES)
+def test_basis_with_collective_modes_is_exact_and_orthonormal(share):
+    problem = Eigenproblem.of(slippery(share))
+    basis = every_floppy(problem).basis
+    assert abs((problem.scaled @ basis).toarray()).max() < 1e-13 * problem.diagonal.max()
+    assert (basis.T @ basis).toarray() == pytest.approx(np.eye(basis.shape[1]), abs=1e-12)
+
+
+@pytest.mark.parametrize("way", ["slices", "a polynomial"])
+def test_long_lists_that_start_at_zero(monkeypatch, way):
+    """Cut into slices, or lifted by a polynomial: what comes back at zero is no elastic mode."""
+    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
+    monkeypatch.setattr("modal.modes.lowest.MANY", 1)
+    zero, elastic = by_dense_solver(slippery(0.5))
+    if way == "slices":
+        monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
+    else:
+        monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
+    problem = Eigenproblem.of(slippery(0.5), solver="superlu" if way == "slices" else None)
+    if way == "slices":
+        found = lowest.lowest_modes(problem, 100)
+        assert found.frequency == pytest.approx(elastic[:100], rel=1e-6)
+    else:
+        found = lowest.modes_between(problem, 0.0, middle(elastic, 60))
+        assert "a vector" in found.attributes["solver"]
+        assert found.frequency == pytest.approx(elastic[:60], rel=1e-8)
+    assert found.certified and problem.floppy.total == zero
+
+
+def test_springs_that_are_missing_are_known_before():
+    """Motions less springs: so many zero modes there must be, and are not known."""
+    problem = Eigenproblem.of(slippery(0.5))
+    springs = problem.network.n_contacts
+    assert 0 < lacking(problem) == problem.size - problem.floppy.total - springs
+    assert lacking(Eigenproblem.of(diluted(0.3, 1))) == 0
