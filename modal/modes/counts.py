@@ -19,8 +19,9 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from modal.arguments import checked
 from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
+from modal.modes.collective import every_floppy
 from modal.modes.effort import factorisation, refuse_endless_search
-from modal.modes.problem import SMALL, Eigenproblem
+from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.factor import SingularError, available, factorise
@@ -115,8 +116,11 @@ def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = 
 
     Motions without energy count, as they lie at zero. `frequency` in Hz: a number, whose count is
     an int, or an array, whose counts have its shape. Nothing is estimated: the signs of a
-    factorised K - omega^2 M tell (Sylvester's law of inertia). `solver` names a factorisation:
-    pardiso, superlu or layers. InputError where a frequency is negative or lies on a mode.
+    factorised K - omega^2 M tell (Sylvester's law of inertia). Where a frequency lies so near to
+    zero that round-off hides its side of the zero modes (omega^2 below 1e-11 of the largest
+    diagonal entry of M^-1 K), the count is that of the zero modes, if these are known to be all
+    modes so low. `solver` names a factorisation: pardiso, superlu or layers. InputError where a
+    frequency is negative or lies on a mode, and near zero where that is not known.
 
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
@@ -138,7 +142,9 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
 
     It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
     of a factorisation: PARDISO's where it is installed, else layer by layer in little memory. Small
-    networks are solved dense. A factorisation may be uncertain at this very frequency, since a
+    networks are solved dense. No factorisation can tell the sides of an omega^2 below the problem's
+    `zero`: the count is made there instead, and holds if it is that of the zero modes, since then
+    no other mode is as low. A factorisation may be uncertain at this very frequency, since a
     pivot may vanish although no mode is near. Then it is made a little below and a little above,
     and counts if both agree; otherwise the layers are tried. InputError where no way is certain.
     """
@@ -147,6 +153,8 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
     square = (2 * np.pi * frequency) ** 2
     if frequency <= 0:
         return 0
+    if square < problem.zero:
+        return _count_of_zero(problem, frequency)
     if square > BEYOND * problem.diagonal.max() and square > problem.bound:
         return problem.size
     if problem.size <= SMALL:
@@ -165,6 +173,18 @@ def count_below(problem: Eigenproblem, frequency: float) -> int:
         f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
         "different frequency"
     )
+
+
+def _count_of_zero(problem: Eigenproblem, frequency: float) -> int:
+    """Number of zero modes, if no other mode lies below the problem's `zero`; else InputError."""
+    least = float(frequency_of(np.array([problem.zero]))[0]) * (1 + BESIDE)
+    count = count_below(problem, least)
+    if count not in (problem.floppy.total, every_floppy(problem).total):
+        raise InputError(
+            f"{frequency:g} Hz: so near to zero a mode's side is round-off; ask from "
+            f"{least:.3g} Hz on, where it is not"
+        )
+    return count
 
 
 def _negative(problem: Eigenproblem, square: float, method: str) -> int | None:

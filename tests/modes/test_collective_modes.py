@@ -7,11 +7,14 @@ import pytest
 from packings import diluted
 
 import modal
+from modal.formats.hdf5 import InputError
 from modal.modes import lowest
 from modal.modes.collective import every_floppy, lacking
+from modal.modes.counts import count_below
 from modal.modes.effort import Effort
-from modal.modes.problem import Eigenproblem, frequency_of
+from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing.network import Network
+from modal.solvers.factor import available
 from modal.stiffness.springs import slipping
 
 SHARES = 0.3, 0.45, 0.5
@@ -102,6 +105,29 @@ def test_long_lists_that_start_at_zero(monkeypatch, way):
         assert "a vector" in found.attributes["solver"]
         assert found.frequency == pytest.approx(elastic[:60], rel=1e-8)
     assert found.certified and problem.floppy.total == zero
+
+
+@pytest.mark.parametrize("solver", ["pardiso", "superlu", "layers"])
+@pytest.mark.parametrize("layers", [4, 10])
+def test_counts_just_above_zero_are_those_of_the_zero_modes(solver, layers):
+    """At frequencies whose omega^2 is below the round-off of a factorisation."""
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    network = slippery(0.5, layers)
+    assert (Eigenproblem.of(network).size <= SMALL) == (layers == 4)
+    zero, _ = by_dense_solver(network)
+    counts = modal.count_modes(network, [1e-9, 1e-6, 1e-3, 0.1, 1.0], solver=solver)
+    assert counts.tolist() == [zero] * 5
+
+
+def test_a_mode_that_is_nearly_at_zero_is_not_called_one(monkeypatch):
+    """Where the zero modes that are known are not all that a count finds, it says so."""
+    problem = Eigenproblem.of(slippery(0.5))
+    zero, _ = by_dense_solver(problem.network)
+    monkeypatch.setattr("modal.modes.collective.HARDLY", 0.0)
+    with pytest.raises(InputError, match=r"1e-06 Hz: so near to zero .* ask from 0\.\d+ Hz on"):
+        count_below(problem, 1e-6)
+    assert count_below(problem, 10.0) == zero
 
 
 def test_springs_that_are_missing_are_known_before():
