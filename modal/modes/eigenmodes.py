@@ -43,11 +43,12 @@ def eigenmodes(
     listed only among all modes.
 
     A result with k modes has `frequency` (k,) Hz, `chi_z` (k,), the share of motion along z (Eq.
-    2), and `mode_shape` (k, n, 6), mass-normalised, kg^-1/2, where `shapes` are wanted and take no
-    more than 2 GB. It is `certified` where an exact count of modes says that none is missing; with
-    `highest` that may be left out (`certify=False`). `solver` names a factorisation: pardiso,
-    banded or superlu. InputError where there are no such modes, and where the search is estimated
-    to take longer than `hours` or more than the free memory.
+    2; of a crystal's degenerate pairs that of travelling waves), and `mode_shape` (k, n, 6),
+    mass-normalised, kg^-1/2, where `shapes` are wanted and take no more than 2 GB. It is
+    `certified` where an exact count of modes says that none is missing; with `highest` that may be
+    left out (`certify=False`). `solver` names a factorisation: pardiso, banded or superlu.
+    InputError where there are no such modes, and where the search is estimated to take longer than
+    `hours` or more than the free memory.
 
     >>> import modal
     >>> low = eigenmodes(modal.fcc(cells=(2, 2, 20)), lowest=3)

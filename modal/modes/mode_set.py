@@ -85,7 +85,8 @@ class ModeSet:
 
     frequency (k,) Hz; residual (k,) |A v - omega^2 v| / omega^2 of the unit vector v, with A =
     M^-1/2 K M^-1/2, which round-off keeps above about eps |A| / omega^2; chi_z, chi_z_chain (k,)
-    Eq. 2 over all particles and over the chain; rotation_share (k,) of the kinetic energy;
+    Eq. 2 over all particles and over the chain; rotation_share (k,) of the kinetic energy, of a
+    crystal's degenerate pairs all three those of travelling waves, while the shapes are standing;
     mode_shape (k, n, 6), mass-normalised, where asked for. resonance_* hold the P-wave
     resonances r = 1, 2, ...: frequency, wave number pi r / L (Eq. 4) and the z-component along
     the chain. attributes: interval, what was asked for in words, and the same as choice, count, low
@@ -127,9 +128,11 @@ class ModeSet:
         return int(self.attributes.get("floppy_modes", 0))
 
     def chi(self, axis: str) -> Floats:
-        """Shape (k,): share of each mode's motion along x, y or z; `chi_z` is that along z.
+        """Shape (k,): share of the motion along x, y or z of each mode shape that is kept.
 
-        InputError where the mode shapes were not kept.
+        Along z it is `chi_z`, except of pairs of equal frequency that a crystal's lateral symmetry
+        gives: their shapes are standing waves, and `chi_z` is that of the travelling wave which the
+        two make together. InputError where the mode shapes were not kept.
         """
         if axis not in ("x", "y", "z"):
             raise InputError(f"axis {axis!r}: choose x, y or z")

@@ -135,6 +135,22 @@ def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
             read_z_shapes(path)
 
 
+def test_chi_of_shapes_is_chi_z_but_for_the_pairs_of_a_crystal():
+    """Two standing waves of equal frequency are a travelling one, and chi_z is of that."""
+    found = dense.all_modes(Eigenproblem.of(crystal_without_symmetry(5)))
+    assert found.chi("z") == pytest.approx(found.chi_z, abs=1e-12)
+    found = dense.all_modes(Eigenproblem.of(gallery.fcc(cells=(3, 3, 6))))
+    same = found.frequency[1:] == found.frequency[:-1]
+    before, after = np.append(False, same), np.append(same, False)
+    apart = abs(found.chi("z") - found.chi_z)
+    assert apart[~before & ~after].max() < 1e-9
+    first = np.flatnonzero(after & ~before & ~np.append(after[1:], False))
+    both = found.shapes()[first] ** 2 + found.shapes()[first + 1] ** 2
+    wave = (both[:, :, 2] / both[:, :, :3].sum(axis=2)).mean(axis=1)
+    assert len(first) > 80 and wave == pytest.approx(found.chi_z[first], abs=1e-6)
+    assert apart[first].max() > 0.1
+
+
 @pytest.mark.parametrize("network", [gallery.fcc(cells=(3, 3, 4)), crystal_without_symmetry(5)])
 def test_without_a_file_no_shapes_are_made(network):
     problem = Eigenproblem.of(network, shapes=False)
