@@ -137,6 +137,11 @@ def read_provenance(path: str | Path) -> Provenance:
         if "settings" in said and "sources" in said:
             sources = tuple(Source(**source) for source in json.loads(said["sources"]))
             made = replace(made, settings=json.loads(said["settings"]), sources=sources)
+            if digest and not made.packing:
+                raise InputError(
+                    f"{path}: names a network as its own, but no packing among its sources; make "
+                    "it again"
+                )
             if digest and digest != made.packing[0].sha256:
                 raise InputError(f"{path}: names two networks as its own; make it again")
             return made

@@ -31,6 +31,7 @@ from modal.formats.provenance import (
     read_provenance,
     require_same_packing,
 )
+from modal.modes.density import density_of_states, write_density
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
@@ -151,6 +152,15 @@ def test_digest_of_an_earlier_version_is_compared(network):
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     with pytest.raises(InputError, match=r"wave\.h5: made from .* not from case02"):
         require_same_packing(path, packing_of(network))
+
+
+def test_a_network_that_is_not_among_the_sources_is_refused(network):
+    """One line, which names the file."""
+    path = network.with_name("a.density.h5")
+    states = density_of_states(gallery.fcc(1e5, (1, 1, 12)), resolution=2e4)
+    write_density(path, states, "abc", Provenance("x", {}))
+    with pytest.raises(InputError, match=r"a\.density\.h5: names a network .* no packing among"):
+        read_provenance(path)
 
 
 def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
