@@ -155,6 +155,13 @@ class SampledMotion:
                 "a source motion starts at time 0 with displacement 0 and its times increase; "
                 "shift the record"
             )
+        with np.errstate(over="ignore", invalid="ignore"):
+            moves = 0 < self.frequency < np.inf
+        if not moves:
+            raise InputError(
+                "a source motion that never moves, or beyond what numbers can square, makes no "
+                "wave; give displacements in m that are not all 0"
+            )
 
     @property
     def amplitude(self) -> float:
@@ -165,7 +172,7 @@ class SampledMotion:
     def frequency(self) -> float:
         """Root mean square of the velocity over that of the displacement, over 2 pi; Hz.
 
-        For a sine it is the sine's own frequency; 0 where the wall does not move.
+        For a sine it is the sine's own frequency.
         """
         step = np.diff(self.time)
         speed = ((np.diff(self.value) / step) ** 2 * step).sum()

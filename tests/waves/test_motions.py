@@ -152,12 +152,23 @@ def test_commands_name_what_a_motion_lacks(tmp_path, capsys):
         assert main([*command, *options]) == 2
         said = capsys.readouterr().err
         assert words in said and said.count("\n") == 1
+    still, out = tmp_path / "still.txt", tmp_path / "a.signals.h5"
+    still.write_text("0 0\n1e-5 0\n")
+    for options in (["--source", str(still)], ["--motion", "step", "--sweep", "1e-5"]):
+        options += ["--amplitude", "0"] * ("--motion" in options)
+        assert main([*command, *options, "-o", str(out)]) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1 and not out.exists()
+        assert "never moves" in said
     for wrong in (
         lambda: chirp(1e-9, -1, 1e4, 1e-3),
         lambda: chirp(1e-9, 1e6, 1e9, 1.0),
         lambda: step(np.nan, 1e-5),
         lambda: Pulse(cycles=1.5),
         lambda: SampledMotion(np.array([0.0, 1]), np.array([1.0, 0])),
+        lambda: step(0.0, 1e-5),
+        lambda: chirp(0.0, 1e5, 2e5, 1e-5),
+        lambda: SampledMotion(np.array([0.0, 1]), np.array([0, 1e-200])),
     ):
         with pytest.raises(InputError):
             wrong()
