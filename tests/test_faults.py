@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
+from modal.formats.hdf5 import HOST, InputError
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample
@@ -246,11 +246,13 @@ def test_parts_of_killed_processes_are_removed(tmp_path):
     if child == 0:
         os._exit(0)
     os.waitpid(child, 0)
-    dead, living = (tmp_path / f".a.network.h5.{pid}.part" for pid in (child, 1))
-    dead.write_bytes(b"half")
-    living.write_bytes(b"half")
+    other = f"{int(HOST, 16) ^ 1:08x}"  # a machine that writes to the same disk
+    parts = [f"{HOST}.{child}", f"{HOST}.1", f"{other}.{child}", str(child)]
+    dead, living, *elsewhere = (tmp_path / f".a.network.h5.{whose}.part" for whose in parts)
+    for part in (dead, living, *elsewhere):
+        part.write_bytes(b"half")
     write_network(path, gallery.fcc(cells=(1, 1, 5)))
-    assert not dead.exists() and living.exists()
+    assert not dead.exists() and living.exists() and all(part.exists() for part in elsewhere)
     assert read_network(path).n_particles == 5
     with pytest.raises(InputError):
         read_network(living)

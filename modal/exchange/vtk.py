@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.exchange.picture import Lines
 from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import InputError, write_whole
+from modal.formats.hdf5 import HOST, InputError, write_whole
 
 
 def write_spheres(path: Path, position: Floats, fields: dict[str, Array]) -> None:
@@ -59,7 +59,7 @@ def _write(
         point_data=point_data,
         cell_data={name: [data] for name, data in cell_data.items()},
     )
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.part.vtu")
+    partial = path.with_name(f".{path.stem}.{HOST}.{os.getpid()}.part.vtu")
     try:
         mesh.write(partial, file_format="vtu")
         write_whole(path, partial.read_bytes())

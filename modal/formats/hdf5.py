@@ -13,6 +13,8 @@ import hashlib
 import io
 import mmap
 import os
+import platform
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,6 +29,10 @@ CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
 _HEAP = b"GCOL\x01\0\0\0"
 """How a global heap begins: where HDF5 keeps texts."""
+
+HOST = f"{zlib.crc32(platform.node().encode()):08x}"
+"""This machine in names of partial files: a process of another one may be at work on the same disk,
+and its number means nothing here. A digest, as names of hosts may be long."""
 
 
 class InputError(ValueError):
@@ -48,7 +54,7 @@ def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
 def write_whole(path: str | Path, data: bytes | memoryview, *, make_folder: bool = False) -> None:
     """Write a file of which others see the old state or the new one, never a part of it."""
     path = Path(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    partial = path.with_name(f".{path.name}.{HOST}.{os.getpid()}.part")
     try:
         if make_folder:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -74,8 +80,8 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def _remove_abandoned(path: Path) -> None:
-    """Remove the parts that killed processes have left of this file."""
-    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+    """Remove the parts that killed processes of this machine have left of this file."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.{HOST}.*.part"):
         pid = part.name.split(".")[-2]
         try:
             os.kill(int(pid), 0)
