@@ -35,8 +35,9 @@ def every_floppy(problem: Eigenproblem) -> FloppyModes:
     """The zero modes with the collective ones, which are searched for where springs are few.
 
     Up to `SMALL` degrees of freedom the dense spectrum shows them all. Of larger networks those
-    with at most `HARDLY` springs for each motion are searched, if that is estimated to take less
-    than `LONGEST`; the others are taken to be held.
+    with fewer springs than motions are searched, and those with contacts that lack a tangential
+    spring up to `HARDLY` springs for each, if that is estimated to take less than `LONGEST`; the
+    others are taken to be held.
     """
     floppy = problem.floppy
     if not floppy.all_known:
@@ -44,7 +45,7 @@ def every_floppy(problem: Eigenproblem) -> FloppyModes:
         if problem.size <= SMALL:
             square, vector = eigh(problem.scaled.toarray())
             add_from_spectrum(problem, square, vector)
-        elif springs(problem.network) <= HARDLY * left:
+        elif springs(problem.network) <= left * (HARDLY if _slippery(problem.network) else 1):
             _search(problem)
         floppy.all_known = True
     return floppy
@@ -54,6 +55,11 @@ def springs(network: Network) -> int:
     """Number of springs: the rank of K is no higher."""
     along, across = network.stiffness_normal != 0, network.stiffness_tangential != 0
     return int(along.sum() + 2 * across.sum())
+
+
+def _slippery(network: Network) -> bool:
+    """Whether some contact has no tangential spring."""
+    return not network.stiffness_tangential.all()
 
 
 def lacking(problem: Eigenproblem) -> int:
