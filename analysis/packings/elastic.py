@@ -17,6 +17,7 @@ from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.structure_factor import structure_factor
 from analysis.table import Table
 from modal.elasticity.moduli import elastic_moduli
+from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.reading import read_packing
 from modal.packing.state import coordination_without_rattlers
@@ -55,6 +56,11 @@ def row(path: str | Path) -> list[str]:
     moduli = elastic_moduli(network)
     v = moduli.velocities((0, 0, 1))
     static = {"z": float(v[0]), "x": float(v[1:].mean())}
+    if not min(static.values()) > 0:
+        raise InputError(
+            f"{path}: P- and S-waves of {static['z']:g} and {static['x']:g} m/s by its moduli; a "
+            "packing without stiffness carries no wave, leave it out"
+        )
     found = {"z": [static["z"]], "x": [static["x"]]}
     # By how much a push or a slide of the walls strains the whole more than the bulk.
     giving = {"z": (2, 2), "x": (4, 4)}
@@ -89,13 +95,15 @@ def standing_velocity(network: Network, direction: str, expected: float, length:
     """Velocity, m/s, of long standing waves between the walls, from their lines; about `expected`.
 
     2 L f_r / r over r^2, a straight line through the orders, at zero; L, m, is the `length` in
-    which a wave fits.
+    which a wave fits. NaN where a line is not found within the band, as in short or soft packings.
     """
     spacing = expected / (2 * network.length)
     highest = 1.5 * spacing * float(ORDERS[-1])
     lines = structure_factor(network, ORDERS, spacing / 1.2, highest, direction)
     peak, _ = lines.ridge()
     speed = 2 * length * peak / ORDERS
+    if not np.isfinite(speed).all():  # least squares need not take NaN
+        return np.nan
     return float(np.polyfit(ORDERS**2, speed, 1)[1])
 
 

@@ -37,6 +37,22 @@ def test_velocities_of_the_crystal(crystal, direction):
     assert travelling_velocity(crystal, direction, wanted) == pytest.approx(wanted, rel=5e-4)
 
 
+def test_a_line_that_is_not_found_is_no_velocity(monkeypatch):
+    """At a resolution that blurs all lines into one; least squares never see what is not found."""
+    fitted = []
+    monkeypatch.setattr("numpy.polyfit", lambda *arguments: fitted.append(arguments))
+    short = modal.fcc(cells=(2, 2, 6))
+    assert np.isnan(standing_velocity(short, "z", 1e4, short.length)) and not fitted
+
+
+def test_a_packing_without_stiffness_is_refused_by_its_velocities(tmp_path):
+    crystal, path = modal.fcc(cells=(2, 2, 6)), tmp_path / "soft.network.h5"
+    few = np.random.default_rng(1).random(crystal.n_contacts) < 0.2
+    write_network(path, crystal.with_contacts(few | (crystal.particle_j < 0)))
+    with pytest.raises(InputError, match=r"soft\.network\.h5: P- and S-waves of .* leave it out"):
+        row(path)
+
+
 def test_a_row_and_the_command(tmp_path, capsys, crystal):
     path = tmp_path / "crystal.network.h5"
     write_network(path, crystal)
