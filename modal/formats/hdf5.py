@@ -127,9 +127,10 @@ def open_h5(
         raise
     except (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError) as error:
         reason = " ".join(str(error).split())
-        raise InputError(
-            f"{path}: not a readable HDF5 file ({reason}); it may be truncated, make it again"
-        ) from error
+        do = "it may be truncated, make it again"
+        if not h5py.is_hdf5(path):
+            do += "; what another program wrote is read by `import`"
+        raise InputError(f"{path}: not a readable HDF5 file ({reason}); {do}") from error
 
 
 def _refuse_endless_heap(path: Path) -> None:

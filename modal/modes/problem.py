@@ -176,6 +176,11 @@ def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None
     `available_modes` is the number of modes that can be listed: all degrees of freedom, less the
     zero modes where these are not listed.
     """
+    if available_modes < 1:
+        raise InputError(
+            f"no modes to list: no spring holds any of the {problem.size} motions; see the "
+            "contacts with `info`"
+        )
     if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
         raise InputError(
             f"{count} modes asked, the network has {problem.size} degrees of freedom and "

@@ -102,7 +102,7 @@ class Study:
             raise InputError(
                 f"mu_comp {self.mu_comp:g}, {self.spheres} spheres, width {self.width:g}: this "
                 "compression needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least "
-                "4 diameters"
+                "4 diameters (which a smaller aspect, length over width, has of as many spheres)"
             )
         _ = self.material, self.wall_material, self.smallest  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
