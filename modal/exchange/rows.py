@@ -7,16 +7,20 @@ import io
 import itertools
 import math
 import warnings
-from collections.abc import Sequence
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import IO, NoReturn, cast
 
 import numpy as np
 
-from modal.formats.arrays import Floats
+from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
 
+SHOWN = 60
+"""Characters of a file that a message quotes."""
 LOOKED_AT = 500
 """Rows whose texts are looked at for the number of digits that a program has written."""
 
@@ -27,23 +31,31 @@ def fault(path: str | Path, what: str, do: str, line: int = 0, column: str = "")
     raise InputError(f"{path}{where}: {what}; {do}")
 
 
-def open_bytes(path: str | Path) -> IO[bytes]:
-    """The file as bytes, unpacked where its name ends in .gz; InputError where there is none."""
+def shown(text: str) -> str:
+    """What stands in a file, for a message: cut, and without the bytes that a terminal obeys."""
+    return repr(text[:SHOWN]) + "..." * (len(text) > SHOWN)
+
+
+@contextmanager
+def open_bytes(path: str | Path) -> Iterator[IO[bytes]]:
+    """The file as bytes, unpacked where its name ends in .gz.
+
+    InputError where there is none, and where reading fails while it is open: an archive that was
+    cut off says so at its end alone.
+    """
     try:
-        if str(path).endswith(".gz"):
-            return gzip.open(path, "rb")  # type: ignore[return-value]
-        return open(path, "rb")
-    except OSError as error:
-        fault(path, error.strerror or "cannot be opened", "check the name")
+        with gzip.open(path, "rb") if str(path).endswith(".gz") else open(path, "rb") as file:
+            yield cast(IO[bytes], file)
+    except (OSError, EOFError, zlib.error) as error:
+        if isinstance(error, OSError) and error.strerror:
+            fault(path, error.strerror, "check the name")
+        fault(path, str(error), "the archive is damaged, write it again")
 
 
 def read_lines(path: str | Path) -> list[str]:
     """All lines of a text file, without their ends."""
     with open_bytes(path) as file:
-        try:
-            return file.read().decode("utf-8", "replace").splitlines()
-        except (OSError, EOFError) as error:
-            fault(path, str(error), "the archive is damaged, write it again")
+        return file.read().decode("utf-8", "replace").splitlines()
 
 
 @dataclass(frozen=True)
@@ -95,6 +107,15 @@ class Rows:
             fault(self.path, what, "mend the export", self.line + row, names[column])
         return table
 
+    def whole(self, numbers: Floats, column: str) -> Ints:
+        """These numbers (count,) of a column as integers; InputError says which is none."""
+        bad = (numbers != np.round(numbers)) | (abs(numbers) > 2**53)
+        if bad.any():
+            row = int(np.argmax(bad))
+            what = f"{numbers[row]:.17g} is no whole number"
+            fault(self.path, what, "write ids as they are", self.line + row, column)
+        return numbers.astype(np.int64)
+
     def texts(self) -> list[list[str]]:
         """The first rows as they are written."""
         with open_bytes(self.path) as file:
@@ -122,7 +143,7 @@ class Rows:
                     try:
                         float(words[column])
                     except ValueError:
-                        what = f"{words[column].strip()!r} is no number"
+                        what = f"{shown(words[column].strip())} is no number"
                         fault(self.path, what, "write numbers there", here, name)
         fault(self.path, "its rows cannot be read as numbers", "write it again", self.line)
 
