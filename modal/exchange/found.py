@@ -21,15 +21,18 @@ from modal.exchange.bodies import (
     nearest,
     touching_pairs,
 )
+from modal.exchange.listed import (
+    digits_of_table,
+    refuse_apart,
+    refuse_drowned,
+    refuse_one_place,
+)
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
-from modal.exchange.rows import fault
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.consistency import WIDEST
 from modal.packing.network import SOURCE_WALL, Network
 
-DROWNED = 1e-3
-"""Error of an overlap by the digits of positions, over the median overlap, that is refused."""
 BLURRED = 1e-6
 """The same from which overlaps are taken from the forces where these are told."""
 AT_LIMIT = 1e-6
@@ -106,9 +109,14 @@ def network_of(
     pairs = _Pairs(given.i, given.j, branch, shift, law, *told_of)
 
     reach, effective = _radii(spheres, pairs)
-    overlap = reach - np.linalg.norm(pairs.branch, axis=1)
-    kept = overlap > 0 if pairs.force is None else pairs.force != 0
-    _refuse_apart(given, spheres, kept & (overlap < -WIDEST * reach), -overlap)
+    distance = np.linalg.norm(pairs.branch, axis=1)
+    refuse_one_place(given, spheres, distance, name)
+    overlap = reach - distance
+    if given.stiffness is not None:
+        kept = np.ones(len(overlap), bool)  # what a table lists with a stiffness is a contact
+    else:
+        kept = overlap > 0 if pairs.force is None else pairs.force != 0
+    refuse_apart(given, spheres, kept & (overlap < -WIDEST * reach), -overlap)
     if contacts is not None and not kept.all():
         remarks.append(
             f"{int((~kept).sum())} of {len(kept)} listed contacts do not touch: left out"
@@ -121,9 +129,9 @@ def network_of(
     force = pairs.force
     how = "positions"
     if not laws:
-        pass  # stiffnesses are told: an overlap only shortens the levers
+        remarks += digits_of_table(spheres, error, overlap, distance, name)
     elif force is None:
-        _refuse_drowned(spheres, error, overlap, name)
+        refuse_drowned(spheres, error, overlap, name)
         force = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
     else:
         pushed = _by_law(ProgramLaw.overlap, laws, pairs.law, force, effective)
@@ -150,22 +158,6 @@ def network_of(
     stiffness = pairs.along, pairs.across
     network = _whole(spheres, cell, walls, position, pairs, overlap, force, stiffness, laws)
     return Found(network, laws, pairs.law, told, remarks)
-
-
-def _refuse_apart(given: Contacts, spheres: Spheres, apart: Bools, gap: Floats) -> None:
-    """InputError, with its line, for a contact of bodies that lie `apart`; by a `gap` (m,), m."""
-    rows = given.listed
-    if rows is None or not apart[: rows.count].any():
-        return
-    row = int(np.argmax(apart))
-    one, other = (spheres.number[end] for end in (given.i[row], max(given.j[row], 0)))
-    ends = f"spheres {one} and {other}" if given.j[row] >= 0 else f"sphere {one} and the wall"
-    fault(
-        rows.path,
-        f"{ends} do not touch, there are {gap[row]:.3g} m between them",
-        "write spheres and contacts at the same step, in one unit of length",
-        rows.line + row,
-    )
 
 
 def _turn_to_lines(pairs: _Pairs) -> None:
@@ -218,20 +210,6 @@ def _by_law(
         of = law == number
         result[of] = what(one, values[of], effective[of])
     return result
-
-
-def _refuse_drowned(spheres: Spheres, error: float, overlap: Floats, name: str) -> None:
-    """InputError where rounding of positions changes overlaps, and with them who touches whom."""
-    median = float(np.median(overlap))
-    if error <= DROWNED * median:
-        return
-    largest = float(abs(spheres.position).max())
-    needed = int(np.ceil(np.log10(largest / (DROWNED * median)))) + 1
-    raise InputError(
-        f"{name}: positions have {spheres.digits} digits, or the cell's bounds, steps of "
-        f"{spheres.step:.0e} m, where the median overlap is {median:.1e} m; write {needed} digits "
-        "or more (17 are all), or give the contacts with their forces"
-    )
 
 
 def _whole(

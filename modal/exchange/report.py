@@ -55,6 +55,8 @@ def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
     if network.cell_size[:2].all() and network.length > 0:
         told["stress_pa"] = np.diag(stress_tensor(network)).tolist()
     push = np.hypot(network.force_normal, np.linalg.norm(network.force_tangential, axis=1))
+    if not push.any():
+        return told
     net = np.linalg.norm(net_forces(network)[:, :3], axis=1)
     balance = told["net_force_over_contact_force"] = float(net.mean() / push.mean())
     if balance > UNBALANCED:

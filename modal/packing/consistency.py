@@ -212,6 +212,16 @@ def force_ratio(network: Network) -> Floats:
     return force[told] / resisted[told]
 
 
+def check_force_ratio(ratio: Floats, name: str) -> None:
+    """InputError where the median `force_ratio` is that of no law; an empty one tells nothing."""
+    if len(ratio) and not FORCE_RATIO[0] <= (median := float(np.median(ratio))) <= FORCE_RATIO[1]:
+        raise InputError(
+            f"{name}: force over stiffness times overlap is {median:.3g} in the median contact, "
+            "which no law of contact has (Hertz 2/3, linear 1); give forces in N, stiffnesses "
+            "in N/m and overlaps in m"
+        )
+
+
 def _check_forces(network: Network, name: str) -> None:
     """Tangential forces lie across the normal; units of forces, stiffnesses and overlaps agree."""
     if network.force_tangential is not None:
@@ -223,14 +233,8 @@ def _check_forces(network: Network, name: str) -> None:
         refuse(wrong, name, "contact", "has a tangential force along its normal")
     ratio = force_ratio(network)
     # A packing whose contacts pull or are bonded may have any ratio.
-    if len(ratio) == network.n_contacts and not (
-        FORCE_RATIO[0] <= (median := float(np.median(ratio))) <= FORCE_RATIO[1]
-    ):
-        raise InputError(
-            f"{name}: force over stiffness times overlap is {median:.3g} in the median contact, "
-            "which no law of contact has (Hertz 2/3, linear 1); give forces in N, stiffnesses "
-            "in N/m and overlaps in m"
-        )
+    if len(ratio) == network.n_contacts:
+        check_force_ratio(ratio, name)
     stiff = network.stiffness_normal > 0
     if not stiff.any():
         raise InputError(f"{name}: no contact has a normal stiffness; mend the export")

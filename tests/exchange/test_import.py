@@ -309,7 +309,7 @@ def test_step_chooses_one_time_of_a_dump(tmp_path, capsys):
         ("spheres", 6, 0, "10", r"spheres.csv, line 6, column id: sphere 10 again \(line 5\)"),
         ("spheres", 9, 4, "-1e-3", r"spheres.csv: sphere 14 has radius <= 0"),
         ("spheres", 9, slice(None), "", r"spheres.csv, line 9: an empty line between the rows"),
-        ("spheres", 1, 0, "# cell 0 1", r"spheres.csv: no bounds of the cell"),
+        ("spheres", 1, 0, "# cell 0 1", r"spheres.csv, line 1: no bounds of the cell"),
         ("contacts", 7, 3, "inf", r"contacts.csv, line 7, column kt: inf is no finite number"),
         ("contacts", 9, 4, "-2", r"contacts.csv, line 9, column fn: -2 pulls; write compression"),
         ("spheres", 9, 3, "1e-9", r"contacts.csv, line \d+: sphere.* 14 .*do not touch, there are"),
