@@ -38,7 +38,7 @@ def spheres_of(frame: Frame, units: Units) -> Spheres:
     table = rows.read(*wanted)
     for column in ("id", "type"):
         if column in wanted:
-            _whole(frame, table[:, wanted.index(column)], column)
+            frame.rows.whole(table[:, wanted.index(column)], column)
     number = table[:, 0].astype(np.int64)
     order = np.argsort(number, kind="stable")
     again = np.flatnonzero(np.diff(number[order]) == 0)
@@ -68,14 +68,6 @@ def spheres_of(frame: Frame, units: Units) -> Spheres:
         digits=digits,
         step=units.length * step,
     )
-
-
-def _whole(frame: Frame, numbers: Floats, column: str) -> None:
-    bad = (numbers != np.round(numbers)) | (abs(numbers) > 2**53)
-    if bad.any():
-        row = int(np.argmax(bad))
-        what, do = f"{numbers[row]:g} is no whole number", "write ids and types as they are"
-        fault(frame.rows.path, what, do, frame.rows.line + row, column)
 
 
 def _missing(frame: Frame, column: str, do: str) -> NoReturn:

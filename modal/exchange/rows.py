@@ -113,7 +113,7 @@ class Rows:
         if bad.any():
             row = int(np.argmax(bad))
             what = f"{numbers[row]:.17g} is no whole number"
-            fault(self.path, what, "write ids as they are", self.line + row, column)
+            fault(self.path, what, "write ids and types as they are", self.line + row, column)
         return numbers.astype(np.int64)
 
     def texts(self) -> list[list[str]]:
