@@ -265,27 +265,23 @@ def emptied(path: Path) -> Path:
     return empty
 
 
-@pytest.mark.parametrize("program", ["lammps", "liggghts", "tables"])
+@pytest.mark.parametrize("program", ["lammps", "liggghts"])
 @pytest.mark.parametrize("what", ["contacts", "spheres"])
 def test_files_without_a_row_are_refused_by_name(tmp_path, capsys, program, what):
     made = program_files.packing(True)
     spheres, contacts, *log = getattr(program_files, program)(made, tmp_path)
     law = {"lammps": ["--log", *log], "liggghts": ["--pair", program_files.LIGGGHTS]}
-    if program == "tables":
-        path, heads = {"contacts": (contacts, 1), "spheres": (spheres, 3)}[what]
-        path.write_text("\n".join(path.read_text().splitlines()[:heads]) + "\n")
-    elif what == "contacts":
+    if what == "contacts":
         contacts = emptied(contacts)
     else:
         spheres = emptied(spheres)
-    given = (spheres, "--contacts", contacts, *law.get(program, []), "-o", tmp_path / FILE)
+    given = (spheres, "--contacts", contacts, *law[program], "-o", tmp_path / FILE)
     error = refused(capsys, *given)
     if what == "spheres":
         assert f"{spheres}: no spheres; dump those of the packing" in error
     else:
-        named = spheres if program == "tables" else contacts
         assert re.search(
-            rf"{named.name}: no two spheres touch.*; dump a packing under stress", error
+            rf"{contacts.name}: no two spheres touch.*; dump a packing under stress", error
         )
 
 
