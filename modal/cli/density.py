@@ -9,9 +9,7 @@ import numpy as np
 
 from modal.cli.options import add_if_stale, network_command, numbers
 from modal.formats.hdf5 import sha256
-from modal.modes.collective import every_floppy
 from modal.modes.density import density_of_states, write_density
-from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import read_remarked
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
@@ -66,6 +64,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         },
         "estimated_count_below": dict(zip(options.at, value[:, -1].tolist(), strict=True)),
         "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
-        "floppy_modes": every_floppy(Eigenproblem.of(network)).total,
+        "floppy_modes": round(float(states.zero_modes.sum())),
         "degrees_of_freedom": size,
     }

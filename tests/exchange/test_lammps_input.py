@@ -47,7 +47,7 @@ def test_last_pair_coeff_of_a_pair_holds(tmp_path, lines, wanted):
     """The pairs 11, 12, 13, 22, 23, 33; M is the geometric mean of A and B.
 
     The expected laws are what forces of LAMMPS (29 Sep 2021) show, but for `3 1`, which that one
-    refuses and later ones exchange.
+    refuses, as its manual wants the lower type first: it is taken for `1 3` here.
     """
     said = (line.replace("A", A).replace("B", B) for line in lines)
     atoms, log = three_types(tmp_path, *said)
