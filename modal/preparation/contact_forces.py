@@ -104,14 +104,10 @@ def _forces_of_slab(
         overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
         size = radius[i]
         if j >= 0:
-            bx = position[j, 0] - position[i, 0]
-            by = position[j, 1] - position[i, 1]
-            bz = position[j, 2] - position[i, 2]
             a, b = shift[c, 0], shift[c, 1]
-            if a != 0:
-                bx += a * side[0]
-            if b != 0:
-                by += b * side[1]
+            bx = position[j, 0] - position[i, 0] + a * side[0]
+            by = position[j, 1] - position[i, 1] + b * side[1]
+            bz = position[j, 2] - position[i, 2]
             square = bx * bx + by * by + bz * bz
             reach = size + radius[j]
             if 0.0 < square < reach * reach:
@@ -128,7 +124,7 @@ def _forces_of_slab(
             overlap = size - nz * bz
             effective, law = size, of_walls
         if overlap <= 0:
-            if shear is not None and normal[c].any():
+            if shear is not None and (normal[c, 0] != 0 or normal[c, 1] != 0 or normal[c, 2] != 0):
                 normal[c, 0] = normal[c, 1] = normal[c, 2] = 0.0
                 shear[c, 0] = shear[c, 1] = shear[c, 2] = 0.0
             continue

@@ -30,7 +30,6 @@ def _advance_some(
     first, last, position, velocity, load, before, rates, dt, damping, masses, sought_at, stretch,
 ):  # fmt: skip
     largest = 0.0
-    slower, faster = 1 - damping, 1 + damping
     for i in range(first, last):
         of_force, of_torque = 1 / masses[i, 0], 1 / masses[i, 1]
         apart = 0.0
@@ -38,7 +37,8 @@ def _advance_some(
             x, v = position[i, axis], velocity[i, axis]
             pull, beside = load[i, axis] * of_force, v - before[axis] * x
             work = pull * (beside + 0.5 * dt * pull)
-            pull *= slower if work > 0 else (faster if work < 0 else 1.0)
+            # The sign of the work is a toss: without a branch nothing waits for a wrong guess.
+            pull *= 1 - damping * (1.0 * (work > 0) - (work < 0))
             v += dt * (pull + before[axis] * v)
             v += (rates[axis] - before[axis]) * x
             x += dt * v
@@ -46,7 +46,7 @@ def _advance_some(
             apart += (x - stretch[axis] * sought_at[i, axis]) ** 2
             w, twist = velocity[i, 3 + axis], load[i, 3 + axis] * of_torque
             work = twist * (w + 0.5 * dt * twist)
-            twist *= slower if work > 0 else (faster if work < 0 else 1.0)
+            twist *= 1 - damping * (1.0 * (work > 0) - (work < 0))
             velocity[i, 3 + axis] = w + dt * twist
         # What is no number stays in sight.
         if largest == largest and not apart <= largest:
