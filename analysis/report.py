@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from analysis.case import EXTRA_KINDS, KINDS
+from analysis.case_files import EXTRA_KINDS, KINDS
 from analysis.case_tables import tables
 from analysis.figures import FIGURES, compose
 from analysis.figures.render import save

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.case import EXTRA_KINDS, KINDS, OTHER_WAVES, Case
+from analysis.case import Case
+from analysis.case_files import EXTRA_KINDS, KINDS, OTHER_WAVES
 from analysis.estimators import structure_factor
 from modal.elasticity import moduli_file
 from modal.formats.hdf5 import InputError, open_h5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from modal.packing.network import Network
-from modal.packing.state import FURTHER
+from modal.packing.summary import FURTHER
 
 
 def floppy_modes(network: Network) -> list[tuple[str, str]]:

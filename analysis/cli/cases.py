@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from analysis.belonging import cases_of
-from analysis.case import Case, case_name
+from analysis.case import Case
+from analysis.case_files import case_name
 from analysis.case_tables import tables
 from analysis.cli.options import CASE, add_command, add_products
 from analysis.crystal import compare, comparison_table, stress_rows

@@ -18,3 +18,7 @@ class Estimate:
     def of(cls, found: float | Estimate) -> Estimate:
         """What was measured, of a bare number without an uncertainty."""
         return found if isinstance(found, Estimate) else cls(float(found))
+
+
+NOTHING = Estimate(np.nan)
+"""What is not known."""

@@ -19,7 +19,7 @@ from modal.formats.provenance import read_provenance
 from modal.packing.network import Network
 from modal.packing.network_file import read_network
 from modal.packing.sample import read_sample
-from modal.packing.state import summary
+from modal.packing.summary import summary
 from modal.preparation.relax import balance_of
 from modal.stiffness.static_load import static_velocity
 

@@ -11,7 +11,7 @@ from modal.formats.hdf5 import InputError
 from modal.packing.affine import affine_velocity
 from modal.packing.network import Network
 from modal.packing.sample import read_sample
-from modal.packing.state import summary
+from modal.packing.summary import summary
 from modal.preparation.relax import balance_of
 from modal.stiffness.static_load import static_velocity
 from modal.waves.propagate import propagate

@@ -10,9 +10,10 @@ from functools import cached_property
 from pathlib import Path
 
 from analysis.case import Case
+from analysis.columns import VALUES
 from analysis.measures import Measures
 from analysis.measures.estimate import Estimate
-from analysis.rows import MAPS, VALUES, Row, add_low_pass, bare_row
+from analysis.rows import MAPS, Row, add_low_pass, bare_row
 from modal.packing.network import Network
 from modal.packing.reading import read_packing
 from modal.waves.signals import Signals

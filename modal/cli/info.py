@@ -13,7 +13,8 @@ from modal.modes.collective import every_floppy
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
 from modal.packing.reading import is_sample, read_packing
-from modal.packing.state import contacts_per_particle, profile, summary, write_profile
+from modal.packing.state import contacts_per_particle, profile, write_profile
+from modal.packing.summary import summary
 from modal.preparation.protocol import PREPARATION
 
 GROUPS = {

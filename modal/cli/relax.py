@@ -11,7 +11,7 @@ from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, packing_of
 from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample, write_sample
-from modal.packing.state import summary
+from modal.packing.summary import summary
 from modal.preparation.relax import TOLERANCE, Balance, relax
 
 read_product = read_sample

@@ -133,7 +133,7 @@ class Network:
         return f"<Network: {self.n_particles} particles, {self.n_contacts} contacts>"
 
     def __str__(self) -> str:
-        from modal.packing.state import described  # it stands on this module
+        from modal.packing.summary import described  # it stands on this module
 
         return table(described(self))
 

@@ -9,26 +9,20 @@ sigma_zz is then the same in every layer, and the layers add up to the total exa
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from modal.display import quantity
 from modal.formats.arrays import Array, Bools, Floats, Ints
 from modal.formats.hdf5 import InputError, write_text
 from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.order import crystalline
 from modal.packing.rattlers import force_bearing
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""
 FORCES = ("force_normal", "force_tangential")
-FURTHER: list[Callable[[Network], list[tuple[str, str]]]] = []
-"""What other rooms add to the lines of `described`: names and texts."""
 
 
 @dataclass
@@ -48,7 +42,8 @@ class Profile:
     bulk: Bools
 
 
-def _volume(network: Network) -> float:
+def volume_between_walls(network: Network) -> float:
+    """Area of the cell times the distance of the walls, m^3; InputError where there is none."""
     if not network.length > 0:
         raise InputError(
             "the network has no volume (its walls are in one place); give walls/position around it"
@@ -72,14 +67,14 @@ def _virials(network: Network) -> tuple[Floats, Floats]:
 def stress_tensor(network: Network) -> Floats:
     """Shape (3, 3), Pa: mean stress between the walls from the contact forces."""
     virial, _ = _virials(network)
-    stress: Floats = virial.sum(axis=0) / _volume(network)
+    stress: Floats = virial.sum(axis=0) / volume_between_walls(network)
     return stress
 
 
 def void_ratio(network: Network) -> float:
     """Volume of voids over volume of spheres, wall to wall; what overlaps counts twice."""
     solid = float(sphere_volume(network.radius).sum())
-    return _volume(network) / solid - 1
+    return volume_between_walls(network) / solid - 1
 
 
 def wall_stress(network: Network) -> Floats:
@@ -144,7 +139,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     diameter = 2 * float(network.radius.mean())
     count = max(1, round(network.length / (thickness or diameter)))
     edges = np.linspace(network.wall_position[0], network.wall_position[1], count + 1)
-    volume = _volume(network) / count
+    volume = volume_between_walls(network) / count
     z, radius = network.position[:, 2], network.radius
     solid, periodic = np.zeros(count + 1), bool(network.cell_periodic[2])
     solid[-1] = sphere_volume(radius).sum()
@@ -157,7 +152,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
     return Profile(
         edges=edges,
-        stress=_stress_along_z(network, edges) / volume if _has_forces(network) else None,
+        stress=_stress_along_z(network, edges) / volume if has_forces(network) else None,
         void_ratio=volume / np.maximum(np.diff(solid), np.finfo(float).tiny) - 1,
         coordination=ends / np.maximum(particles, 1),
         particles=particles,
@@ -173,7 +168,8 @@ def _images(height: Floats, network: Network) -> Floats:
     return images
 
 
-def _has_forces(network: Network) -> bool:
+def has_forces(network: Network) -> bool:
+    """Whether the forces of its contacts are known."""
     return all(getattr(network, name) is not None for name in FORCES)
 
 
@@ -191,107 +187,6 @@ def _stress_along_z(network: Network, edges: Floats) -> Floats:
         share = np.clip((edges[edge] - _images(low, network)) / span, 0, 1)
         below[edge] = share.sum(axis=0) @ virial
     return np.diff(below, axis=0)
-
-
-def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
-    """Stresses, densities, coordination, fabric and order of a packing as plain numbers by name.
-
-    For the `study` attributes and the command line. With the `friction` coefficient of the contacts
-    also the largest share of it that a contact uses. Deviations along z are standard deviations
-    over the layers of the bulk, relative to their mean. Numbers that need forces are left out where
-    forces are absent, and those that need a volume where the cell has none.
-    """
-    forces = _has_forces(network)
-    bearing, rattlers = coordination_without_rattlers(network)
-    result: dict[str, Any] = {}
-    try:
-        volume = _volume(network)
-    except InputError:
-        volume = None
-    if volume is not None:
-        if forces:
-            stress = stress_tensor(network)
-            diagonal = np.diag(np.diag(stress))
-            result["stress_pa"] = np.diag(stress).tolist()
-            result["largest_off_diagonal_stress_pa"] = float(abs(stress - diagonal).max())
-        if network.force_normal is not None and not network.cell_periodic[2]:
-            result["wall_stress_pa"] = wall_stress(network).tolist()
-        result["void_ratio"] = void_ratio(network)
-    result |= {
-        "coordination_number": float(contacts_per_particle(network).mean()),
-        "coordination_number_without_rattlers": bearing,
-        "rattlers": rattlers,
-        "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
-    }
-    if np.ptp(network.radius) > 1e-9 * network.radius.mean():
-        radius, ends = coordination_by_size(network)
-        result["radius_of_quarters_by_size_m"] = radius.tolist()
-        result["coordination_number_of_quarters_by_size"] = ends.tolist()
-    if network.sliding is not None:
-        result["sliding_contacts"] = int(network.sliding.sum())
-    # A contact without friction, or one that pulls, has no limit that its shear could share in.
-    force = network.force_normal if forces else None
-    if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
-        result["largest_share_of_friction"] = float(friction_used(network, friction).max())
-    return result if volume is None else result | _along_z(network)
-
-
-def described(network: Network) -> list[tuple[str, str]]:
-    """The packing in a few lines, names and texts: sizes, stresses, voids, contacts a sphere."""
-    wall = int(network.with_wall.sum())
-    told = summary(network)
-    size = " x ".join(quantity(side, "m") for side in network.cell_size)
-    rows = [
-        ("spheres", f"{network.n_particles}, diameters {_range(2 * network.radius, 'm')}"),
-        ("cell", f"{size}, {_ends(network)}"),
-        ("contacts", f"{network.n_contacts}, {wall} of them with the walls"),
-    ]
-    for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
-        if name in told:
-            rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))
-    if "void_ratio" in told:
-        rows.append(("void ratio", f"{told['void_ratio']:.4f}"))
-    bearing, rattlers = told["coordination_number_without_rattlers"], told["rattlers"]
-    without = f", {bearing:.3f} without {rattlers} rattlers" if rattlers else ""
-    rows.append(("coordination number", f"{told['coordination_number']:.3f}{without}"))
-    return rows + [row for more in FURTHER for row in more(network)]
-
-
-def _ends(network: Network) -> str:
-    if network.cell_periodic[2]:
-        return "periodic along z"
-    return f"walls {quantity(network.length, 'm')} apart"
-
-
-def _range(values: np.ndarray, unit: str) -> str:
-    low, high = float(values.min()), float(values.max())
-    same = high - low <= 1e-9 * high
-    return quantity(high, unit) if same else f"{quantity(low, unit)} to {quantity(high, unit)}"
-
-
-def _along_z(network: Network) -> dict[str, Any]:
-    """The share of crystalline spheres, and how the bulk differs along z."""
-    layers, result = profile(network), dict[str, Any]()
-    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
-    if periodic and np.ptp(network.radius) <= 1e-9 * network.radius.mean():
-        ordered, edges = crystalline(network), layers.edges
-        result["crystalline_share"] = float(ordered.mean())
-        if layers.bulk.any():
-            z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
-            inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
-            result["crystalline_share_of_bulk"] = float(ordered[inside].mean())
-    if layers.bulk.any():
-        density = 1 / (1 + layers.void_ratio[layers.bulk])
-        result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)
-        weight, ends = layers.particles[layers.bulk], layers.coordination[layers.bulk]
-        result["coordination_number_of_bulk"] = float(ends @ weight / max(weight.sum(), 1))
-        result["solid_fraction_deviation_along_z"] = float(density.std() / density.mean())
-        result["coordination_number_deviation_along_z"] = float(ends.std() / ends.mean())
-        if layers.stress is not None:
-            along = layers.stress[layers.bulk]
-            scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
-            result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
-    return result
 
 
 def write_profile(path: str | Path, layers: Profile) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, over_time, split_by_cause
-from analysis.case import OTHER_WAVES
+from analysis.case_files import OTHER_WAVES
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network

@@ -11,12 +11,13 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.case_tables import table_2
+from analysis.columns import natural_frequency
 from analysis.comparable import scatter_of_samples
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.resonances import Standing
 from analysis.figures import FIGURES
 from analysis.measures.estimate import Estimate
-from analysis.rows import Row, law_of, natural_frequency, number_of
+from analysis.rows import Row, law_of, number_of
 from analysis.study.arrangement import OF_CASES
 from analysis.study.frictions import powers
 from analysis.study.tables import table_1

@@ -19,9 +19,9 @@ from modal.packing.state import (
     friction_used,
     profile,
     stress_tensor,
-    summary,
     wall_stress,
 )
+from modal.packing.summary import summary
 from modal.preparation.random_packing import random_network
 from modal.theory.fcc import FccLattice
 

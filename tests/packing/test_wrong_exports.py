@@ -22,7 +22,8 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
-from modal.packing.state import stress_tensor, summary
+from modal.packing.state import stress_tensor
+from modal.packing.summary import summary
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 
 PARTICLES = ("position", "radius", "mass", "inertia")

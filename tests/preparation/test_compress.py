@@ -14,7 +14,7 @@ from places import ROOT
 
 from modal.__main__ import main
 from modal.packing.sample import read_sample, write_sample
-from modal.packing.state import summary
+from modal.packing.summary import summary
 from modal.preparation import compress, protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.protocol import Study

@@ -21,7 +21,8 @@ from modal.packing.contact_law import GLASS
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.reading import read_packing
 from modal.packing.sample import read_sample, write_sample
-from modal.packing.state import net_forces, stress_tensor, summary, void_ratio
+from modal.packing.state import net_forces, stress_tensor, void_ratio
+from modal.packing.summary import summary
 from modal.preparation import central_forces, random_packing
 from modal.preparation.central_forces import CentralForces, NearContacts
 from modal.preparation.contact_forces import forces_by_arrays, forces_by_loop
