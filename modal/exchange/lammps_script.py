@@ -15,7 +15,7 @@ REFUSED_FIXES = {
     "wall/gran/region": "walls of regions are not known; only zplane is",
 }
 STYLES = ("wall/gran", "property/local", "pair/local", *REFUSED_FIXES)
-"""Of the fixes and computes that count."""
+"""Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
 
 
 @dataclass
@@ -51,7 +51,10 @@ def _command(script: Script, words: list[str], where: str) -> None:
         case ["units", name]:
             script.units = name
         case ["pair_style", *style] if style:
-            script.style, script.pair = tuple(style), []
+            # LAMMPS keeps the coefficients where the same style is only given other arguments.
+            if script.style[:1] != (style[0],):
+                script.pair = []
+            script.style = tuple(style)
         case ["pair_coeff", *rest] if len(rest) >= 2:
             script.pair.append(tuple(rest))
         case ["fix", name, _, "wall/gran", *rest]:
@@ -60,8 +63,10 @@ def _command(script: Script, words: list[str], where: str) -> None:
             script.walls.pop(name, None)
         case ["compute", name, _, ("property/local" | "pair/local"), *rest]:
             script.computes[name] = tuple(rest)
-        case ["fix", _, _, style, *_] if style.split("/small")[0] in REFUSED_FIXES:
-            raise InputError(f"{where}: fix {style}: {REFUSED_FIXES[style.split('/small')[0]]}")
+        case ["fix", _, _, style, *_]:
+            for kind, why in REFUSED_FIXES.items():
+                if f"{style}/".startswith(f"{kind}/"):
+                    raise InputError(f"{where}: fix {style}: {why}")
 
 
 def typed_pair(line: str) -> Script:

@@ -216,3 +216,21 @@ def test_variables_without_a_value_are_refused(tmp_path, capsys, line, said):
     log.write_text(log.read_text() + line + "\n")
     error = refused(capsys, *given)
     assert re.search(said, error), error
+
+
+@pytest.mark.parametrize("style", ["rigid", "rigid/small", "rigid/nve", "rigid/nvt/small"])
+def test_clumps_of_any_integrator_are_refused(tmp_path, capsys, style):
+    """Contacts inside a rigid body are no springs."""
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    log.write_text(log.read_text() + f"fix r all {style} molecule\n")
+    error = refused(capsys, atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    assert f"fix {style}: clumps are not spheres" in error
+
+
+def test_the_same_pair_style_once_more_keeps_its_coefficients(tmp_path):
+    """As LAMMPS does (29 Sep 2021): its forces are the same with that line and without."""
+    atoms, log = three_types(tmp_path, f"* * {A}")
+    once = import_lammps(atoms, None, log, *[None] * 4).network
+    log.write_text(log.read_text() + "pair_style granular\n")
+    twice = import_lammps(atoms, None, log, *[None] * 4).network
+    np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
