@@ -7,7 +7,7 @@ from typing import Any
 
 from modal.cli.options import network_command, numbers
 from modal.modes.collective import every_floppy
-from modal.modes.counts import count_modes
+from modal.modes.counts import counts_below
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import read_remarked
 
@@ -33,8 +33,8 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Counts by the frequencies as they were typed."""
     network = read_remarked(options.network, options.remarks.append)
-    counts = count_modes(network, numbers(options.at), solver=options.solver)
-    problem = Eigenproblem.of(network)
+    problem = Eigenproblem.of(network, solver=options.solver)
+    counts = counts_below(problem, numbers(options.at))
     return {
         "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
         "floppy_modes": every_floppy(problem).total,

@@ -126,7 +126,12 @@ def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = 
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
     array([  0,  79, 480])
     """
-    problem = Eigenproblem.of(network, solver=solver)
+    counts = counts_below(Eigenproblem.of(network, solver=solver), frequency)
+    return counts if counts.ndim else int(counts)
+
+
+def counts_below(problem: Eigenproblem, frequency: ArrayLike) -> Ints:
+    """As `count_modes`, of a problem that is at hand; an array in the shape of `frequency`."""
     try:
         asked = np.asarray(frequency, float)
     except (TypeError, ValueError) as error:
@@ -134,7 +139,7 @@ def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = 
     if (asked < 0).any():
         raise InputError(f"{asked.min():g} Hz is no frequency; give a number from 0 Hz on")
     counts = [count_below(problem, f) for f in asked.ravel().tolist()]
-    return np.array(counts, int).reshape(asked.shape) if asked.ndim else counts[0]
+    return np.array(counts, int).reshape(asked.shape)
 
 
 def count_below(problem: Eigenproblem, frequency: float) -> int:
