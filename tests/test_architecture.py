@@ -56,13 +56,15 @@ ANALYSIS_BELOW = {
     "agreement": {"estimators", "table"},
     "page": {"table"},
     "packings": {"estimators", "paper", "table"},
-    "case": {"estimators", "packings", "paper"},
+    "case_files": set(),
+    "case": {"case_files", "estimators", "packings", "paper"},
     "belonging": {"case", "estimators"},
     "prepare": {"case", "estimators"},
-    "status": {"case", "estimators"},
+    "status": {"case", "case_files", "estimators"},
     "crystal": {"case", "estimators", "paper", "table"},
     "measures": {"case", "estimators"},
-    "rows": {"case", "estimators", "measures"},
+    "columns": {"estimators", "measures"},
+    "rows": {"case", "columns", "estimators", "measures"},
     "comparable": {"paper", "rows"},
     "deviations": {"estimators", "measures", "paper"},
     "shear_table": {"measures", "table"},
@@ -71,23 +73,23 @@ ANALYSIS_BELOW = {
         *("case", "comparable", "crystal", "estimators", "measures", "packings", "paper"),
         "rows",
     },
-    "report": {"case", "case_tables", "figures", "measures", "page", "table"},
+    "report": {"case_files", "case_tables", "figures", "measures", "page", "table"},
     "study": {
-        *("case", "case_tables", "comparable", "estimators", "figures", "measures", "packings"),
-        *("page", "paper", "report", "rows", "status", "table"),
+        *("case", "case_tables", "columns", "comparable", "estimators", "figures", "measures"),
+        *("packings", "page", "paper", "report", "rows", "status", "table"),
     },
     "quality": {"case", "figures", "table"},
     "cli": {
-        *("agreement", "belonging", "case", "case_tables", "crystal", "estimators", "figures"),
-        *("measures", "packings", "prepare", "quality", "report", "status", "study", "table"),
-        "watch",
+        *("agreement", "belonging", "case", "case_files", "case_tables", "crystal", "estimators"),
+        *("figures", "measures", "packings", "prepare", "quality", "report", "status", "study"),
+        *("table", "watch"),
     },
     "__main__": {"cli"},
 }
 """Room or module of analysis: what of analysis it may import from, besides itself."""
 RULES = {"modal": BELOW, "analysis": ANALYSIS_BELOW}
 AGAINST = {
-    ("modal.packing.network", "modal.packing.state"): "what print(network) says",
+    ("modal.packing.network", "modal.packing.summary"): "what print(network) says",
 }
 """Imports inside a function that go against the order, and what for."""
 
