@@ -13,7 +13,7 @@ from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.low_pass import RECORD
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.packings.settled import MARK, why_unsettled
-from analysis.paper import matching_case
+from analysis.paper import has_its_spheres, matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli
 from modal.formats.arrays import Floats
@@ -61,7 +61,9 @@ class Case(CaseFiles):
 
     @cached_property
     def paper_case(self) -> int | None:
-        """The paper's case of this kind, stress and friction; None where it has none."""
+        """The paper's case of this kind, stress and friction, of the same spheres; or None."""
+        if not has_its_spheres(self.network):
+            return None
         return matching_case(self.is_crystal, self.stress, self.mu_comp)
 
     @property

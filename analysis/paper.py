@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.network import Network
+
 
 @dataclass(frozen=True)
 class Stated:
@@ -85,6 +90,15 @@ FRICTIONS = 0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4
 """mu_comp of cases 5-8, 9-12, ...; the paper names the first and the last, the rest is ours."""
 SAME_STRESS, SAME_FRICTION = 0.01, 1e-3
 """Relative and absolute difference up to which two are one."""
+SAME_SPHERES = 1e-3
+"""Relative difference of radius and mass up to which spheres are those of the paper."""
+
+
+def has_its_spheres(network: Network) -> bool:
+    """Whether all spheres of a packing have the radius and the mass of those of the paper."""
+    mass, _ = GLASS.sphere(RADIUS)
+    given = np.concatenate([network.radius / RADIUS, network.mass / mass])
+    return bool((abs(given - 1) < SAME_SPHERES).all())
 
 
 def matching_case(crystal: bool, stress: float, mu_comp: float) -> int | None:

@@ -132,6 +132,19 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     assert matching_case(True, stress, np.nan) == (None if case is None else 1 + (case - 1) % 4)
 
 
+@pytest.mark.parametrize("of", ["radius", "mass"])
+def test_other_spheres_have_no_case_of_the_paper(of, tmp_path):
+    """Same stress and friction, but larger spheres, or heavier ones, have other frequencies."""
+    network = random_network(150, 1e5, seed=3)
+    network.study.update(stress=1e5, mu_comp=0.0)
+    named = Case("mine", tmp_path)
+    named.network = network
+    assert named.paper_case == 6
+    other = Case("mine", tmp_path)
+    other.network = replace(network, **{of: 1.1 * getattr(network, of)})
+    assert other.paper_case is None
+
+
 @pytest.mark.parametrize(
     "found, text",
     [
