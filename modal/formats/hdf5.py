@@ -91,6 +91,14 @@ def _remove_abandoned(path: Path) -> None:
             continue
 
 
+def refuse_absent(path: str | Path) -> None:
+    """InputError where there is no file of this name."""
+    if Path(path).is_dir():
+        raise InputError(f"{path}: a folder, no file; name the file in it")
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such file; check the name")
+
+
 @contextmanager
 def open_h5(
     path: str | Path, schema: str | None = None, version: int | None = None
@@ -100,10 +108,7 @@ def open_h5(
     Without a schema every file is taken.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path}: a folder, no file; name the file in it")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; check the name")
+    refuse_absent(path)
     try:
         _refuse_endless_heap(path)
         with h5py.File(path, "r") as file:

@@ -22,7 +22,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import InputError, atomic_h5, open_h5, sha256
+from modal.formats.hdf5 import InputError, atomic_h5, open_h5, refuse_absent, sha256
 
 GROUP = "provenance"
 PACKING = "packing"
@@ -47,8 +47,7 @@ class Source:
     @staticmethod
     def of(role: str, path: str | Path) -> Source:
         """The file as it is now; InputError where there is none."""
-        if not Path(path).is_file():
-            raise InputError(f"{path}: no such file; check the name")
+        refuse_absent(path)
         return Source(role, Path(path).name, sha256(path))
 
     def __str__(self) -> str:

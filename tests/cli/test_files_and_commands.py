@@ -212,3 +212,12 @@ def test_modulus_in_gigapascal_is_refused(tmp_path, capsys):
     assert main(["modes", str(path), "--lowest", "2"]) == 2
     shown = capsys.readouterr().err
     assert len(shown.splitlines()) == 1 and "60 Pa" in shown
+
+
+@pytest.mark.parametrize("command", [["modes"], ["import", "-o", "out.network.h5"]])
+def test_folder_in_place_of_a_file_is_called_so(command, tmp_path, monkeypatch, capsys):
+    """By every command that reads, whatever format it reads."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "packings").mkdir()
+    assert main([command[0], "packings", *command[1:]]) == 2
+    assert capsys.readouterr().err == "error: packings: a folder, no file; name the file in it\n"
