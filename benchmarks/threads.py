@@ -100,7 +100,7 @@ def draw(rows: Rows) -> Figure:
     figure, axes = diagram.panels(1, 1, width=4.6, height=3.9)
     for k, busy in enumerate(dict.fromkeys(row["others"] for row in rows)):
         own = [row for row in rows if row["others"] == busy]
-        style = diagram.look(k) | {"ls": "none", "label": f"beside {busy} other programs"}
+        style = diagram.look(k) | {"ls": "none", "label": f"beside {busy:.0f} other programs"}
         diagram.curve(axes[0, 0], own, "one_thread_s", "own_choice_s", **style)
     ends = [min(row["own_choice_s"] for row in rows), max(row["one_thread_s"] for row in rows)]
     axes[0, 0].plot(ends, ends, color="0.5", lw=0.8)

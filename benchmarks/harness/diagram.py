@@ -69,8 +69,12 @@ def work_precision(
     return figure
 
 
+MARGIN = 0.06
+"""Powers of ten beside the first and the last tick, where half of a marker has room."""
+
+
 def decades(ax: Axes) -> None:
-    """Logarithmic axes that begin and end at powers of ten, where the ticks have labels."""
+    """Logarithmic axes from just below a power of ten to just above one: the ticks have labels."""
     ax.set(xscale="log", yscale="log")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_minor_formatter(NullFormatter())
@@ -78,7 +82,8 @@ def decades(ax: Axes) -> None:
     for low, high, put in zip(lowest, highest, (ax.set_xlim, ax.set_ylim), strict=True):
         if 0 < low <= high < np.inf:
             floor = np.floor(np.log10(low))
-            put(10.0**floor, 10.0 ** max(floor + 1, np.ceil(np.log10(high))))
+            ceiling = max(floor + 1, np.ceil(np.log10(high)))
+            put(10.0 ** (floor - MARGIN), 10.0 ** (ceiling + MARGIN))
 
 
 def legend_below(figure: Figure, ax: Axes) -> None:
