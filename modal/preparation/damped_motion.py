@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.formats.arrays import Bools, Floats
+from modal.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
 from modal.preparation.moving_contacts import MovingContacts
 
 PACE = 0.3
@@ -26,6 +27,40 @@ for the longest wave along the packing, whose frequency falls as its length grow
 OWN_DRAG = 0.3
 """What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
 that waves die and a loose sphere that has some micrometres to go is not held up."""
+LIGHTNESS = np.array([1.0] * 3 + [2.5] * 3)
+"""One over mass of each component, in parts of that of a translation. Rotations count as arcs, so
+that one mass serves all six: m R^2 for an inertia of 2/5 m R^2."""
+
+
+def _push_some(first, last, velocity, load, arm, stiffness, least, kept):
+    for i in range(first, last):
+        mass = max(stiffness[i], least) / PACE
+        for axis in range(6):
+            push, before = load[i, axis] / arm[i, axis], velocity[i, axis]
+            push -= LOCAL_DAMPING * np.copysign(push, before)
+            velocity[i, axis] = (before + push * (LIGHTNESS[axis] / mass)) * kept
+
+
+def _push(velocity, load, arm, stiffness, least, kept):
+    n = len(velocity)
+    for part in prange(SLABS):
+        first, last = part * n // SLABS, (part + 1) * n // SLABS
+        _push_some(first, last, velocity, load, arm, stiffness, least, kept)
+
+
+def push_by_arrays(velocity, load, arm, stiffness, least, kept):
+    """The same as the compiled loop; the fallback, and its oracle."""
+    push = load / arm
+    push -= LOCAL_DAMPING * np.copysign(push, velocity)
+    velocity += push * (LIGHTNESS / (np.maximum(stiffness, least) / PACE)[:, None])
+    velocity *= kept
+
+
+if numba is None:
+    push_by_loop = push_by_arrays
+else:
+    _push_some = compiled_part(_push_some, fingerprint())
+    push_by_loop = compiled(_push, 0, fingerprint())
 
 
 class DampedMotion:
@@ -42,9 +77,7 @@ class DampedMotion:
         self._layer = (height / diameter).astype(int)
         self._in_layer = np.maximum(np.bincount(self._layer), 1)
         self._drag = DRAG * diameter / float(contacts.walls[1] - contacts.walls[0])
-        # Rotations as arcs, so that one mass serves all six: m R^2 for an inertia of 2/5 m R^2.
         self._arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
-        self._lightness = np.array([1.0] * 3 + [2.5] * 3)
         self._velocity = np.zeros((len(radius), 6))
 
     def stop(self) -> None:
@@ -54,12 +87,10 @@ class DampedMotion:
     def step(self, contacts: MovingContacts) -> None:
         """Move all spheres by one time step."""
         velocity, stiffness = self._velocity, contacts.stiffness
-        push = contacts.load / self._arm
-        mass = np.maximum(stiffness, LIGHTEST * stiffness.mean()) / PACE
-        push -= LOCAL_DAMPING * np.copysign(push, velocity)
-        velocity += push * (self._lightness / mass[:, None])
+        least = LIGHTEST * stiffness.mean()
+        kept = 1 - OWN_DRAG * self._drag if self._held is None else 1.0
+        push_by_loop(velocity, contacts.load, self._arm, stiffness, least, kept)
         if self._held is None:
-            velocity *= 1 - OWN_DRAG * self._drag
             for axis in range(3):
                 mean = np.bincount(self._layer, velocity[:, axis]) / self._in_layer
                 velocity[:, axis] -= self._drag * mean[self._layer]

@@ -41,8 +41,10 @@ FEW = 5e-4
 FIRST = 500
 """Steps before the springs are asked at all: how many contacts will slide shows while they do."""
 GAIN = 0.5
-"""Largest residual, over the one at the last turn of the springs, with which they are asked again
-after `LOOK` steps. Otherwise damped motion goes on twice as long as before."""
+"""Largest residual, over the one at the turn of the springs before, with which they are asked again
+after `LOOK` steps. Otherwise damped motion goes on twice as long as before, `AGAIN` at least."""
+AGAIN = 500
+"""Steps that take about half the time of a turn of the springs."""
 MAX_STEPS = 60_000
 
 
@@ -134,6 +136,7 @@ def relax(
                 contacts.level_shear()
             elif turns.of_springs(state):
                 there = _by_springs(contacts, radius, state)
+                turns.note(state, taken=there is not contacts)
                 if there is not contacts:
                     contacts = _by_parts(there, goal)
                     motion.stop()
@@ -149,19 +152,25 @@ def relax(
 
 
 class _Turns:
-    """When the springs are asked: at once after a gain, ever later after none."""
+    """When the springs are asked: soon again after a gain, ever later without one.
+
+    And out of turn as soon as no contact slides any more.
+    """
 
     def __init__(self) -> None:
-        self._next, self._wait, self._before = FIRST, LOOK, np.inf
+        self._next, self._wait, self._before, self._slid = FIRST, LOOK, np.inf, True
 
     def of_springs(self, state: Balance) -> bool:
-        """Whether it is their turn at this look, `LOOK` or more steps after the last one."""
-        if state.steps < self._next or state.sliding > FEW * state.contacts:
-            return False
-        gained = state.residual <= GAIN * self._before
-        self._wait = LOOK if gained else 2 * self._wait
+        """Whether it is their turn at this look."""
+        held = self._slid and state.sliding == 0 and state.steps >= FIRST
+        return state.sliding <= FEW * state.contacts and (held or state.steps >= self._next)
+
+    def note(self, state: Balance, taken: bool) -> None:
+        """They were asked in this state; `taken` if the sample now is where they put it."""
+        gained = taken and state.residual <= GAIN * self._before
+        self._wait = LOOK if gained else max(AGAIN, 2 * self._wait)
         self._next, self._before = state.steps + self._wait, state.residual
-        return True
+        self._slid = state.sliding > 0
 
 
 def _by_springs(contacts: MovingContacts, radius: np.ndarray, state: Balance) -> MovingContacts:

@@ -142,7 +142,7 @@ def test_springs_that_lead_away_are_not_followed(rested, monkeypatch):
 
     monkeypatch.setattr(relaxation, "elastic_motion", astray)
     found, state = relax(shaken(rested, 0.01))
-    assert state.at_rest and len(asked) > 1
+    assert state.at_rest and asked
     expected = relax_alone(rested, monkeypatch)
     assert np.array_equal(found.position, expected.position)
 
@@ -153,14 +153,30 @@ def relax_alone(rested, monkeypatch):
     return relax(shaken(rested, 0.01))[0]
 
 
+def turns_of(sliding, taken):
+    """Steps after `FIRST` at which springs are asked whose residual stays; contacts by the step."""
+    turns, steps = relaxation._Turns(), []
+    for step in range(0, FIRST + 48 * LOOK, LOOK):
+        state = Balance(1e-6, 1e-5, np.nan, sliding(step - FIRST), 100_000, step)
+        if turns.of_springs(state):
+            turns.note(state, taken)
+            steps.append(step - FIRST)
+    return steps
+
+
 def test_springs_that_gain_nothing_are_asked_ever_later():
-    turns = relaxation._Turns()
-    steps = [
-        step - FIRST
-        for step in range(0, FIRST + 33 * LOOK, LOOK)
-        if turns.of_springs(Balance(1e-6, 1e-5, np.nan, 0, 1000, step))
-    ]
-    assert steps == [0, LOOK, 3 * LOOK, 7 * LOOK, 15 * LOOK, 31 * LOOK]
+    wait = relaxation.AGAIN
+    assert turns_of(lambda _: 1, taken=False) == [0, wait, 3 * wait, 7 * wait]
+    # The first time it is not known what they gain: once more after a look, then as above.
+    after = LOOK + wait
+    assert turns_of(lambda _: 1, taken=True) == [0, LOOK, after, after + 2 * wait, after + 6 * wait]
+
+
+def test_springs_are_asked_out_of_turn_once_nothing_slides():
+    wait = relaxation.AGAIN
+    last = wait + 2 * LOOK
+    found = turns_of(lambda after: 1 if after < last else 0, taken=False)
+    assert found == [0, wait, last, last + 4 * wait]
 
 
 def test_springs_are_not_asked_while_many_contacts_slide():

@@ -12,7 +12,7 @@ from modal.cli import relax as relax_command
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
-from modal.preparation import contact_forces, moving_contacts
+from modal.preparation import contact_forces, damped_motion, moving_contacts
 from modal.preparation import relax as relaxation
 from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
@@ -128,6 +128,20 @@ def test_compiled_loop_is_the_same_as_arrays(sheared, monkeypatch):
     assert abs((loop.load - arrays.load) / scale).max() < tolerance * loop.mean_force
     assert loop.stiffness == pytest.approx(arrays.stiffness, rel=tolerance)
     assert loop.mean_force == pytest.approx(arrays.mean_force, rel=tolerance)
+
+
+def test_compiled_push_is_that_of_arrays(sheared):
+    """A step's change of velocity, with spheres that no contact holds: the same operations."""
+    contacts, random = MovingContacts(sheared), np.random.default_rng(33)
+    contacts.stiffness[::7] = 0
+    radius = np.full(len(contacts.load), sheared.radius)
+    arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
+    start = random.standard_normal(contacts.load.shape)
+    loop, arrays = start.copy(), start.copy()
+    given = contacts.load, arm, contacts.stiffness, 0.02 * contacts.stiffness.mean(), 0.99
+    damped_motion.push_by_loop(loop, *given)
+    damped_motion.push_by_arrays(arrays, *given)
+    np.testing.assert_array_equal(loop, arrays)
 
 
 def test_moving_contacts_are_the_sample(sheared):
