@@ -11,7 +11,9 @@ export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
 [ $# -eq 0 ] || exec "${pytest[@]}" "$@"
 "${pytest[@]}"
-# What runs YADE, reads and draws, or prepares at length has no second way of its own.
+# What runs other programs, reads and draws, or prepares at length has no second way of its own;
+# that steps of moving spheres are the same with numpy is tested in the first run.
 export GRANULAR_WITHOUT=numba,pypardiso
 other=("*/test_"{"*yade",faults,workflow,analysis,docs,watch,benchmark,compress,"*damaged"}"*.py")
+other+=("*/test_"{study,convergence,walk_jobs,lammps,types,dynamics}"*.py")
 exec "${pytest[@]}" "${other[@]/#/--ignore-glob=}" tests
