@@ -26,7 +26,7 @@ class Known:
     def combine(self, u, out, factor, own=0.0, kept=0.0):
         self.products += u.shape[1]
         product = self.vector @ (self.square[:, None] * (self.vector.T @ u[::-1]))
-        out[:] = factor * product[::-1] + own * u + kept * out
+        out[:] = factor * product[::-1] + own * u + (kept * out if kept else 0.0)
         return out
 
 
@@ -42,7 +42,7 @@ class Diagonal:
     outward = inward
 
     def combine(self, u, out, factor, own=0.0, kept=0.0):
-        out[:] = factor * self.square[:, None] * u + own * u + kept * out
+        out[:] = factor * self.square[:, None] * u + own * u + (kept * out if kept else 0.0)
         return out
 
 
