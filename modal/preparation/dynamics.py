@@ -133,12 +133,14 @@ class Dynamics:
         )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
-        if not largest < contacts.smallest**2:
+        moved = np.sqrt(largest)
+        # Both are ways since the list was made: by their difference the farthest one has grown.
+        if not moved - self._moved < contacts.smallest:
             raise InputError(
                 f"a sphere moves by more than its radius in one step of {dt:.3g} s: the motion is "
                 "unstable; take a smaller fraction"
             )
-        moved = np.sqrt(largest)
+        self._moved = moved
         self._far = not still_complete(contacts.skin, self._stretch, moved, contacts.largest)
 
     def find_forces(self, dt: float) -> None:
@@ -154,7 +156,7 @@ class Dynamics:
         contacts.touch(self.velocity, dt, gained)
 
     def _note_sought(self) -> None:
-        self._age = 0
+        self._age, self._moved = 0, 0.0
         self._sought_at, self._far = self.contacts.position.copy(), False
         self._stretch[:] = 1.0
 

@@ -11,6 +11,7 @@ import pytest
 from places import ROOT
 
 from modal import loops
+from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation import contact_forces, dynamics, moving_contacts
@@ -203,6 +204,23 @@ def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
     assert abs(motion.contacts.side / 0.03 - 1).max() > 1e-4
     # Rounding of 200 steps; damping has nothing to oppose.
     assert abs(motion.contacts.position[:, :2] / motion.contacts.side - share).max() < 1e3 * EPS
+
+
+def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
+    """Straight on for 2 of its radii in steps of a hundredth, though the list holds; a step of 1.1
+    of them is refused."""
+    radii = RADIUS * np.array([8.0, 1.0])
+    start = np.array([[10.0, 10, 20], [30, 30, 20]]) * RADIUS
+    size, flight = 40 * RADIUS, np.array([[0.0, 0, 0], [0, 0, 1]])
+    sample = Sample(start, np.full(2, size), np.array([0.0, size]), 0.3, radii=radii)
+    moving = replace(sample, velocity=flight, angular_velocity=0 * flight, strain_rate=np.zeros(3))
+    motion = Dynamics(moving, skin=dynamics.WIDEST)
+    for _ in range(200):
+        motion.step(0.01 * RADIUS)
+    # Rounding of 200 sums.
+    assert np.allclose(motion.contacts.position, start + 2 * RADIUS * flight, rtol=200 * EPS)
+    with pytest.raises(InputError, match="more than its radius in one step"):
+        motion.step(1.1 * RADIUS)
 
 
 def run(sample, steps, **options):
