@@ -36,7 +36,7 @@ pytestmark = pytest.mark.slow
 def start(tmp_path_factory, yade) -> Iterator[Path]:
     """A copy of the project with this very Python in place of .venv, and a Slurm."""
     if not importlib.util.find_spec("snakemake_executor_plugin_slurm"):
-        pytest.skip("Slurm: its plugin of Snakemake is not installed: pip install .[slurm]")
+        pytest.skip("Slurm: its plugin of Snakemake is not installed: pip install '.[slurm]'")
     if not shutil.which("slurmctld") or os.geteuid():
         pytest.skip("no Slurm that could be started: tests/slurm_here.sh install, as root")
     folder = tmp_path_factory.mktemp("slurm") / "start"

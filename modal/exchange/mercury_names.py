@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from modal.exchange.mercury_restart import Restart, add_period, named
-from modal.exchange.program_law import FORCE, ProgramLaw
+from modal.exchange.program_law import DISPLACEMENT, ProgramLaw
 
 SPHERES = ("BaseParticle", "SphericalParticle", "ThermalParticle")
 COUNTED = "Walls", "Particles", "Interactions"
@@ -22,6 +22,9 @@ REFUSED = {
     "Melt": "melts",
 }
 """Parts of a species' name that no spring of this project stands for."""
+NORMAL = "LinearViscoelastic", "HertzianViscoelastic"
+FRICTION = "", "SlidingFriction", "Friction", "Mindlin", "MindlinRollingTorsion"
+"""What else a species' name may be made of."""
 
 
 def read_names(file: Restart, lines: list[str]) -> None:
@@ -39,6 +42,9 @@ def read_names(file: Restart, lines: list[str]) -> None:
             for axis, name in enumerate("xyz"):
                 file.low[axis] = named(file, words, f"{name}Min", number)[0]
                 file.high[axis] = named(file, words, f"{name}Max", number)[0]
+        elif words[0] == "systemDimensions":
+            for name in ("systemDimensions", "particleDimensions"):
+                file.refuse_flat(name, named(file, words, name, number)[0], number)
         elif section == "Species" and words[0].endswith("Species"):
             _species(file, words, number)
         elif section == "Walls" and "id" in words:
@@ -69,6 +75,7 @@ def read_names(file: Restart, lines: list[str]) -> None:
 
 def _species(file: Restart, words: list[str], line: int) -> None:
     """The law of a species, or of two (`...MixedSpecies`)."""
+    mixed = words[0].endswith("MixedSpecies")
     name = words[0].removesuffix("Species").removesuffix("Mixed")
     for part, why in REFUSED.items():
         if part in name:
@@ -78,32 +85,37 @@ def _species(file: Restart, words: list[str], line: int) -> None:
         found = next((each for each in names if each in words), None)
         return named(file, words, found, line)[0] if found else 0.0
 
-    for resisting in ("rolling", "torsion"):
-        if value(f"{resisting}Stiffness") * value(f"{resisting}FrictionCoefficient") > 0:
-            what = f"{resisting} friction is resisted by no spring here"
-            file.blame(line, what, f"set its {resisting}Stiffness to 0")
-    hertz = name.startswith("Hertzian")
-    if not hertz and not name.startswith("LinearViscoelastic"):
-        do = "LinearViscoelastic..., HertzianViscoelastic... are"
+    normal_law = next((each for each in NORMAL if name.startswith(each)), "")
+    friction_law = name.removeprefix(normal_law)
+    if not normal_law or friction_law not in FRICTION:
+        do = f"{' and '.join(NORMAL)} with {', '.join(FRICTION[1:])} or nothing behind are"
         file.blame(line, f"{words[0]} is not known", do)
+    hertz, mindlin = normal_law == "HertzianViscoelastic", friction_law.startswith("Mindlin")
+    for resisting in ("rolling", "torsion"):
+        # Mindlin's own stiffness resists there, whatever the file says of another one.
+        if value(f"{resisting}FrictionCoefficient") > 0 and (
+            mindlin or value(f"{resisting}Stiffness") > 0
+        ):
+            what = f"{resisting} friction is resisted by no spring here"
+            file.blame(line, what, f"set its {resisting}FrictionCoefficient to 0")
     normal = value("effectiveElasticModulus", "elasticModulus") if hertz else value("stiffness")
     if not normal > 0:
         file.blame(line, f"{words[0]} has no stiffness", "write the restart file whole")
-    mindlin = "Mindlin" in name
-    tangential = value("slidingStiffness")
+    friction = value("slidingFrictionCoefficient")
     if mindlin:
-        tangential = 8 * value("effectiveShearModulus", "shearModulus")
-    law = ProgramLaw(
-        normal * (4 / 3 if hertz else 1),
-        hertz,
-        tangential,
-        mindlin,
-        value("slidingFrictionCoefficient"),
-        FORCE,
-    )
-    key = "idMixed" if "idMixed" in words else "id"
-    mixed = "Mixed" in words[0]
-    ids = [int(number) for number in named(file, words, key, line, 2 if mixed else 1)]
+        # Ft = 2/3 (8 G a) s, the displacement s kept, with the circle's radius a of the moment.
+        tangential = 2 / 3 * 8 * value("effectiveShearModulus", "shearModulus")
+    else:
+        tangential = value("slidingStiffness")
+        if friction > 0:  # else there is no shear at all; contacts stick up to the static one
+            friction = value("slidingFrictionCoefficientStatic", "slidingFrictionCoefficient")
+    normal *= 4 / 3 if hertz else 1
+    law = ProgramLaw(normal, hertz, tangential, mindlin, friction, DISPLACEMENT)
+    if mixed and "idA" in words:
+        ids = [int(named(file, words, key, line)[0]) for key in ("idA", "idB")]
+    else:
+        key = "idMixed" if "idMixed" in words else "id"
+        ids = [int(number) for number in named(file, words, key, line, 2 if mixed else 1)]
     file.laws[min(ids), max(ids)] = law
 
 

@@ -37,6 +37,8 @@ def _old_line(file: Restart, section: str, words: list[str], line: int) -> None:
         friction = named(file, words, "mu", line)[0] if "mu" in words else 0.0
         tangential = named(file, words, "kt", line)[0] if "kt" in words else 0.0
         stiffness = named(file, words, "k", line)[0]
+        if "dim_particle" in words:
+            file.refuse_flat("dim_particle", named(file, words, "dim_particle", line)[0], line)
         kind = len(file.laws)
         file.laws[kind, kind] = ProgramLaw(stiffness, False, tangential, False, friction, FORCE)
     elif section == "Walls":

@@ -33,6 +33,12 @@ class Restart:
         """InputError for a line."""
         fault(self.path, what, do, line)
 
+    def refuse_flat(self, name: str, dimensions: float, line: int) -> None:
+        """InputError for discs, and for spheres that move in a plane alone."""
+        if dimensions != 3:
+            do = "a network has spheres that move in space (3)"
+            self.blame(line, f"{name} {dimensions:g}: discs, or motion in a plane", do)
+
 
 def named(file: Restart, words: list[str], name: str, line: int, count: int = 1) -> list[float]:
     """The numbers behind a name in a line."""

@@ -58,8 +58,9 @@ class ProgramLaw:
     """One kind of contact.
 
     `normal` in N/m, or in Pa with `hertz`; `tangential` in N/m, or in Pa where it grows
-    (`grows`); `friction` the coefficient, 0 for none. `keeps` what of the shear is kept; `moves`
-    and `turns` the lever arms of motion and of torque.
+    (`grows`); 0 where `friction`, the coefficient, is: the limit of a shear force is 0 then, and
+    no spring is left. `keeps` what of the shear is kept; `moves` and `turns` the lever arms of
+    motion and of torque.
     """
 
     normal: float
@@ -70,6 +71,10 @@ class ProgramLaw:
     keeps: str = FORCE
     moves: str = MIDDLE
     turns: str = MIDDLE
+
+    def __post_init__(self) -> None:
+        if self.friction == 0:
+            object.__setattr__(self, "tangential", 0.0)
 
     def force(self, overlap: Floats, effective_radius: Floats) -> Floats:
         """Shape (m,), N: the elastic normal force; 0 where nothing touches."""

@@ -8,10 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from places import PACKINGS
-from program_files import imported, refused
+from program_files import imported, packing, refused
 
 import modal
+from modal.exchange.mercury import import_mercury
+from modal.exchange.program_law import SI
+from modal.packing.network import SOURCE_WALL, Network
 from modal.packing.network_file import read_network
+from modal.stiffness.law_tangent import law_tangent
+from modal.stiffness.matrices import assembled
 
 FILE = "out.network.h5"
 
@@ -29,6 +34,175 @@ def test_mercury_gives_the_frequencies_of_its_chains(tmp_path, capsys):
     exact = np.sqrt(k / m) / np.pi * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n + 2))
     np.testing.assert_allclose(exact[[0, -1]], [12.4766965, 84.1184433], rtol=1e-8)
     np.testing.assert_allclose(frequency[-125:], np.repeat(exact, 25), rtol=1e-8)
+
+
+SPECIES = {(0, 0): (6e10, 2e10, 0.5), (1, 1): (2e11, 8e10, 0.4), (0, 1): (9.2e10, 3.1e10, 0.6)}
+"""Effective elastic modulus and shear modulus, Pa, and friction between two species."""
+WALL_SPECIES = 1
+
+
+def mindlin(network: Network, folder: Path, species: dict = SPECIES) -> tuple[Path, np.ndarray]:
+    """A restart file of Hertz-Mindlin between two walls, and its sliding springs (m, 3), m.
+
+    As MercuryDPM 0.14 writes it: even spheres of species 0, odd ones of species 1, its walls, too.
+    """
+    random = np.random.default_rng(3)
+    low, high = network.wall_position.tolist()
+    side = network.cell_size.tolist()
+    spring = np.cross(network.normal, random.standard_normal((network.n_contacts, 3)))
+    spring *= 0.2 * network.overlap[:, None]
+    still = np.zeros((network.n_particles, 6))
+    force, _ = mercury(network, spring, still, species)
+    text = (
+        f"MercuryDPM 0.14 name packing\nxMin 0 xMax {side[0]!r} yMin 0 yMax {side[1]!r} "
+        f"zMin {low!r} zMax {high!r}\nsystemDimensions 3 particleDimensions 3 gravity 0 0 0\n"
+        f"Species {len(species)}\n"
+    )
+    for (a, b), (elastic, shear, friction) in species.items():
+        named = f"Species id {a}" if a == b else f"MixedSpecies idA {b} idB {a}"
+        text += (
+            f"HertzianViscoelasticMindlin{named} density 2500 elasticModulus {elastic!r} "
+            f"dissipation 0 slidingDissipation 0 slidingFrictionCoefficient {friction!r} "
+            f"slidingFrictionCoefficientStatic {friction!r} shearModulus {shear!r}\n"
+        )
+    text += "Walls 2\n"
+    for k, (z, sign) in enumerate(((low, 1), (high, -1))):
+        text += f"InfiniteWall id {k} indSpecies {WALL_SPECIES} position 0 0 {z!r} "
+        text += f"orientation 0.707106781186548 0 {sign * 0.707106781186548!r} 0\n"
+    text += "Boundaries 2\n"
+    for axis, normal in enumerate(("1 0 0", "0 1 0")):
+        shift = " ".join(repr(side[axis]) if word == "1" else "0" for word in normal.split())
+        text += f"PeriodicBoundary id {axis} normal {normal} scaleFactor 1 distanceLeft 0 "
+        text += f"distanceRight {side[axis]!r} shift {shift}\n"
+    text += f"Particles {network.n_particles}\n"
+    rows = np.column_stack([network.position, network.radius, 1 / network.mass]).tolist()
+    for k, (*place, radius, heavy) in enumerate(rows):
+        text += f"BaseParticle id {k} indSpecies {k % 2} position {' '.join(map(repr, place))} "
+        text += f"radius {radius!r} invMass {heavy!r}\n"
+    text += f"Interactions {network.n_contacts}\n"
+    for i, j, vector, lengths in zip(
+        network.particle_i, network.particle_j, force.tolist(), spring.tolist(), strict=True
+    ):
+        ends = f"particleIds {i} {j}" if j >= 0 else f"particleWallIds {i} {-j - 1}"
+        text += f"HertzianViscoelasticMindlinInteraction {ends} timeStamp 1 contactPoint 0 0 0 "
+        text += f"force {' '.join(map(repr, vector))} torque 0 0 0 "
+        text += f"slidingSpring {' '.join(map(repr, lengths))}\n"
+    path = folder / "mindlin.restart"
+    path.write_text(text)
+    return path, spring
+
+
+def mercury(
+    network: Network, spring: np.ndarray, moved: np.ndarray, species: dict = SPECIES
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force (m, 3) on the first of each contact, and on all spheres force and torque (n, 6).
+
+    After one step in which they have moved and turned by `moved` (n, 6). From MercuryDPM's account
+    of its law: normal n from the second to the first, contact point in the middle of the overlap,
+    N = 4/3 E a overlap with a = sqrt(R* overlap), sliding spring s that grows by the motion of the
+    contact point across n and is turned into the new plane (not at a wall), Ft = -2/3 (8 G a) s.
+    """
+    forces, on_spheres = [], np.zeros((network.n_particles, 6))
+    position, motion, turn = network.position + moved[:, :3], moved[:, :3], moved[:, 3:]
+    for c, (p, q) in enumerate(zip(network.particle_i, network.particle_j, strict=True)):
+        if q >= 0:
+            image = position[q] + network.cell_shift[c] * network.cell_size
+            distance, reach = np.linalg.norm(position[p] - image), network.radius[[p, q]].sum()
+            normal = (position[p] - image) / distance
+            effective = network.radius[p] * network.radius[q] / reach
+        else:
+            up = 1.0 if q == SOURCE_WALL else -1.0
+            distance, reach = abs(position[p, 2] - network.wall_position[-q - 1]), network.radius[p]
+            normal, effective, image = np.array([0, 0, up]), reach, None
+        overlap = reach - distance
+        kinds = (p % 2, q % 2 if q >= 0 else WALL_SPECIES)
+        elastic, shear, _ = species[min(kinds), max(kinds)]
+        circle = np.sqrt(effective * overlap)
+        arm = -(network.radius[p] - overlap / 2) * normal
+        slip = motion[p] + np.cross(turn[p], arm)
+        stretched = spring[c].copy()
+        if q >= 0:
+            other = position[p] + arm - image
+            slip -= motion[q] + np.cross(turn[q], other)
+            stretched -= normal * (spring[c] @ (motion[p] - motion[q])) / distance
+        stretched += slip - normal * (normal @ slip)
+        force = 4 / 3 * elastic * circle * overlap * normal
+        force -= 2 / 3 * 8 * shear * circle * stretched
+        forces.append(force)
+        on_spheres[p] += *force, *np.cross(arm, force)
+        if q >= 0:
+            on_spheres[q] -= *force, *np.cross(other, force)
+    return np.array(forces), on_spheres
+
+
+def test_stiffness_of_mindlin_is_that_of_mercurys_forces(tmp_path):
+    """Central differences over 1e-10 m against overlaps of 1e-5 m: an error of 1e-10 and less.
+
+    Round-off of forces, 1e-16 of 1e3 N over 1e-10 m, is 1e-9 of stiffnesses of 1e6 N/m.
+    """
+    made = packing(False, 40)
+    file, spring = mindlin(made, tmp_path)
+    found = import_mercury(file, SI)
+    assert not any("of the law's" in remark for remark in found.remarks)
+    arc = np.tile([1.0] * 3 + [1e3] * 3, made.n_particles)  # rotations as arcs of 1 mm
+    spheres = [*range(0, 40, 10), *made.particle_i[made.with_wall][[0, -1]]]
+    own = np.concatenate([6 * k + np.arange(6) for k in spheres])
+    wanted = np.empty((arc.size, own.size))
+    for column, k in zip(wanted.T, own, strict=True):
+        moved = np.zeros((2, arc.size))
+        moved[:, k] = 1e-10 * arc[k], -1e-10 * arc[k]
+        ahead, behind = (mercury(made, spring, way.reshape(-1, 6))[1] for way in moved)
+        column[:] = arc * (behind - ahead).ravel() / 2e-10
+    tangent = assembled(found.network, law_tangent(found.network))[:, own].toarray()
+    have = arc[:, None] * tangent * arc[own]
+    assert np.linalg.norm(have - wanted) < 1e-6 * np.linalg.norm(wanted)
+
+
+def test_spring_of_mindlin_is_that_of_a_file_of_mercury(tmp_path):
+    """One sphere on a floor, of MercuryDPM 0.14: its sliding spring bears its force, 15 digits."""
+    file = tmp_path / "one.restart"
+    species = "HertzianViscoelasticMindlin{} elasticModulus {} dissipation 0.481769257764587 "
+    species += "slidingDissipation 0 slidingFrictionCoefficient 0.2 "
+    species += "slidingFrictionCoefficientStatic 0.2 shearModulus {}\n"
+    file.write_text(
+        "MercuryDPM 0.14 name OSMindlinSelfTest\n"
+        "xMin -0.001 xMax 0.001 yMin -0.001 yMax 0.001 zMin 0 zMax 0.0022\n"
+        "systemDimensions 3 particleDimensions 3 gravity 5 0 -5\nSpecies 2\n"
+        + species.format("Species id 0 density 2500", 520833333.333333, 115740740.740741)
+        + species.format("Species id 2 density 7200", 109375000000, 24305555555.5556)
+        + species.format("MixedSpecies idA 2 idB 0", 1036729857.81991, 230384412.848868)
+        + "Walls 1\nInfiniteWall id 0 indSpecies 0 position 0 0 0 "
+        "orientation 0.707106781186548 0 0.707106781186548 0\nBoundaries 0\nParticles 1\n"
+        "BaseParticle id 0 indSpecies 2 position 5.00174664417886e-05 0 0.000999977169022539 "
+        "radius 0.001 invMass 33157.2798108115\nInteractions 1\n"
+        "HertzianViscoelasticMindlinInteraction particleWallIds 0 0 timeStamp 10001 contactPoint "
+        "5.00174664417886e-05 0 -1.14154887309419e-08 force -3.01592890590078e-05 0 "
+        "0.000150796445295039 torque 0 0 0 slidingSpring 5.13696996565198e-09 0 0\n"
+    )
+    network = import_mercury(file, SI).network
+    # The overlap of 2.3e-8 m is known to half of 1e-18 m over 1 mm: 1e-9 of its root and less.
+    np.testing.assert_allclose(
+        network.stiffness_tangential * 5.13696996565198e-09, 3.01592890590078e-05, rtol=1e-8
+    )
+
+
+@pytest.mark.parametrize(
+    ("friction", "static", "slides"), [(0.2, 0.5, 0), (0.2, 0.3, 1), (0, 0.5, 1)]
+)
+def test_mercury_sticks_up_to_its_static_friction(tmp_path, friction, static, slides):
+    """A shear of 1.5 N under 4.63 N, 0.32 of it; friction 0 has no shear force, so no spring."""
+    file = spoilt(tmp_path, "force 0 0 -4.62918369484511", "force 1.5 0 -4.62918369484511")
+    file.write_text(
+        file.read_text().replace(
+            "LinearViscoelasticSpecies",
+            "LinearViscoelasticSlidingFrictionSpecies slidingStiffness 2e4 slidingDissipation 0 "
+            f"slidingFrictionCoefficient {friction} slidingFrictionCoefficientStatic {static}",
+        )
+    )
+    network = import_mercury(file, SI).network
+    sheared = network.force_tangential[:, 0] > 1
+    assert network.sliding[sheared].tolist() == [bool(slides)]
+    assert set(network.stiffness_tangential) == {2e4 if friction else 0.0}
 
 
 def test_mercury_of_the_older_format(tmp_path, capsys):
@@ -112,7 +286,7 @@ def test_walls_that_no_sphere_touches_are_left_out(tmp_path, capsys):
 
 def test_finite_walls_without_listed_contacts_are_refused(tmp_path, capsys):
     """Nothing tells whether a sphere touches them."""
-    file = mercury(tmp_path, "InfiniteWall", "TriangleWall")
+    file = spoilt(tmp_path, "InfiniteWall", "TriangleWall")
     before, listed, _ = file.read_text().partition("Interactions")
     assert listed
     file.write_text(before)
@@ -120,7 +294,7 @@ def test_finite_walls_without_listed_contacts_are_refused(tmp_path, capsys):
     assert "wall 0, TriangleWall, do not follow from positions; write" in error
 
 
-def mercury(tmp_path: Path, old: str, new: str) -> Path:
+def spoilt(tmp_path: Path, old: str, new: str) -> Path:
     path = tmp_path / "spoilt.restart"
     text = (PACKINGS / "mercury_CubicPacking.restart").read_text()
     assert old in text
@@ -133,6 +307,14 @@ def mercury(tmp_path: Path, old: str, new: str) -> Path:
     [
         ("LinearViscoelasticSpecies", "LinearPlasticViscoelasticSpecies", "line 12: .*hysteretic"),
         ("LinearViscoelasticSpecies", "LinearViscoelasticBondedSpecies", "line 12: .*bonded"),
+        ("LinearViscoelastic", "HertzianBSHPViscoelastic", "line 12: HertzianBSHP.* is not known"),
+        (
+            "LinearViscoelasticSpecies",
+            "LinearViscoelasticMindlinRollingTorsionSpecies rollingFrictionCoefficient 0.1",
+            "line 12: rolling friction is resisted by no spring",
+        ),
+        ("particleDimensions 3", "particleDimensions 2", "line 10: particleDimensions 2: discs"),
+        ("systemDimensions 3", "systemDimensions 2", "line 10: systemDimensions 2: .* in a plane"),
         ("stiffness 75857.5", "stiffness x75857.5", "line 12: stiffness x.* is no number"),
         ("Boundaries 0", "Boundaries 1\nAngledPeriodicBoundary normal 1 0 0", "line 21: .*angled"),
         ("particleWallIds 120 4", "particleWallIds 120 0", "line 173: a contact with wall 0"),
@@ -143,7 +325,7 @@ def mercury(tmp_path: Path, old: str, new: str) -> Path:
     ],
 )
 def test_mercury_is_refused_by_line(tmp_path, capsys, old, new, said):
-    error = refused(capsys, mercury(tmp_path, old, new), "-o", tmp_path / FILE)
+    error = refused(capsys, spoilt(tmp_path, old, new), "-o", tmp_path / FILE)
     assert re.search(said, error), error
 
 
