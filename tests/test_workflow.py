@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -70,6 +70,13 @@ def module(name: str) -> ModuleType:
     return found
 
 
+@pytest.fixture
+def in_workflow(monkeypatch) -> None:
+    """The modules of the workflow find one another."""
+    monkeypatch.syspath_prepend(str(ROOT / "workflow"))
+    monkeypatch.chdir(ROOT)
+
+
 def test_a_crystal_needs_no_walk(study):
     jobs = planned(study, cases=[2])
     assert jobs == dict.fromkeys(jobs, 1)
@@ -91,14 +98,10 @@ def test_moduli_and_shear_waves_are_made_on_request(study):
     assert jobs["further_wave"] == 1 and "shear_wave" not in jobs
 
 
-def test_a_case_may_have_a_band_of_its_own(study):
+def test_a_case_may_have_a_band_of_its_own(study, in_workflow):
     """Case 6: all modes to 20 kHz; case 7: the band of all; an empty one is refused."""
     config = yaml.safe_load((study / "workflow/study.yaml").read_text())
-    sys.path.insert(0, str(study / "workflow"))
-    try:
-        of = module("study").Study
-    finally:
-        sys.path.pop(0)
+    of = module("study").Study
     assert of(config).band("case06") == (0, 20000)
     assert of(config).band("case07") == tuple(config["band"])
     with pytest.raises(ValueError, match="case07: band 3 to 2 Hz is empty"):
@@ -245,6 +248,28 @@ def test_changed_settings_of_the_environment_make_waves_again(made, monkeypatch)
     assert plan(made, cases=[3], stage="wave") == []
 
 
+@pytest.mark.parametrize(
+    "beside",
+    [
+        "seed_2/case11.network.h5",
+        "case12.agreement.md",
+        "compression_mu0.1/1000Pa.sample.h5",
+        "case11.moduli.h5",
+    ],
+)
+def test_the_page_is_made_again_with_what_it_shows_where_it_is_there(made, beside):
+    """Packings of another seed, a split by causes, a state under 1 kPa, moduli; once."""
+    path = made / "products" / beside
+    path.parent.mkdir(exist_ok=True)
+    path.touch()
+    settings = {"cases": SOME, "stage": "study", "from_scratch": True}
+    try:
+        assert plan(made, **settings) == [("study_tables", "study.html")]
+    finally:
+        path.unlink()
+    assert plan(made, **settings) == []
+
+
 def test_only_what_is_missing_is_planned(made):
     (made / "products/case03.signals.h5").unlink()
     jobs = planned(made, cases=[3], stage="analysis")
@@ -310,23 +335,65 @@ def test_line_of_a_table_that_cannot_be_is_said(study, line, said):
     assert "nothing to be made" not in done.stdout
 
 
+def benchmark(folder: Path, rule: str, case: str, seconds: str, memory: str, busy: str) -> None:
+    """What Snakemake notes of a job."""
+    path = folder / f"cost/{rule}/{case}.tsv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    row = f"{seconds}\t0:30:00\t{memory}\t{busy}"
+    path.write_text(f"s\th:m:s\tmax_rss\tcpu_time\n{row}\n")
+
+
 def test_costs_of_a_rule_are_those_of_its_jobs(tmp_path):
     """The benchmarks that Snakemake writes: core-hours are their sum, by clock and processor."""
     cost = module("cost")
-    jobs = ("case01", "1800.0", "50.5", "900.0"), ("case02", "5400.0", "NA", "NA")
-    for name, seconds, memory, busy in jobs:
-        path = tmp_path / f"cost/yade_wave/{name}.tsv"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        row = f"{seconds}\t0:30:00\t{memory}\t{busy}"
-        path.write_text(f"s\th:m:s\tmax_rss\tcpu_time\n{row}\n")
-    found = cost.measured(tmp_path)["yade_wave"]
+    benchmark(tmp_path, "yade_wave", "case01", "1800.0", "50.5", "900.0")
+    benchmark(tmp_path, "yade_wave", "case02", "5400.0", "NA", "NA")
+    found = cost.measured(tmp_path, lambda case: "crystal")["yade_wave", "crystal"]
     assert (found.jobs, found.seconds, found.longest, found.memory) == (2, 3600, 5400, 50.5)
     assert found.busy == (900 + 5400) / 2  # where the processor's time was not noted, the clock's
     assert re.search(r"^all +2 +2\.0000 +1\.7500$", cost.table(tmp_path), re.M)
-    assert cost.expected(tmp_path, 1.0)["yade_wave"] == found
+
+
+def asked(folder: Path, rule: str, case: str, attempt: int = 1, **settings: object) -> list[int]:
+    """Minutes and MB that a job of the study asks for."""
+    config = yaml.safe_load((ROOT / "workflow/study.yaml").read_text())
+    of = module("study").Study(config | {"products": str(folder)} | settings)
+    needs = of.needs(rule)
+    return [needs[name](SimpleNamespace(case=case), attempt) for name in ("runtime", "mem_mb")]
+
+
+COMMITTED = [line.split() for line in (ROOT / "results/study/cost.txt").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("measured", COMMITTED[1:-1], ids=lambda line: line[0])
+def test_a_fresh_clone_asks_for_what_was_measured_at_full_size(measured, in_workflow, tmp_path):
+    """Longest job and most memory of a rule, of all 32 cases (results/study/cost.txt).
+
+    The second try asks for twice of both.
+    """
+    crystal = measured[0] in ("crystal", "all_modes", "translations")
+    case = "case02" if crystal else "case30"
+    minutes, memory = asked(tmp_path, measured[0], case)
+    assert minutes > float(measured[-2]) / 60 and memory > float(measured[-1])
+    assert asked(tmp_path, measured[0], case, 2) == [2 * minutes, 2 * memory]
+
+
+def test_crystals_that_ran_first_say_nothing_of_random_packings(in_workflow, tmp_path):
+    """Quick small jobs lower no request; longer and larger ones raise that of their own kind."""
+    before = {case: asked(tmp_path, "yade_wave", case) for case in ("case02", "case30")}
+    benchmark(tmp_path, "yade_wave", "case01", "4.0", "30", "4.0")
+    assert before == {case: asked(tmp_path, "yade_wave", case) for case in before}
+    benchmark(tmp_path, "yade_wave", "case03", "7200.0", "9000", "7200.0")
+    assert asked(tmp_path, "yade_wave", "case30") == before["case30"]
+    minutes, memory = asked(tmp_path, "yade_wave", "case02")
+    assert minutes > 120 and memory > 9000
+    larger = asked(tmp_path, "states", "case30", spheres=10 * 35201)
+    # A walk's steps grow with the length: ten times the spheres, more than ten times the time.
+    assert larger[0] > 10 * asked(tmp_path, "states", "case30")[0]
 
 
 def test_every_rule_has_an_expected_cost(study):
     listed = snakemake(study, "--list-rules").stdout.split()
     table = (study / "workflow/cost.tsv").read_text().splitlines()
-    assert set(listed) - {"all"} == {line.split()[0] for line in table if line[0] != "#"}
+    rules = {line.split()[0] for line in table if line[0] != "#"}
+    assert set(listed) - {"all"} == rules - {"rule"}

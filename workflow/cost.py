@@ -1,4 +1,4 @@
-"""What the rules' jobs have cost: measured on this machine where they ran, else as in cost.tsv.
+"""What the rules' jobs cost: as in cost.tsv, and as measured on this machine where they ran.
 
     python workflow/cost.py PRODUCTS      prints the core-hours of each rule
 
@@ -8,13 +8,14 @@ Snakemake notes seconds and memory of each job in PRODUCTS/cost/RULE/CASE.tsv (`
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-STARTED = 3.0
-"""Seconds of a job that does next to nothing: programs are loaded."""
-GROWTH = 4 / 3
-"""A walk's and a wave's steps grow with the length, each with the number of spheres."""
+Key = tuple[str, str]
+"""A rule, and the kind of its case: crystal or random."""
+STARTED, LOADED = 3.0, 200.0
+"""Seconds and memory, MB, of a job that does next to nothing: programs are loaded."""
 
 
 @dataclass(frozen=True)
@@ -40,33 +41,46 @@ def job(path: Path) -> tuple[float, float, float]:
     return float(row["s"]), float(memory) if memory not in ("NA", "-") else 0.0, busy
 
 
-def measured(folder: Path) -> dict[str, Cost]:
-    """Costs by rule, of the jobs whose products are in a folder."""
+def measured(folder: Path, kind: Callable[[str], str]) -> dict[Key, Cost]:
+    """Costs of the jobs whose products are in a folder, by rule and by the `kind` of a case."""
+    jobs: dict[Key, list[tuple[float, float, float]]] = {}
+    for path in sorted((folder / "cost").glob("*/*.tsv")):
+        if path.stat().st_size:
+            key = path.parent.name, kind(path.name.split(".")[0])
+            jobs.setdefault(key, []).append(job(path))
     found = {}
-    for rule in sorted((folder / "cost").glob("*/")):
-        jobs = [job(path) for path in rule.glob("*.tsv") if path.stat().st_size]
-        if jobs:
-            seconds, memory, busy = zip(*jobs, strict=True)
-            mean = sum(seconds) / len(jobs)
-            own = sum(busy) / len(jobs)
-            found[rule.name] = Cost(len(jobs), mean, max(seconds), max(memory), own)
+    for key, all_of_it in jobs.items():
+        seconds, memory, busy = zip(*all_of_it, strict=True)
+        n = len(seconds)
+        found[key] = Cost(n, sum(seconds) / n, max(seconds), max(memory), sum(busy) / n)
     return found
 
 
-def expected(folder: Path, size: float) -> dict[str, Cost]:
-    """Cost of one job of each rule; `size` is the number of spheres over that of the study."""
-    found = {}
-    for line in Path(__file__).with_suffix(".tsv").read_text().splitlines():
-        if line.strip() and line[0] != "#":
-            rule, text, memory = line.split()
-            seconds = STARTED + float(text) * size**GROWTH
-            found[rule] = Cost(0, seconds, seconds, float(memory) * size)
-    return found | measured(folder)
+def expected(
+    folder: Path, sizes: Mapping[str, float], kind: Callable[[str], str]
+) -> dict[Key, Cost]:
+    """Cost of one job; `sizes` by kind are over those of the full study.
+
+    Seconds are as measured, where jobs of this rule and kind ran; the longest and the largest job
+    are still to be expected.
+    """
+    found, here = {}, measured(folder, kind)
+    lines = Path(__file__).with_suffix(".tsv").read_text().splitlines()
+    _, *rows = (line.split() for line in lines if line[0] != "#")
+    for rule, of, *numbers in rows:
+        typical, longest, power, memory = map(float, numbers)
+        seconds, longest = (STARTED + s * sizes[of] ** power for s in (typical, longest))
+        row = Cost(0, seconds, longest, LOADED + memory * sizes[of])
+        own = here.get((rule, of), row)
+        found[rule, of] = replace(
+            own, longest=max(own.longest, row.longest), memory=max(own.memory, row.memory)
+        )
+    return found
 
 
 def table(folder: Path) -> str:
     """Core-hours of each rule and of all, by the clock and by what processors were busy."""
-    costs = measured(folder)
+    costs = {rule: cost for (rule, _), cost in measured(folder, lambda case: "").items()}
     if not costs:
         return f"{folder}: nothing was made yet"
     head = f"{'rule':18}{'jobs':>6}{'core-hours':>12}{'processor, h':>14}"

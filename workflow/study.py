@@ -9,18 +9,20 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
 import h5py
 import yaml
-from cost import expected
+from cost import Cost, expected
 from jsonschema import Draft202012Validator
 
 FULL = 35201
 """Spheres of a random packing of the study, and of its walks by YADE."""
+LAYERS = 200
+"""Layers of its crystals."""
 FIRST_SEED = 1
 """Of the committed samples; a study of another seed makes its packings itself."""
 SAMPLES = Path("results/samples")
@@ -181,7 +183,7 @@ class Study:
         stress = float(self.rows[case]["stress"])
         slowest = 1.2e-3 * (self.config["spheres"] / FULL) ** (1 / 3)
         if case in self.crystals:
-            slowest = 5e-4 * self.config["crystal_layers"] / 200
+            slowest = 5e-4 * self.config["crystal_layers"] / LAYERS
         return round(slowest * (1e5 / stress) ** (1 / 6), 7)
 
     def files(self, case: str, stage: str) -> list[str]:
@@ -199,6 +201,17 @@ class Study:
         """Files of the further stages that are there."""
         return [path for path in self.whole(*FURTHER) if Path(path).exists()]
 
+    def shown(self) -> list[str]:
+        """What the study's page shows where it is there: splits, other seeds, states at 1 kPa."""
+        splits = [path for path in self.splits() if Path(path).exists()]
+        patterns = "seed_*/case*.h5", "compression_mu*/1000Pa.sample.h5"
+        found = [path for pattern in patterns for path in Path(self.folder).glob(pattern)]
+        return [*splits, *self.further(), *sorted(map(str, found))]
+
+    def splits(self) -> list[str]:
+        """Differences of each case between YADE's wave and the linear one, by cause."""
+        return [f"{self.folder}/{case}.agreement.md" for case in self.cases]
+
     def other_pulses(self) -> list[str]:
         """Waves with the pulse of 100 kHz, of the cases whose own pulse is another."""
         cases = (c for c in self.cases if float(self.rows[c]["input_frequency"]) != 1e5)
@@ -214,27 +227,42 @@ class Study:
         if stage == "study":
             return [f"{self.folder}/study/study.html", *self.whole("linear")]
         if stage == "split":
-            return [f"{self.folder}/{case}.agreement.md" for case in self.cases]
+            return self.splits()
         return self.whole(stage)
 
+    def kind(self, case: str | None) -> str:
+        """What a case's costs are like; walks, and what is made of many cases, are as random."""
+        return "crystal" if case in self.crystals else "random"
+
+    @cached_property
+    def costs(self) -> dict[tuple[str, str], Cost]:
+        """What a job of each rule may take, by the kind of its case."""
+        layers = self.config["crystal_layers"] / LAYERS
+        sizes = {"random": self.config["spheres"] / FULL, "crystal": layers}
+        return expected(Path(self.folder), sizes, self.kind)
+
     def expected(self) -> dict[str, float]:
-        """Seconds that a job of each rule may take."""
-        return {name: row.seconds for name, row in self._expected().items()}
+        """Seconds that a job of each rule may take, the mean over the study's cases."""
+        kinds = [self.kind(case) for case in self.cases]
+        found: dict[str, float] = {}
+        for rule in {rule for rule, _ in self.costs}:
+            of = {kind: cost.seconds for (name, kind), cost in self.costs.items() if name == rule}
+            seconds = [of[kind] for kind in kinds if kind in of] or [*of.values()]
+            found[rule] = sum(seconds) / len(seconds)
+        return found
 
     def needs(self, rule: str) -> dict[str, Any]:
-        """Resources of a rule's jobs: memory, MB, and run time, minutes, more at each attempt."""
-        row = self._expected()[rule]
-        minutes = int(10 + 4 * row.seconds / 60)
+        """Resources of a rule's jobs: memory, MB, and run time, minutes; both as often as tried."""
 
-        def runtime(wildcards: Any, attempt: int) -> int:
-            return minutes * attempt
+        def cost(wildcards: Any) -> Cost:
+            return self.costs[rule, self.kind(getattr(wildcards, "case", None))]
 
-        return {"mem_mb": int(300 + 1.5 * row.memory), "runtime": runtime}
-
-    def _expected(self) -> dict[str, Any]:
-        if not hasattr(self, "_costs"):
-            self._costs = expected(Path(self.folder), self.config["spheres"] / FULL)
-        return self._costs
+        return {
+            "mem_mb": lambda wildcards, attempt: attempt * int(1.5 * cost(wildcards).memory),
+            "runtime": lambda wildcards, attempt: (
+                attempt * int(10 + 2 * cost(wildcards).longest / 60)
+            ),
+        }
 
 
 def check(config: Mapping[str, Any]) -> None:
