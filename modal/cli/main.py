@@ -45,8 +45,8 @@ def command_of(name: str) -> ModuleType:
 
     It has `add(commands)`, its options, and `run(options)`, its result. One that writes a product
     from sources and settings has `read_product` too, who reads it, or None; one whose product may
-    fall short has `short_of(path)`; one whose result is long sorts it for people with
-    `shown(result)`.
+    fall short, or is not the only one, has `kept(options)` for a product that is current; one whose
+    result is long sorts it for people with `shown(result)`.
     """
     with undisturbed():
         # scipy asks numpy for each of its parts; this one, a compiler of Fortran, takes longest.
@@ -89,8 +89,8 @@ def main(argv: list[str] | None = None) -> int:
             options.output, options.made, say, command.read_product
         ):
             result = {"current": options.output}
-            if hasattr(command, "short_of"):
-                result |= command.short_of(options.output)
+            if hasattr(command, "kept"):
+                result |= command.kept(options)
         else:
             result = command.run(options)
     except InputError as error:

@@ -58,9 +58,9 @@ def add(commands: Any) -> None:
     add_if_stale(command)
 
 
-def short_of(path: str) -> dict[str, Any]:
+def kept(options: argparse.Namespace) -> dict[str, Any]:
     """What a list that is kept fell short of when it was made: its exit status stays."""
-    return {"missing": read_modes(path).missing}
+    return {"missing": read_modes(options.output).missing}
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

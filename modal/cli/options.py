@@ -66,13 +66,16 @@ def add_if_stale(command: argparse.ArgumentParser) -> None:
     )
 
 
-WRITTEN = "output", "layers"
+WRITTEN = "output", "layers", "exported"
 """Options that name files to be written."""
 
 
 def refuse_overwriting(options: argparse.Namespace) -> None:
-    """InputError where a file to be written is one that the command reads."""
+    """InputError where a file to be written is one that the command reads, or writes twice."""
     given = vars(options)
+    named = [os.path.realpath(given[name]) for name in WRITTEN if given.get(name)]
+    if len(set(named)) < len(named):
+        raise InputError(f"{named[0]}: two outputs of one name; give each its own")
     read = [value for name, value in given.items() if name not in WRITTEN]
     files = [
         text

@@ -8,9 +8,9 @@ from typing import Any
 
 from modal.cli.options import add_command, add_if_stale, say
 from modal.formats.hdf5 import InputError
-from modal.formats.provenance import Provenance, packing_of
-from modal.packing.network_file import write_network
-from modal.packing.sample import read_sample, write_sample
+from modal.formats.provenance import Provenance, is_current, packing_of
+from modal.packing.network_file import read_network, write_network
+from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import TOLERANCE, Balance, relax
 
@@ -32,16 +32,23 @@ def add(commands: Any) -> None:
     )
     text = f"mean net force over mean contact force at rest (default {TOLERANCE:g})"
     balance.add_argument("--tolerance", type=float, metavar="T", default=TOLERANCE, help=text)
-    balance.add_argument("--network", metavar="FILE", help="write the contact network as well")
+    balance.add_argument(
+        "--network", dest="exported", metavar="FILE", help="write the contact network as well"
+    )
     balance.add_argument(
         "-o", "--output", required=True, metavar="FILE", help="the sample at rest, *.sample.h5"
     )
     add_if_stale(balance)
 
 
-def short_of(path: str) -> dict[str, Any]:
-    """What a sample that is kept fell short of when it was made: its exit status stays."""
-    return {"at_rest": bool(read_sample(path).study.get("at_rest", True))}
+def kept(options: argparse.Namespace) -> dict[str, Any]:
+    """What a sample that is kept fell short of: its exit status stays. Its network may lack."""
+    rested = read_sample(options.output)
+    if options.exported:
+        made = _export_of(options)
+        if not is_current(options.exported, made, say, read_network):
+            _export(options.exported, rested, made)
+    return {"at_rest": bool(rested.study.get("at_rest", True))}
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -75,8 +82,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             f"residual {state.residual:.1e}: round-off of the positions allows no less than "
             f"{state.attainable:.1e}, {state.tolerance:g} was asked for"
         )
-    network = rested.network()
-    measured = summary(network, rested.friction)
+    measured = summary(rested.network(), rested.friction)
     found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
     found |= {name: getattr(state, name) for name in ("tolerance", "attainable", "at_rest")}
     found |= zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)
@@ -86,13 +92,21 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         provenance=_with_parent(options.made, sample.provenance),
     )
     write_sample(options.output, rested)
-    if options.network:
-        (parent,) = packing_of(options.output)
-        made = replace(options.made, sources=(parent,)).attributes()
-        made |= {"parent": parent.name, "parent_sha256": parent.sha256}
-        study = network.study | rested.study
-        write_network(options.network, replace(network, study=study, provenance=made))
+    if options.exported:
+        _export(options.exported, rested, _export_of(options))
     return {"residual_before": history[0].residual} | asdict(state) | measured
+
+
+def _export_of(options: argparse.Namespace) -> Provenance:
+    """What the network is made from: the sample at rest, once it is written."""
+    made: Provenance = replace(options.made, sources=packing_of(options.output))
+    return made
+
+
+def _export(path: str, rested: Sample, made: Provenance) -> None:
+    (parent,) = made.sources
+    provenance = made.attributes() | {"parent": parent.name, "parent_sha256": parent.sha256}
+    write_network(path, replace(rested.network(), provenance=provenance))
 
 
 def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:

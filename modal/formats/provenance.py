@@ -188,6 +188,7 @@ _NOT_SETTINGS = {
     "contacts",
     "log",
     "output",
+    "exported",
     "json",
     "if_stale",
     "at",

@@ -183,6 +183,7 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
         "relax {} --friction 0.3 -o {}",
         "tile {} --repeat 2 1 -o {}",
         "info {} --layers {}",
+        "relax {} --network {} -o rested.sample.h5",
     ],
 )
 def test_what_is_read_is_never_written_over(command, tmp_path, capsys):

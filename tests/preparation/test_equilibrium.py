@@ -9,7 +9,9 @@ import pytest
 
 from modal.__main__ import main
 from modal.cli import relax as relax_command
-from modal.formats.hdf5 import InputError
+from modal.formats.hdf5 import InputError, sha256
+from modal.formats.provenance import packing_of
+from modal.packing.network_file import read_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation import contact_forces, damped_motion, moving_contacts
@@ -243,6 +245,17 @@ def test_command_writes_a_sample_at_rest_and_its_network(packed, tmp_path, capsy
     rested = read_sample(out)
     assert rested.friction == 0.5 and network.exists()
     assert balance_of(rested, rested.network())[1].residual < 1e-9
+    network.unlink()
+    assert main([*arguments, "--network", str(network), "--if-stale"]) == 0
+    exported = read_network(network)
+    assert np.array_equal(exported.force_normal, rested.network().force_normal)
+    assert packing_of(network)[-1].sha256 == sha256(out)
+    before = network.stat().st_mtime_ns
+    assert main([*arguments, "--network", str(network), "--if-stale"]) == 0
+    assert network.stat().st_mtime_ns == before
+    capsys.readouterr()
+    assert main([*arguments, "--network", str(out)]) == 2
+    assert "two outputs of one name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("fault", ["frictionless", "no contacts", "missing"])
