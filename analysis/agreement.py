@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from analysis.estimators.fk import frequency_wavenumber
+from analysis.estimators.source_motion import recorded_motion
 from analysis.table import Table
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
@@ -22,7 +23,6 @@ from modal.packing.rattlers import force_bearing
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import Pulse
 
 OTHER_RUNS = {
     "reverse": "run with the wall's motion reversed",
@@ -33,6 +33,9 @@ OTHER_RUNS = {
     "half_step": "run with half the time step, recorded at the first run's times too",
 }
 """Further runs of the same sample that split the difference."""
+
+SAME = 1e-3
+"""Largest difference of two motions of the source that are one but for their size."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ class Agreement:
             run.particle_displacement is not None and run.particle_displacement.shape[1] != n
         ):
             raise InputError("the signals are not of this network; give the network of the run")
-        self.network, self.run = network, run
+        self.network, self.run, self.source = network, run, recorded_motion(run)
         self.every = max(1, round(float(run.time[1] - run.time[0]) / run.time_step))
         steps = run.time_step * self.every * np.arange(len(run.time))
         if abs(run.time - steps).max() > 1e-6 * run.time_step:
@@ -136,14 +139,17 @@ class Agreement:
         near = np.minimum(np.searchsorted(run.time, wanted), len(run.time) - 1)
         if (abs(run.time[near] - self.run.time) > 1e-6 * self.run.time_step).any():
             raise InputError("the runs were recorded at different times; repeat them alike")
-        return self._motion(run.chain_displacement, run, 1 / run.amplitude).at(near)
+        moved, first = run.source_displacement[near], self.run.source_displacement
+        times = float(moved @ first / (first @ first))
+        if times == 0 or abs(moved - times * first).max() > SAME * abs(moved).max():
+            raise InputError("the runs' sources move differently; repeat them with one motion")
+        return self._motion(run.chain_displacement, run, 1 / times / self.run.amplitude).at(near)
 
     def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
         """The linear wave at the run's times, with its time step or exact in time."""
-        pulse = Pulse(1.0, self.run.input_frequency)
         duration, interval = float(self.run.time[-1]), self.run.time_step * self.every
         every_one = self.run.particle_displacement is not None
-        settings: dict[str, Any] = {"motion": pulse, "pre_stress": pre_stress}
+        settings: dict[str, Any] = {"motion": self.source, "pre_stress": pre_stress}
         settings["direction"] = self.run.direction
         settings["particles"] = every_one  # at full size some GB, where nothing is held against it
         if exact_in_time:
@@ -162,7 +168,7 @@ class Agreement:
             raise InputError(
                 "the run's chain is not the network's own; record every particle (WAVE_PARTICLES=1)"
             )
-        return self._motion(chain, wave, 1.0)
+        return self._motion(chain, wave, 1 / self.run.amplitude)
 
     def _motion(self, chain: np.ndarray, signals: Signals, factor: float) -> Motion:
         everything, layers = signals.particle_displacement, signals.layer_displacement
@@ -234,15 +240,18 @@ def by_frequency(
     position: np.ndarray,
     bands: np.ndarray,
 ) -> list[tuple[float, float, float, float]]:
-    """(low, high, share of the energy, relative difference) for each band of frequency, f-k."""
+    """(low, high, share of the energy, relative difference) for each band of frequency, f-k.
+
+    Of the complex spectra: what differs in sign or time differs.
+    """
     f, _, have = frequency_wavenumber(found, time, position)
     _, _, want = frequency_wavenumber(reference, time, position)
-    total, rows = (want**2).sum(), []
+    total, rows = (abs(want) ** 2).sum(), []
     for low, high in zip(bands[:-1], bands[1:], strict=True):
         inside = (f >= low) & (f < high)
-        size = (want[inside] ** 2).sum()
+        size = (abs(want[inside]) ** 2).sum()
         if size > 0:
-            apart = np.sqrt(((have - want)[inside] ** 2).sum() / size)
+            apart = np.sqrt((abs(have - want)[inside] ** 2).sum() / size)
             rows.append((float(low), float(high), float(size / total), float(apart)))
     return rows
 

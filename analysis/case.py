@@ -11,6 +11,7 @@ from analysis.case_files import SHEAR, CaseFiles, case_name
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.low_pass import RECORD
+from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import has_its_spheres, matching_case
@@ -26,7 +27,11 @@ from modal.packing.state import FORCES, stress_tensor
 from modal.waves.propagate import propagate
 from modal.waves.response import Response, read_response
 from modal.waves.signals import Signals, read_signals
-from modal.waves.source import Pulse
+from modal.waves.source import Motion, Pulse
+
+PULSE = 0.33
+"""Frequency of the pulse where no run has one, in V / D of the affine wave: 100 kHz in the crystal
+of glass at 100 kPa. A crystal's band ends at 0.45, a random packing's long before."""
 
 
 class Case(CaseFiles):
@@ -138,10 +143,22 @@ class Case(CaseFiles):
         return self._modes("highest.modes", shapes=True)
 
     @cached_property
-    def signals(self) -> Signals | None:
-        """Signals of the wave run; None where its wall slid, which is no P-wave but in `shear`."""
+    def recorded(self) -> Signals | None:
+        """The recorded wave; None where its wall slid, which is no P-wave but in `shear`."""
         found = self._recorded("signals")
         return found if found is not None and found.direction == "z" else None
+
+    @cached_property
+    def signals(self) -> Signals | None:
+        """The recorded wave of a DEM run; None where the springs themselves have made it."""
+        found = self.recorded
+        if found is None or found.producer != "linear":
+            return found
+        self.notes.append(
+            f"{self.path('signals')}: a linear wave, no run; its network's own is made anew, with "
+            "the same motion of the source"
+        )
+        return None
 
     @cached_property
     def shear(self) -> list[Signals]:
@@ -209,9 +226,9 @@ class Case(CaseFiles):
         Or a little less: a whole number of the run's intervals, so that the two share their times.
         """
         wanted = 0.4 * self.diameter * self.passage / self.network.length
-        if self.signals is None:
+        if self.recorded is None:
             return wanted
-        own = float(self.signals.time[1] - self.signals.time[0])
+        own = float(self.recorded.time[1] - self.recorded.time[0])
         return own * max(1, int(wanted / own))
 
     @cached_property
@@ -220,14 +237,14 @@ class Case(CaseFiles):
         return self.linear_wave(particles=True)
 
     def linear_wave(self, *, particles: bool) -> Signals:
-        """That wave, on request on every particle; its pulse is the recorded run's, or the study's.
+        """That wave, on request on every particle, of the source's `motion`.
 
         Every particle takes half of the time.
         """
         return propagate(
             self.network,
             RECORD * self.passage,
-            motion=self._motion,
+            motion=self.motion,
             interval=self.interval,
             particles=particles,
         ).signals
@@ -238,19 +255,16 @@ class Case(CaseFiles):
         return self.signals or self.wave
 
     def record_of(self, frequency: float) -> Signals:
-        """The record of a pulse of this frequency, Hz: by YADE where it has run, else linear."""
-        if self.record.input_frequency == frequency:
-            return self.record
+        """The run whose pulse has this frequency, Hz, where there is one; else the case's record."""
         kind = f"{frequency / 1e3:g}kHz.signals"
-        if self.has(kind):
-            return read_signals(self.product(kind))
-        motion = Pulse(self._motion.amplitude, frequency)
-        return propagate(self.network, self.passage, motion=motion, interval=self.interval).signals
+        return read_signals(self.product(kind)) if self.has(kind) else self.record
 
-    @property
-    def _motion(self) -> Pulse:
-        seen = self.signals
-        return Pulse(seen.amplitude, seen.input_frequency) if seen else Pulse()
+    @cached_property
+    def motion(self) -> Motion:
+        """How the source wall moves: as recorded, else by a pulse of `PULSE`."""
+        if self.recorded is not None:
+            return recorded_motion(self.recorded)
+        return Pulse(frequency=PULSE * self.network.length / self.passage / self.diameter)
 
     def linear(self, pre_stress: str = "none") -> Signals:
         """The linear wave of the network at the times of the recorded wave.
@@ -259,11 +273,12 @@ class Case(CaseFiles):
         called linear here it is that of the springs alone; `pre_stress`
         (`modal.stiffness.pre_stress`) adds what the contacts' forces do.
         """
-        recorded, motion, interval = self.signals, self._motion, 0.1 / self._motion.frequency
+        recorded, motion, interval = self.recorded, self.motion, 0.1 / self.motion.frequency
         if recorded is not None:
-            duration, interval = float(recorded.time[-1]), float(recorded.time[1])
+            duration = float(recorded.time[-1])
+            interval = float(recorded.time[1] - recorded.time[0])
         else:
-            duration = self.network.length / self.lattice.velocity
+            duration = self.passage
         wave = propagate(
             self.network, duration, motion=motion, interval=interval, pre_stress=pre_stress
         )

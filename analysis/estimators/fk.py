@@ -36,7 +36,7 @@ def frequency_wavenumber(
     window: Callable[[int], np.ndarray] = both_ends,
     padding: int = 1,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, and |U| (nf, nk) of motion (nt, nl).
+    """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, complex U (nf, nk) of motion (nt, nl).
 
     Wave numbers ascend; those of waves towards higher z are positive. Positions ascend, equally
     spaced to half of their distance: InputError where they are not.
@@ -51,7 +51,7 @@ def frequency_wavenumber(
     frequency = np.fft.rfftfreq(padding * nt, float(np.mean(np.diff(time))))
     wavenumber = 2 * np.pi * np.fft.fftfreq(padding * nl, float(spacing.mean()))
     order = np.argsort(wavenumber)
-    return frequency, wavenumber[order], abs(spectrum[:, order])
+    return frequency, wavenumber[order], spectrum[:, order]
 
 
 def fk_map(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -60,13 +60,13 @@ def fk_map(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Returns frequency (nf,) Hz, wavenumber (nk,) rad/m (both from 0 up, waves towards high z) and
     amplitude (nf, nk) relative to its maximum.
     """
-    frequency, wavenumber, amplitude = frequency_wavenumber(
+    frequency, wavenumber, spectrum = frequency_wavenumber(
         signals.chain_displacement,
         signals.time,
         signals.chain_position,
         window=far_end,
         padding=PADDING,
     )
-    amplitude = amplitude[frequency < 4 * signals.input_frequency][:, wavenumber >= 0]
+    amplitude = abs(spectrum)[frequency < 4 * signals.input_frequency][:, wavenumber >= 0]
     frequency = frequency[frequency < 4 * signals.input_frequency]
     return frequency, wavenumber[wavenumber >= 0], amplitude / amplitude.max()

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
+from analysis.estimators.source_motion import recorded_motion
 from modal.packing.network import Network
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals, source_pulse
+from modal.waves.source import Motion
 
 FLAT = 1e-3
 """Of a radius: how far the centres of one layer of a crystal may be apart along z."""
@@ -126,6 +128,12 @@ class LayerLattice:
         force = amplitude * self.wall_stiffness / self.mass * shape[0]
         return (force * driven_by_pulse(time, omega, frequency)) @ shape.T
 
+    def follows(self, motion: Motion, time: np.ndarray) -> np.ndarray:
+        """Exact displacement of each layer, (nt, n) m, for any motion of the wall."""
+        omega, shape = self.eigenmodes()
+        push = self.wall_stiffness / self.mass * shape[0]
+        return (push * motion.response(omega**2, time).T) @ shape.T
+
 
 def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np.ndarray:
     """Shape (nt, n), s^2: oscillators (n,) rad/s under one period of 1 - cos, at times (nt,) s."""
@@ -147,6 +155,24 @@ def lattice_signals(
     """Signals of the exact lattice, as a run would have recorded them at `time` (nt,) s."""
     u = lattice.displacement(time, amplitude, frequency)
     source = source_pulse(time, amplitude, frequency)
+    return _recorded(lattice, time, u, source, amplitude, frequency)
+
+
+def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
+    """The exact lattice at the very times and under the very motion of a recorded run."""
+    motion, time = recorded_motion(signals), signals.time
+    u, source = lattice.follows(motion, time), motion.displacement(time)
+    return _recorded(lattice, time, u, source, signals.amplitude, signals.input_frequency)
+
+
+def _recorded(
+    lattice: LayerLattice,
+    time: np.ndarray,
+    u: np.ndarray,
+    source: np.ndarray,
+    amplitude: float,
+    frequency: float,
+) -> Signals:
     spring = lattice.wall_stiffness / lattice.area
     return Signals(
         time=np.asarray(time, float),
@@ -164,8 +190,3 @@ def lattice_signals(
         run_time=0.0,
         network_sha256="",
     )
-
-
-def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
-    """The exact lattice at the very times, amplitude and input frequency of a recorded run."""
-    return lattice_signals(lattice, signals.time, signals.amplitude, signals.input_frequency)

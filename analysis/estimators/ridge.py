@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimators.damped_transform import layer_distance
+from analysis.estimators.source_motion import at_rest
 from modal.waves.signals import Signals
 
 POINTS = 260
@@ -68,7 +69,7 @@ def ridge(signals: Signals) -> Ridge:
     """
     highest = REACH * np.pi / layer_distance(signals)
     kappa = np.linspace(highest / POINTS, highest, POINTS)
-    start = 1 / signals.input_frequency
+    start = at_rest(signals) - float(signals.time[0])
     whole = _frequencies(signals, kappa, start, np.inf)
     if whole is None:
         return Ridge(kappa, np.full(POINTS, np.nan), np.nan, np.nan)

@@ -2,17 +2,20 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from analysis.__main__ import main
-from analysis.agreement import OTHER_RUNS, Agreement, over_time, split_by_cause
+from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
+from analysis.case import Case
 from analysis.case_files import OTHER_WAVES
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.waves.leapfrog import leapfrog
+from modal.waves.propagate import propagate
 from modal.waves.signals import Signals, write_signals
-from modal.waves.source import Pulse
+from modal.waves.source import Pulse, chirp, step
 
 NETWORK = gallery.fcc(cells=(2, 2, 20))
 QUADRATIC, DRIFT = 0.1, 1e-6
@@ -32,6 +35,7 @@ def made_up_run(amplitude: float, slip: float = 0.0) -> Signals:
         chain_displacement=motion[:, run.chain_particle],
         particle_displacement=motion,
         layer_displacement=None,
+        source_displacement=amplitude * run.source_displacement,
         amplitude=amplitude,
     )
 
@@ -129,3 +133,43 @@ def test_agreement_on_the_command_line(tmp_path, capsys):
     assert "| YADE to linear, all causes |" in text
     assert main([*command[:3], "--first", "99"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("producer", ["yade", "linear"])
+@pytest.mark.parametrize(
+    "motion, within",
+    [
+        # A curve of the fifth order through 12 samples of the chirp's shortest period, and the
+        # straight pieces of both motions, 120 and 100 to it: (2 pi / 100)^2 / 12 = 3e-4 at most.
+        (chirp(1e-9, 5e3, 8e4, 2e-4), 3e-4),
+        (step(-1e-9, 2e-5), 3e-4),
+        (Pulse(-1e-9, 7e4), 1e-12),
+    ],
+)
+def test_the_recorded_motion_of_the_source_is_sent_again(motion, within, producer, tmp_path):
+    """A wave recorded exactly is the case's own linear wave, and agrees with its network's."""
+    write_network(tmp_path / "a.network.h5", NETWORK)
+    wave = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6, pre_stress="full").signals
+    springs = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6).signals
+    write_signals(tmp_path / "a.signals.h5", replace(springs, producer=producer))
+    again = Case("a", tmp_path).linear()
+    difference = again.chain_displacement - springs.chain_displacement
+    assert abs(difference).max() < within * abs(springs.chain_displacement).max()
+    pair = Agreement(NETWORK, replace(wave, time_step=1e-6))
+    found, linear = pair.measured(pair.run), pair.linear("full", exact_in_time=True)
+    assert over_time(found, linear).max() < within
+
+
+def test_a_reversed_or_another_motion_is_not_the_same():
+    """A reversed wave differs from itself by twice its size, in every band of frequency."""
+    run = made_up_run(1.0)
+    pair = Agreement(NETWORK, run)
+    motion = pair.measured(run)
+    reverse = motion.combine(motion, -1.0, 0.0)
+    for low, _, _, apart in by_frequency(
+        reverse.chain, motion.chain, run.time, pair.chain_position, np.array([0, 5e4, 1e5])
+    ):
+        assert apart == pytest.approx(2), low
+    other = replace(run, source_displacement=run.source_displacement**2)
+    with pytest.raises(InputError, match="move differently"):
+        pair.measured(other)
