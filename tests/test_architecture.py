@@ -13,7 +13,8 @@ ROOT = Path(__file__).resolve().parents[1]
 BELOW = {
     "progress": set(),
     "display": set(),
-    "formats": set(),
+    "interrupted": set(),
+    "formats": {"interrupted"},
     "arguments": {"formats"},
     "loading": set(),
     "loops": {"formats", "loading"},
@@ -45,7 +46,7 @@ BELOW = {
         *("exchange", "formats", "packing", "progress", "solvers", "stiffness", "workload"),
         *("preparation", "waves", "theory", "modes", "elasticity"),
     },
-    "__main__": {"cli"},
+    "__main__": {"cli", "interrupted"},
 }
 """Room of modal: the rooms that it may import from, besides itself."""
 ANALYSIS_BELOW = {

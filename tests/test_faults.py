@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -166,25 +167,54 @@ def test_two_packings_in_one_folder_at_once(tmp_path):
     equal(tmp_path / "reference", tmp_path / "shared")
 
 
-def test_interrupt_is_one_line_and_leaves_nothing_half(tmp_path):
-    """Ctrl-C while a larger packing is made; the clock starts when all is imported."""
-    script = (
-        "import os, signal, sys, threading\n"
-        "from modal.__main__ import main\n"
+def interrupted(command: list[str], cwd: Path, after: float | None = None) -> tuple[int, str]:
+    """Status and stderr of a program that Ctrl-C meets after so many seconds, or by itself."""
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        cwd=cwd,
+        env=os.environ | ONE_THREAD | {"PYTHONPATH": f"{cwd}:{ROOT}"},
+        stderr=subprocess.PIPE,
+        text=True,
         # A shell's background jobs ignore Ctrl-C, and so do their children.
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
-        f"sys.exit(main(['pack', '--spheres', '20000', '-o', {str(tmp_path)!r}]))\n"
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    command, variables = [sys.executable, "-c", script], os.environ | ONE_THREAD
-    done = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True)
-    assert done.returncode == 130
+    if after is not None:
+        time.sleep(after)
+        process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=120)[1]
+    return process.returncode, said
+
+
+def test_interrupt_is_one_line_and_leaves_nothing_half(tmp_path):
+    """Ctrl-C while a larger packing is made."""
+    out = tmp_path / "out"
+    command = ["-m", "modal", "pack", "--spheres", "20000", "-o", str(out)]
+    status, said = interrupted(command, tmp_path, after=4)
+    assert status == 130
     # A quick machine has a state or two by then, each with a line of its own.
-    assert done.stderr.splitlines()[-1].startswith("interrupted")
-    assert "Traceback" not in done.stderr
-    assert not list(tmp_path.glob(".*"))
-    for path in tmp_path.glob("*.h5"):
+    assert said.splitlines()[-1] == "interrupted; files are whole or absent"
+    assert "Traceback" not in said
+    assert not list(out.glob(".*"))
+    for path in out.glob("*.h5"):
         read_sample(path)
+
+
+ONCE = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(0.1)"
+AT = {
+    "as it is loaded": ONCE,
+    "as an object is deleted": f"class A:\n    def __del__(self):\n        {ONCE}\n"
+    "A()\nraise SystemExit(0)",
+}
+"""Moments at which Ctrl-C as an exception is a traceback, or lost."""
+
+
+@pytest.mark.parametrize("moment", AT)
+@pytest.mark.parametrize("program", ["modal", "analysis"])
+def test_interrupt_at_any_moment_is_one_line(program, moment, tmp_path):
+    """In place of a library stands what interrupts itself as it is loaded."""
+    (tmp_path / "numpy.py").write_text(AT[moment])
+    status, said = interrupted(["-m", program, "--help"], tmp_path)
+    assert (status, said) == (130, "interrupted; files are whole or absent\n")
 
 
 def status_with_limit(arguments: list[str], limit: int) -> tuple[int, str]:
@@ -225,6 +255,76 @@ def test_full_disk_is_one_line_and_leaves_the_old_file(limit, tmp_path):
         (out / name).unlink()
 
 
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("/dev/null", "a device or a pipe"),
+        ("/dev/stdout", "a device or a pipe"),  # which the test runs with a pipe as
+        ("pipe", "a device or a pipe"),
+        ("folder", "a folder"),
+        ("a" * 300 + ".h5", "File name too long"),
+        ("a" * 240 + ".h5", "File name too long"),
+        ("", "an empty text"),
+        ("not\udcfftext.h5", "not valid UTF-8"),
+        ("file/a.h5", "Not a directory"),
+    ],
+)
+def test_no_place_for_a_file_is_told_before_anything_is_computed(name, why, tmp_path, monkeypatch):
+    """In one line, and what stands there stays what it is."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    os.mkdir("folder")
+    Path("file").touch()
+    write_network("a.network.h5", gallery.fcc(cells=(1, 1, 5)))
+    before = {path: os.stat(path).st_mode for path in (*os.listdir(), "/dev/null")}
+    # Where it is asked for no mode at all is not looked at.
+    command = ["-m", "modal", "modes", "a.network.h5", "--lowest", "0", "-o", name]
+    done = subprocess.run(
+        [sys.executable, *command], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
+    )
+    (line,) = done.stderr.decode().splitlines()
+    assert done.returncode == 2 and why in line
+    assert before == {path: os.stat(path).st_mode for path in (*os.listdir(), "/dev/null")}
+    if name in before and not name.startswith("/"):
+        with pytest.raises(InputError, match=why):
+            write_network(name, gallery.fcc(cells=(1, 1, 5)))
+
+
+def test_a_link_leads_to_the_new_content(tmp_path):
+    """It stays a link; one to a file that is not there yet makes it."""
+    link, absent = tmp_path / "link.network.h5", tmp_path / "absent.network.h5"
+    old = tmp_path / "elsewhere" / "old.network.h5"
+    write_network(old, gallery.fcc(cells=(1, 1, 5)))
+    link.symlink_to(old)
+    absent.symlink_to("elsewhere/new.network.h5")
+    for path in (link, absent):
+        write_network(path, gallery.fcc(cells=(1, 1, 7)))
+        assert path.is_symlink()
+        assert read_network(path.resolve()).n_particles == 7
+
+
+def test_threads_that_write_one_file_do_not_meet(tmp_path):
+    path, crystal = tmp_path / "a.network.h5", gallery.fcc(cells=(1, 1, 5))
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: write_network(path, crystal), range(100)))
+    assert read_network(path).n_particles == 5
+    assert os.listdir(tmp_path) == [path.name]
+
+
+@pytest.mark.parametrize(("to", "status"), [(">", 2), ("2>", 0)])
+def test_full_disk_behind_the_terminal(to, status, tmp_path):
+    """What is printed cannot be; what is only said in passing need not be."""
+    path = tmp_path / "a.network.h5"
+    write_network(path, gallery.fcc(cells=(1, 1, 5)))
+    shell = f"{sys.executable} -m modal info {path} --json {to} /dev/full"
+    done = subprocess.run(shell, shell=True, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == status
+    if status:
+        assert (
+            done.stderr == "error: standard output: cannot be written (No space left on device)\n"
+        )
+
+
 def test_folder_that_is_a_file(tmp_path, capsys):
     source, folder = tmp_path / "a.network.h5", tmp_path / "folder"
     write_network(source, gallery.fcc(cells=(2, 2, 6)))
@@ -247,7 +347,7 @@ def test_parts_of_killed_processes_are_removed(tmp_path):
         os._exit(0)
     os.waitpid(child, 0)
     other = f"{int(HOST, 16) ^ 1:08x}"  # a machine that writes to the same disk
-    parts = [f"{HOST}.{child}", f"{HOST}.1", f"{other}.{child}", str(child)]
+    parts = [f"{HOST}.{child}.0", f"{HOST}.1.0", f"{other}.{child}.0", str(child)]
     dead, living, *elsewhere = (tmp_path / f".a.network.h5.{whose}.part" for whose in parts)
     for part in (dead, living, *elsewhere):
         part.write_bytes(b"half")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 
 from analysis.cli import cases, packings, study, waves
-from modal.cli.options import Parser, refuse_overwriting
+from modal.cli.options import Parser, check_files, check_text, say
 from modal.formats.hdf5 import InputError
 
 
@@ -22,18 +23,16 @@ def parser() -> argparse.ArgumentParser:
     return whole
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; exit status 0, or 2 with one line on stderr for a user's mistake."""
     words = sys.argv[1:] if argv is None else argv
     try:
+        check_text(words)
         options = parser().parse_args(words)
-        refuse_overwriting(options)
+        check_files(options)
         options.argv = words
         options.run(options)
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        say(f"error: {error}")
         return 2
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 130
     return 0

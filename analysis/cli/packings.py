@@ -19,7 +19,7 @@ from analysis.packings.seeds import KEPT, Seeds
 from analysis.packings.state import measured
 from analysis.quality import picture_of, quality_of, table_of
 from analysis.table import Table
-from modal.cli.options import json_text
+from modal.cli.options import add_output, json_text
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError
 from modal.stiffness.damping import ContactDamping
@@ -34,7 +34,7 @@ def add(commands: Any) -> None:
     text = "numbers of one packing that its preparation decides, as JSON"
     state = add_command(commands, "packing", text, "packing rested.sample.h5", _packing)
     state.add_argument("sample", metavar="FILE", help="*.sample.h5, at rest")
-    state.add_argument("-o", "--output", metavar="FILE", help="write them, *.json")
+    add_output(state, "write them, *.json")
     text = (
         "what the settings of a compression change, from packings of several seeds; those that "
         "stand in DIR/seeds.csv already count as well"
@@ -53,7 +53,7 @@ def add(commands: Any) -> None:
     for command in (elastic, coordination):
         command.add_argument("packing", nargs="+", metavar="FILE", help="network or sample")
     for command in (samples, elastic, coordination):
-        command.add_argument("-o", "--output", metavar="FILE", help="write the table, *.md")
+        add_output(command, "write the table, *.md")
     text = "quality factor over frequency of viscous contacts: table and figure"
     example = "quality mine.network.h5 mine.modes.h5 --damping 0.01 0.01 -o quality"
     quality = add_command(commands, "quality", text, example, _quality)

@@ -13,6 +13,7 @@ from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.cli.options import add_command, show
 from analysis.estimators.trial import trial
 from analysis.watch import watch_page
+from modal.cli.options import add_output
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import packing_of, require_same_packing
@@ -33,7 +34,7 @@ def add(commands: Any) -> None:
     text = "bias and scatter of every estimator on signals of known answer"
     tried = add_command(commands, "estimators", text, "estimators -o estimators.md", _estimators)
     for command in (agree, tried):
-        command.add_argument("-o", "--output", metavar="FILE", help="write the tables, *.md")
+        add_output(command, "write the tables, *.md")
     text = "a wave or modes in three dimensions: one HTML page that opens without a network"
     example = "watch mine.signals.h5 mine.network.h5 -o wave.html"
     watched = add_command(commands, "watch", text, example, _watch)
@@ -41,10 +42,12 @@ def add(commands: Any) -> None:
     watched.add_argument("packing", nargs="?", help="what it was made from; the one beside it")
     watched.add_argument("--frames", type=int, metavar="N", help="times of a wave; 100 or more")
     watched.add_argument("--modes", type=int, nargs="+", metavar="K", help="which, from 1; all")
-    watched.add_argument("-o", "--output", required=True, metavar="FILE", help="*.html")
+    add_output(watched, "*.html", required=True)
 
 
 def _agreement(options: argparse.Namespace) -> None:
+    if options.output and options.output.endswith(".csv"):
+        raise InputError(f"-o {options.output}: the tables are text, a *.csv is put beside; *.md")
     network, run = read_network(options.network), read_signals(options.signals)
     within = np.inf
     if options.first is not None:

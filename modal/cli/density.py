@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import add_if_stale, network_command, numbers
+from modal.cli.options import add_if_stale, add_output, network_command, numbers
 from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
 from modal.packing.plausibility import read_remarked
@@ -39,7 +39,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--at", nargs="+", default=[], metavar="HZ", help="print how many modes lie below"
     )
-    command.add_argument("-o", "--output", metavar="FILE", help="write *.density.h5")
+    add_output(command, "write *.density.h5")
     add_if_stale(command)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import network_command
+from modal.cli.options import add_output, network_command
 from modal.exchange import extended_xyz, vtk
 from modal.exchange.picture import (
     Frame,
@@ -51,7 +51,7 @@ def add(commands: Any) -> None:
         metavar="X",
         help="factor on displacements (default: the largest is half a radius)",
     )
-    command.add_argument("-o", "--output", required=True, metavar="FILE", help="*.vtu or *.xyz")
+    add_output(command, "*.vtu or *.xyz", required=True)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from modal.cli.options import add_command, say
+from modal.cli.options import add_command, add_output, say
 from modal.exchange.contact_table import import_table
 from modal.exchange.found import Found
 from modal.exchange.lammps import import_lammps
@@ -47,7 +47,7 @@ def add(commands: Any) -> None:
         metavar=("M", "KG", "S"),
         help="the file's units of length, mass and time in SI",
     )
-    command.add_argument("-o", "--output", required=True, metavar="FILE", help="*.network.h5")
+    add_output(command, "*.network.h5", required=True)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

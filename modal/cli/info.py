@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any
 
-from modal.cli.options import network_command
+from modal.cli.options import NewFile, network_command
 from modal.cli.terminal import COST, Groups
 from modal.display import quantity
 from modal.modes.collective import every_floppy
@@ -49,9 +49,8 @@ def add(commands: Any) -> None:
     """The options of `info`."""
     text = "what is in a packing: stresses, density, coordination"
     command = network_command(commands, "info", text, "info mine.network.h5")
-    command.add_argument(
-        "--layers", metavar="FILE", help="write stress, density ... of layers along z, *.csv"
-    )
+    text = "write stress, density ... of layers along z, *.csv"
+    command.add_argument("--layers", type=NewFile, metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

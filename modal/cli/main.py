@@ -6,11 +6,12 @@ import argparse
 import importlib
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
 from modal import __version__
-from modal.cli.options import SHORT, Parser, json_text, refuse_overwriting, say
+from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say
 from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
@@ -69,7 +70,7 @@ def parser(called: str = "") -> argparse.ArgumentParser:
     return whole
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status.
 
     2 for a user's mistake (one line on stderr), 3 for a product that falls short of what was asked.
@@ -77,8 +78,9 @@ def main(argv: list[str] | None = None) -> int:
     start = time.perf_counter()
     try:
         arguments = sys.argv[1:] if argv is None else argv
+        check_text(arguments)
         options = parser("".join(arguments[:1])).parse_args(arguments)
-        refuse_overwriting(options)
+        check_files(options)
         command = command_of(options.command)
         options.made, options.remarks = None, []
         if hasattr(command, "read_product") and options.output:
@@ -93,23 +95,16 @@ def main(argv: list[str] | None = None) -> int:
                 result |= command.kept(options)
         else:
             result = command.run(options)
+        for remark in options.remarks:  # with an error its one line is enough
+            say(remark)
+        result["seconds"] = time.perf_counter() - start
+        result["peak_memory_bytes"] = peak_memory()
+        if options.json:
+            text = json_text(result)
+        else:
+            text = page(result, command.shown(result) if hasattr(command, "shown") else None)
+        put(text)
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        say(f"error: {error}")
         return 2
-    except (KeyboardInterrupt, SystemError) as error:
-        # Ctrl-C in the middle of compiled code arrives as a SystemError that it has caused.
-        if not isinstance(error.__cause__ or error, KeyboardInterrupt):
-            raise
-        print("interrupted; files are whole or absent", file=sys.stderr)
-        return 130
-    # With an error its one line is enough.
-    for remark in options.remarks:
-        say(remark)
-    result["seconds"] = time.perf_counter() - start
-    result["peak_memory_bytes"] = peak_memory()
-    if options.json:
-        text = json_text(result)
-    else:
-        text = page(result, command.shown(result) if hasattr(command, "shown") else None)
-    put(text)
     return SHORT if result.get("missing") or not result.get("at_rest", True) else 0

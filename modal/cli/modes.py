@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import SHORT, add_if_stale, network_command, say
+from modal.cli.options import SHORT, add_if_stale, add_output, network_command, say
 from modal.formats.hdf5 import InputError
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
@@ -54,7 +54,7 @@ def add(commands: Any) -> None:
         default="elastic",
         help="contacts at the friction limit: elastic (default), or without tangential springs",
     )
-    command.add_argument("-o", "--output", metavar="FILE", help="write *.modes.h5")
+    add_output(command, "write *.modes.h5")
     add_if_stale(command)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from modal.cli.options import add_if_stale, network_command
+from modal.cli.options import add_if_stale, add_output, network_command
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
 from modal.elasticity.response import SOLVERS
@@ -49,7 +49,7 @@ def add(commands: Any) -> None:
         "--pre-stress", choices=TANGENTS, default="none",
         help="what the forces of the contacts do to the velocities, of cells without walls; none",
     )  # fmt: skip
-    command.add_argument("-o", "--output", metavar="FILE", help="write *.moduli.h5")
+    add_output(command, "write *.moduli.h5")
     add_if_stale(command)
 
 

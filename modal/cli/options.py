@@ -7,11 +7,13 @@ import json
 import math
 import os
 import sys
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.formats.hdf5 import InputError, refuse_unwritable
 
 SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample
@@ -66,31 +68,54 @@ def add_if_stale(command: argparse.ArgumentParser) -> None:
     )
 
 
-WRITTEN = "output", "layers", "exported"
-"""Options that name files to be written."""
+class NewFile(str):
+    """A name that was given for a file to be written: the type of such an option."""
 
 
-def refuse_overwriting(options: argparse.Namespace) -> None:
-    """InputError where a file to be written is one that the command reads, or writes twice."""
+def add_output(command: argparse.ArgumentParser, text: str, required: bool = False) -> None:
+    """The option -o of a command that writes one file."""
+    command.add_argument(
+        "-o", "--output", type=NewFile, required=required, metavar="FILE", help=text
+    )
+
+
+def check_files(options: argparse.Namespace) -> None:
+    """InputError for a file to be written that cannot be, or that is read or written as well."""
     given = vars(options)
-    named = [os.path.realpath(given[name]) for name in WRITTEN if given.get(name)]
-    if len(set(named)) < len(named):
-        raise InputError(f"{named[0]}: two outputs of one name; give each its own")
-    read = [value for name, value in given.items() if name not in WRITTEN]
-    files = [
+    for name, value in given.items():
+        if value == "":
+            raise InputError(f"{name.replace('_', ' ')}: an empty text; give one, or leave it out")
+    texts = [
         text
-        for value in read
+        for value in given.values()
         for text in (value if isinstance(value, list) else [value])
-        if isinstance(text, str) and os.path.isfile(text)
+        if isinstance(text, str)
     ]
-    for output in (given.get(name) for name in WRITTEN):
-        if output and os.path.isfile(output):
-            for path in files:
-                if os.path.samefile(path, output):
-                    raise InputError(
-                        f"{output}: it is read, and would be written over; give another name to "
-                        "write to"
-                    )
+    read = [text for text in texts if not isinstance(text, NewFile) and os.path.isfile(text)]
+    written = [text for text in texts if isinstance(text, NewFile)]
+    for number, path in enumerate(written):
+        refuse_unwritable(path)
+        if any(_same_file(path, other) for other in read):
+            raise InputError(
+                f"{path}: it is read, and would be written over; give another name to write to"
+            )
+        if any(_same_file(path, other) for other in written[:number]):
+            raise InputError(f"{path}: two files to be written have this name; give another to one")
+
+
+def _same_file(first: str, second: str) -> bool:
+    if os.path.exists(first) and os.path.exists(second):
+        return os.path.samefile(first, second)
+    return os.path.realpath(first) == os.path.realpath(second)
+
+
+def check_text(arguments: Sequence[str]) -> None:
+    """InputError for a name whose bytes are no text: a product could not say what it is made of."""
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            raise InputError(f"{ascii(argument)}: not valid UTF-8; rename the file") from None
 
 
 def json_text(result: Any) -> str:
@@ -121,4 +146,7 @@ def typed(name: str) -> str:
 
 def say(text: str) -> None:
     """A line for whoever sits at the terminal."""
-    print(text, file=sys.stderr, flush=True)
+    # Closed, or on a full disk: what is computed is worth more than what is said of it.
+    with suppress(OSError):
+        if sys.stderr:
+            print(text, file=sys.stderr, flush=True)

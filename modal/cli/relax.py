@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import add_command, add_if_stale, say
+from modal.cli.options import NewFile, add_command, add_if_stale, add_output, say
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network_file import read_network, write_network
@@ -33,11 +33,10 @@ def add(commands: Any) -> None:
     text = f"mean net force over mean contact force at rest (default {TOLERANCE:g})"
     balance.add_argument("--tolerance", type=float, metavar="T", default=TOLERANCE, help=text)
     balance.add_argument(
-        "--network", dest="exported", metavar="FILE", help="write the contact network as well"
-    )
-    balance.add_argument(
-        "-o", "--output", required=True, metavar="FILE", help="the sample at rest, *.sample.h5"
-    )
+        "--network", dest="exported", type=NewFile, metavar="FILE",
+        help="write the contact network as well",
+    )  # fmt: skip
+    add_output(balance, "the sample at rest, *.sample.h5", required=True)
     add_if_stale(balance)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import PRE_STRESS, add_if_stale, network_command
+from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command
 from modal.formats.hdf5 import sha256
 from modal.packing.plausibility import read_remarked
 from modal.stiffness.damping import ContactDamping
@@ -41,7 +41,7 @@ def add(commands: Any) -> None:
         "--damping", nargs=2, type=float, metavar=("N", "T"),
         help="of the contacts, over the critical: normal, tangential; at real frequencies then",
     )  # fmt: skip
-    command.add_argument("-o", "--output", metavar="FILE", help="write *.response.h5")
+    add_output(command, "write *.response.h5")
     add_if_stale(command)
 
 

@@ -12,6 +12,7 @@ import sys
 from typing import Any
 
 from modal.display import quantities, quantity, table
+from modal.formats.hdf5 import InputError
 
 UNITS = {
     "_kg_per_m3": "kg/m^3",
@@ -58,9 +59,11 @@ def put(text: object, end: str = "\n") -> None:
     """Print; once the reader, `head` for one, has seen enough, nowhere, and the work goes on."""
     try:
         print(text, end=end, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
         # Also what Python still writes at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            raise InputError(f"standard output: cannot be written ({error.strerror})") from error
 
 
 def page(result: dict[str, Any], groups: Groups | None = None) -> str:

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from modal.cli.options import network_command
+from modal.cli.options import add_output, network_command
 from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
@@ -33,13 +33,7 @@ def add(commands: Any) -> None:
         metavar=("NX", "NY"),
         help="how often along x and y",
     )
-    command.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        metavar="FILE",
-        help="*.network.h5, or of a sample *.sample.h5",
-    )
+    add_output(command, "*.network.h5, or of a sample *.sample.h5", required=True)
 
 
 def read_product(path: str) -> object:

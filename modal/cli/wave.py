@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import PRE_STRESS, add_if_stale, network_command, typed
+from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command, typed
 from modal.formats.hdf5 import InputError, open_h5, sha256
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
@@ -96,9 +96,7 @@ def add(commands: Any) -> None:
         "--whole", action="store_true",
         help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
     )  # fmt: skip
-    command.add_argument(
-        "-o", "--output", metavar="FILE", help="write *.signals.h5, with --plane *.plane.h5"
-    )
+    add_output(command, "write *.signals.h5, with --plane *.plane.h5")
     add_if_stale(command)
 
 

@@ -8,12 +8,15 @@ Files of other programs, with or without, are read alike.
 
 from __future__ import annotations
 
+import errno
 import glob
 import hashlib
 import io
+import itertools
 import mmap
 import os
 import platform
+import stat
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,9 +27,11 @@ import h5py
 import numpy as np
 
 from modal.formats.arrays import Array
+from modal.interrupted import UNFINISHED
 
 CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
+_WRITTEN = itertools.count()
 _HEAP = b"GCOL\x01\0\0\0"
 """How a global heap begins: where HDF5 keeps texts."""
 
@@ -48,30 +53,67 @@ def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
     image = io.BytesIO()
     with h5py.File(image, "w", libver=CHECKSUMMED) as file:
         yield file
-    write_whole(path, image.getbuffer(), make_folder=True)
+    write_whole(path, image.getbuffer())
 
 
-def write_whole(path: str | Path, data: bytes | memoryview, *, make_folder: bool = False) -> None:
-    """Write a file of which others see the old state or the new one, never a part of it."""
-    path = Path(path)
-    partial = path.with_name(f".{path.name}.{HOST}.{os.getpid()}.part")
+def write_whole(path: str | Path, data: bytes | memoryview) -> None:
+    """Write a file of which others see the old state or the new one, never a part of it.
+
+    Through a link into the file that it leads to; InputError for a device or a pipe.
+    """
+    refuse_unwritable(path)
+    place = Path(os.path.realpath(path))
+    partial = _partial(place)
+    UNFINISHED.add(partial)
     try:
-        if make_folder:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_abandoned(path)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        _remove_abandoned(place)
         with open(partial, "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(partial, path)
+        os.replace(partial, place)
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}); check the folder, its "
-            "permissions and the space on the disk"
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+        UNFINISHED.discard(partial)
+
+
+def refuse_unwritable(path: str | Path) -> None:
+    """InputError where no file of this name can be put, before anything is computed for it."""
+    place = Path(os.path.realpath(path))
+    try:
+        with suppress(FileNotFoundError):
+            mode = os.stat(path).st_mode
+            if stat.S_ISDIR(mode):
+                raise InputError(f"{path}: a folder; name the file to be written in it")
+            if not stat.S_ISREG(mode) or not place.exists():  # /dev/stdout, its file removed
+                raise InputError(f"{path}: a device or a pipe, no file; give the name of a file")
+            _require(place, os.W_OK)
+        with suppress(FileNotFoundError):
+            os.lstat(_partial(place))  # whose name is longer
+        _require(next(p for p in place.parents if p.exists()), os.W_OK | os.X_OK)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
+def _require(path: Path, access: int) -> None:
+    if not os.access(path, access):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def _unwritable(path: str | Path, error: OSError) -> InputError:
+    return InputError(
+        f"{path}: cannot be written ({error.strerror or error}); check the folder, its "
+        "permissions and the space on the disk"
+    )
+
+
+def _partial(place: Path) -> Path:
+    """Of this process, and of one writing alone: two threads may write the same file."""
+    return place.with_name(f".{place.name}.{HOST}.{os.getpid()}.{next(_WRITTEN)}.part")
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -82,7 +124,7 @@ def write_text(path: str | Path, text: str) -> None:
 def _remove_abandoned(path: Path) -> None:
     """Remove the parts that killed processes of this machine have left of this file."""
     for part in path.parent.glob(f".{glob.escape(path.name)}.{HOST}.*.part"):
-        pid = part.name.split(".")[-2]
+        pid = part.name.split(".")[-3]
         try:
             os.kill(int(pid), 0)
         except ProcessLookupError:
