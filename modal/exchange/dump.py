@@ -23,7 +23,8 @@ class Frame:
     """One time of a dump: its step, box low and high (3,), periodic (3,), and its rows.
 
     `rounding` is the unit of the last digit of bounds that a program seems to have rounded, as
-    LIGGGHTS does; contacts through the periods are known no better.
+    LIGGGHTS does; contacts through the periods are known no better. `units` are those that the dump
+    names (`dump_modify ... units yes`), if it does.
     """
 
     step: int
@@ -32,6 +33,7 @@ class Frame:
     periodic: Bools
     rows: Rows
     rounding: float
+    units: str = ""
 
 
 def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
@@ -102,15 +104,16 @@ def _frame(
     if count is None or "TIMESTEP" not in values or "BOX" not in values:
         fault(path, "no TIMESTEP, NUMBER OF or BOX BOUNDS before it", "write the dump anew", line)
     title = values["BOX title"]
-    if title[-3:] and {"xy", "xz", "yz", "abc"} & set(title):
-        what = "the cell is triclinic (its periods are at angles)"
-        fault(path, what, "only rectangular cells are known; compress without shear", line)
     try:
         box = np.array([row.split()[:2] for row in values["BOX"]], float)
+        tilted = any(float(row.split()[2]) for row in values["BOX"] if "xy" in title)
         step, rows = int(values["TIMESTEP"][0]), int(count[0])
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         what = f"a header that is no number: {str(error)[:80]}"
         fault(path, what, "write the dump anew", line)
+    if tilted or "abc" in title:
+        what = "the cell is triclinic (its periods are at angles)"
+        fault(path, what, "only rectangular cells are known; compress without shear", line)
     if box.shape != (3, 2) or not np.isfinite(box).all() or rows < 0:
         fault(path, "BOX BOUNDS or NUMBER OF that are none", "write the dump anew", line)
     periodic = np.array([word.startswith("p") for word in title[-3:]])
@@ -126,4 +129,5 @@ def _frame(
         periodic,
         Rows(path, tuple(columns), offset, line + 1, rows),
         last_step(box, significant_digits(bounds)) if rounded else 0.0,
+        values.get("UNITS", [""])[0].strip(),
     )

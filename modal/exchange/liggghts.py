@@ -55,10 +55,10 @@ def import_liggghts(
 ) -> Found:
     """A packing of LIGGGHTS; arguments as on the command line."""
     script, unsaid = read_script(log, pair), units is None
-    units = units or units_of(script.units, script.where)
+    frame = frame_of(atoms, "ATOMS", step)
+    units = units_of(frame, units, script.units if log else "", script.where)
     planes, of_wall = walls_of(wall, script, units)
     law_of = law_of_types(script, units, of_wall)
-    frame = frame_of(atoms, "ATOMS", step)
     spheres, cell = spheres_of(frame, units), replace(cell_of(frame, units), walls=planes)
     check_spheres(spheres, cell, str(atoms))
     touching, remarks = None, []
@@ -74,7 +74,7 @@ def import_liggghts(
             ]
     found = network_of(spheres, cell, touching, law_of, str(atoms))
     found.remarks += remarks
-    found.told["assumed"] = ["units si"] * (log is None and unsaid) + [
+    found.told["assumed"] = ["units si"] * (unsaid and not (log or frame.units)) + [
         f"the {name} wall is of the material of the sphere that touches it (say {TYPED_WALL})"
         for code, name in ((SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper"))
         if code not in of_wall and (found.network.particle_j == code).any()

@@ -27,24 +27,32 @@ def logged_lines(path: str | Path, styles: Collection[str]) -> Iterator[tuple[in
     """
     lines = iter(enumerate(read_lines(path), 1))
     waiting: dict[str, tuple[int, re.Pattern[str]]] = {}
+    printed = None
     for number, line in lines:
         text = line.split("#")[0]
         while text.rstrip().endswith("&"):
             text = text.rstrip()[:-1] + next(lines, (0, ""))[1]
         words = text.split()
-        if not words:
+        text = " ".join(words)
+        waiting = {raw: at for raw, at in waiting.items() if not at[1].fullmatch(text)}
+        said, printed = printed, None
+        if not words or (said and said.fullmatch(text)):
             continue
-        if waiting or "$" in text:
-            text = " ".join(words)
-            waiting = {raw: at for raw, at in waiting.items() if not at[1].fullmatch(text)}
         if "$" not in text or not VARIABLE.search(QUOTED.sub("", text)):
+            if words[0] == "print":  # what it prints may look like a command
+                printed = _replaced(" ".join(words[1:]).strip("\"'"))
             yield number, words
         elif _counts(words, styles):
-            pattern = ".*".join(map(re.escape, VARIABLE.split(text)))
-            waiting[text] = number, re.compile(pattern)
+            waiting[text] = number, _replaced(text)
     for raw, (number, _) in waiting.items():
         what = f"{' '.join(VARIABLE.findall(raw))} has no value in this file: {raw[:80]}"
         fault(path, what, "give the log of the run, or write the value in its place", number)
+
+
+def _replaced(text: str) -> re.Pattern[str]:
+    """What a line becomes when its variables are put in, which may be empty; blanks are single."""
+    parts = [re.escape(part.strip()) for part in VARIABLE.split(text)]
+    return re.compile(r"\s*.*".join(parts))
 
 
 def _counts(words: list[str], styles: Collection[str]) -> bool:

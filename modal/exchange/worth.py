@@ -9,6 +9,8 @@ from modal.stiffness.law_tangent import TERMS, law_tangent
 
 NEEDS_SHEAR = ("shear force", "growing circle")
 """Terms that are not known where shear forces are not told."""
+ROUND_OFF = 1e-14
+"""A share below which a term is none."""
 WEIGHED = 50_000
 """Contacts on which the terms of a law are weighed."""
 
@@ -33,4 +35,4 @@ def worth(network: Network) -> dict[str, float]:
             continue
         change = law_tangent(network, (term,)) * scale[:, None] * scale - springs
         added[term] = float(np.linalg.norm(change)) / size
-    return {term: share for term, share in added.items() if share > 0}
+    return {term: share for term, share in added.items() if share > ROUND_OFF}

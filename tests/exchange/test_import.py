@@ -160,6 +160,44 @@ def test_cgs_is_the_same_packing(tmp_path, capsys):
         np.testing.assert_allclose(getattr(found, name), getattr(want, name), rtol=1e-9)
 
 
+def named(atoms: Path, units: str) -> None:
+    """Let a dump name its units, as with `dump_modify ... units yes`."""
+    atoms.write_text(f"ITEM: UNITS\n{units}\n{atoms.read_text()}")
+
+
+def tilted(atoms: Path, tilts: str) -> None:
+    """Let a dump tell of a triclinic box with these three tilts."""
+    lines = atoms.read_text().replace("BOUNDS", "BOUNDS xy xz yz").splitlines()
+    lines[5:8] = [f"{line} {tilt}" for line, tilt in zip(lines[5:8], tilts.split(), strict=True)]
+    atoms.write_text("\n".join(lines) + "\n")
+
+
+def test_units_of_the_dump_are_used(tmp_path, capsys):
+    """Lengths of micrometres are told by the dump alone; other scales beside it are refused."""
+    atoms, *_ = program_files.lammps(program_files.packing(True), tmp_path)
+    pair = PAIR.replace("6e10", "6e7")  # 6e10 Pa in pg / (um us^2)
+    named(atoms, "micro")
+    told = imported(capsys, atoms, "--pair", pair, "-o", tmp_path / FILE)
+    assert told["assumed"] == []
+    made, found = program_files.packing(True), read_network(tmp_path / FILE)
+    np.testing.assert_allclose(found.radius, 1e-6 * made.radius, rtol=1e-12)
+    np.testing.assert_allclose(found.mass, 1e-15 * made.mass, rtol=1e-12)
+    scales = ("--scales", "1", "1", "1")
+    error = refused(capsys, atoms, "--pair", PAIR, *scales, "-o", tmp_path / FILE)
+    assert "x.atoms: ITEM: UNITS micro, and --scales 1 1 1; leave --scales out" in error
+
+
+def test_a_triclinic_box_without_tilt_is_the_rectangular_one(tmp_path, capsys):
+    """And a log that prints one stress alone has no stress to compare with."""
+    atoms, _, log = program_files.lammps(program_files.packing(True), tmp_path)
+    told = imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
+    tilted(atoms, "0 0.0 -0")
+    log.write_text(log.read_text() + "   Step          Pxx      \n         7   1e5\n")
+    again = imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
+    assert all(again[name] == told[name] for name in ("contacts", "law"))
+    assert "printed_stress_pa" not in again
+
+
 def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
     """Do to the files of a packing what users do."""
     text = log.read_text()
@@ -185,7 +223,9 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
         case "unknown sphere":
             respelt(contacts, 13, 2, "777")
         case "triclinic":
-            atoms.write_text(atoms.read_text().replace("BOUNDS", "BOUNDS xy xz yz"))
+            tilted(atoms, "0 1e-4 0")
+        case "other units":
+            named(atoms, "cgs")
         case "several times":
             atoms.write_text(atoms.read_text() + atoms.read_text().replace("\n7\n", "\n8\n", 1))
         case "cohesion":
@@ -231,6 +271,10 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
         ("ghosts", r"x.atoms, line 20: sphere 60 stands in line 10 already; .*ghosts"),
         ("unknown sphere", r"x.contacts, line 13, column c_p\[2\]: sphere 777 is not among"),
         ("triclinic", r"x.atoms, line 9: the cell is triclinic"),
+        (
+            "other units",
+            r"x.atoms: ITEM: UNITS cgs, and .*log.lammps has units si; give the log of",
+        ),
         ("several times", r"x.atoms: it has 2 times \(7, 8\); choose one with --step"),
         ("cohesion", r"log.lammps: jkr is cohesive"),
         ("rolling", r"log.lammps: rolling sds"),

@@ -41,6 +41,7 @@ LAWS = {
     "mindlin": ("granular", f"{GLASS} mindlin NULL 0 3"),
     "hooke": ("granular", "hooke 4e6 0 tangential linear_history 3e6 0 3"),
     "gran/hertz/history": ("gran/hertz/history 4.2e10 3.6e10 0 0 3 0", ""),
+    "friction 0": ("gran/hooke/history 4e6 NULL 0 NULL 0 0", ""),
 }
 """Name: pair_style with its arguments, and coefficients."""
 SAME = f"granular hertz {4 / 3 * 6e10 / (2 * (1 - 0.2**2))!r} 0"
@@ -50,6 +51,7 @@ WALLS = {
     "mindlin": f"{SAME} tangential mindlin 5e10 0 3",
     "hooke": "granular hooke 4e6 0 tangential linear_history 3e6 0 3",
     "gran/hertz/history": "hertz/history 4.2e10 3.6e10 1e-9 0 3 0",
+    "friction 0": "hooke/history 4e6 NULL 1e-9 NULL 0 0",
 }
 """Laws of the walls. A damping of 0 there is NaN in LAMMPS of 2025 (0 / 0). Not hertz/material:
 LAMMPS of 2021 makes it 1 + nu stiffer at walls."""
@@ -211,6 +213,52 @@ def test_stress_and_stiffness_are_those_of_lammps(tmp_path, law, periodic_z):
     # Each term of this law counts: without it the error is larger.
     for term in told["terms_of_the_law_over_springs"]:
         assert error(tuple(other for other in TERMS if other != term)) > 2 * error(TERMS), term
+
+
+VARIABLES = """variable none string ""
+variable one string 1
+variable n index 2
+variable k loop 3
+variable E equal 4.0e6
+variable half equal v_E/2
+variable short format E %g
+variable where getenv NOWHERE
+variable rest string "0 tangential linear_history 3e6 0 3"
+variable how string "pair_coeff"
+variable w world granular
+variable u universe granular
+variable v vector [1,2]
+variable a atom x*2
+pair_style ${w}
+print "pair_style gran/hooke 1 1 1 1 1 1"
+pair_coeff ${none} ${one} $k hooke $E ${rest} ${none}
+pair_coeff $n 2 hooke $(v_half:%.3e) ${rest} ${where}# of type $n
+${how} 1 $n hooke &
+  ${short} ${rest}
+print "pair_coeff 1 2 hooke 9e6 ${rest}"
+variable COEFF string "1 2 hooke 3e6 ${none} ${rest}"
+if "$k == 1" then "pair_coeff ${COEFF}"
+${none}
+fix ${none} nve all nve/sphere"""
+"""Commands with variables of all styles that a log shows; the last pair_coeff of 1 and 2 holds."""
+
+
+def test_variables_of_a_log_are_read_as_lammps_puts_them_in(tmp_path):
+    """The law of each pair of types gives the forces that LAMMPS has written, from positions."""
+    made = packings.polydisperse(True, n=60)
+    data_file(made, tmp_path / "start.data")
+    data = tmp_path / "start.data"
+    data.write_text(data.read_text().replace("1 atom types", "2 atom types"))
+    script = script_of(made, "hooke").replace("fix nve all nve/sphere", VARIABLES)
+    script = re.sub("pair_style granular\npair_coeff .*", "set atom 1*25 type 2", script)
+    run(tmp_path, script)
+    files = (tmp_path / name for name in ("mine.atoms", "mine.contacts", "log.lammps"))
+    found = import_lammps(*files, *[None] * 4)
+    assert sorted(law.normal for law in found.laws) == [2e6, 3e6, 4e6]
+    stiff = np.array([law.normal for law in found.laws])[found.law]
+    # 17 digits of positions of some mm leave 1e-18 m of overlaps of 1e-5 m.
+    network = found.network
+    np.testing.assert_allclose(stiff * network.overlap, network.force_normal, rtol=1e-9)
 
 
 @pytest.mark.parametrize("law", ["mindlin/force", "mindlin"])

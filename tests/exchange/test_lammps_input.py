@@ -160,6 +160,7 @@ REST = "0 0.2 tangential mindlin/force NULL 0 0.3"
 ECHOED = f"""variable E equal 6e10
 variable H string {{high}}
 variable law string hertz/material
+variable none string ""
 pair_coeff * * ${{law}} $E {REST} # of $E Pa
 pair_coeff * * hertz/material $E {REST}
 pair_coeff * * hertz/material 60000000000 {REST}
@@ -170,8 +171,11 @@ fix w all wall/gran granular hertz/material 60000000000 {REST} zplane 0 {{high}}
 print "pair_coeff: $E"
 pair_coeff: 60000000000
 variable s string "unfix"
-$s q
+$s q ${{none}}
+unfix q ${{none}}
 unfix q
+${{none}}
+
 """
 """As LAMMPS (29 Sep 2021) writes it: variables are put in one at a time, each time anew."""
 
