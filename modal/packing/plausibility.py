@@ -83,13 +83,15 @@ def _touching(network: Network, remarks: list[str]) -> None:
     branch = branches(network)
     reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
     overlap = reach - _size(branch)
-    mean = float(abs(overlap).mean())
-    if network.overlap is not None and abs(network.overlap - overlap).mean() > TOUCH * mean:
+    # Spheres that just touch have overlaps of the round-off of their positions.
+    round_off = 8 * float(np.spacing(abs(network.position).max() + reach.max()))
+    least = max(TOUCH * float(abs(overlap).mean()), round_off)
+    if network.overlap is not None and abs(network.overlap - overlap).mean() > least:
         remarks.append("overlaps differ from those of positions and radii: too few digits?")
     missed = _size(network.lever_i - network.lever_j - branch)[pair]
-    if pair.any() and missed.mean() > TOUCH * mean:
+    if pair.any() and missed.mean() > least:
         remarks.append("levers do not end in one point: are they as long as the radii?")
-    missing = _overlapping(network, TOUCH * mean) - int((overlap > TOUCH * mean).sum())
+    missing = _overlapping(network, least) - int((overlap > least).sum())
     if missing > 0:
         remarks.append(f"{missing} places where spheres, or wall, overlap without a contact")
 
