@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -42,8 +43,9 @@ def cases_of(arguments: Sequence[str], folder: str | Path) -> list[Case]:
 def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
     """One case for each packing among the files, with what was made from it.
 
-    InputError for files of no known schema, without any packing, of another packing than those
-    given, and where two files are of one kind.
+    What was made from it and lies beside it under its name is read too, if no other file of its
+    kind is given. InputError for files of no known schema, without any packing, of another packing
+    than those given, and where two files are of one kind.
     """
     kinds = {Path(path): kind_of(path) for path in paths}
     cases: list[Case] = []
@@ -60,11 +62,9 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
     for path, kind in kinds.items():
         if kind in PACKINGS:
             continue
-        owner = _owner(path, cases)
-        if kind == "signals" and read_signals(path).producer == "linear":
-            owner.notes.append(f"{path}: a linear wave, not read; its network's own is made anew")
-        else:
-            _give(owner, kind, path)
+        _give(_owner(path, cases), kind, path)
+    for case in cases:
+        _give_what_lies_beside(case, set(kinds))
     return cases
 
 
@@ -119,7 +119,23 @@ def _owner(path: Path, cases: list[Case]) -> Case:
     raise InputError(f"{path}: made from none of the packings given; name its packing as well")
 
 
+def _give_what_lies_beside(case: Case, given: set[Path]) -> None:
+    path = case.packing_path
+    for product in sorted(path.parent.glob(f"{glob.escape(_stem(path))}.*.h5")):
+        try:
+            kind = kind_of(product)
+            known = kind in PACKINGS or kind in (case.files or ())
+            if product in given or known or require_same_packing(product, case.packing):
+                continue
+        except InputError:
+            continue  # of another packing, or damaged: nobody has asked for it
+        _give(case, kind, product)
+
+
 def _give(case: Case, kind: str, path: Path) -> None:
+    if kind == "signals" and read_signals(path).producer == "linear":
+        case.notes.append(f"{path}: a linear wave, not read; its network's own is made anew")
+        return
     assert case.files is not None
     if kind in case.files:
         raise InputError(f"{case.files[kind]} and {path} are both {kind} of one packing; give one")
@@ -128,8 +144,13 @@ def _give(case: Case, kind: str, path: Path) -> None:
 
 def _name(path: Path, cases: list[Case]) -> str:
     """File name without its ending; with its folder before it where another has the same."""
-    name = path.name
-    for end in (".h5", *(f".{kind}" for kind in PACKINGS)):
-        name = name.removesuffix(end)
+    name = _stem(path)
     taken = {case.name for case in cases}
     return f"{path.resolve().parent.name}-{name}" if name in taken else name
+
+
+def _stem(packing: Path) -> str:
+    name = packing.name
+    for end in (".h5", *(f".{kind}" for kind in PACKINGS)):
+        name = name.removesuffix(end)
+    return name

@@ -143,11 +143,23 @@ def test_stress_of_a_packing_that_states_none_is_what_its_contacts_bear(folder, 
     assert np.isnan(case.stress) and case.under_stress == ""
 
 
-def test_a_file_beside_the_given_ones_is_not_listed_as_read(folder):
-    """heap.signals.h5 has the name that a case of this name would look for."""
+def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path, capsys):
+    """If it was made from that very packing, and no other of its kind is given."""
     (case,) = cases_of_files(files(folder, "heap.h5", "low.h5"))
     said = {row[0]: row[1] for row in provenance_table([Measures(case)]).rows}
-    assert said["heap.signals.h5"] == "absent" and said["low.h5"] != "absent"
+    assert said["heap.signals.h5"] != "absent" and said["low.h5"] != "absent"
+    heap = tmp_path / "heap.network.h5"
+    shutil.copy(folder / "heap.h5", heap)
+    shutil.copy(folder / "low.h5", tmp_path / "heap.modes.h5")
+    shutil.copy(folder / "run7.h5", tmp_path / "heap.signals.h5")  # of the crystal
+    (case,) = cases_of_files([heap])
+    assert list(case.files) == ["network", "modes"]
+    assert main(["compare", str(heap), "--no-figures", "-o", str(tmp_path / "out")]) == 0
+    assert "heap.modes.h5 is absent" not in capsys.readouterr().out
+    assert main(["prepare", str(heap), "--kind", "structure"]) == 0
+    assert main(["figure", "scattering", str(heap), "-o", str(tmp_path / "out")]) == 0
+    (case,) = cases_of_files([heap, folder / "band.h5", folder / "top.h5"])
+    assert case.files["modes"].name == "heap.modes.h5" and len(case.files) == 5
 
 
 def test_a_name_in_a_folder_need_be_no_number(folder, tmp_path, capsys):
@@ -163,7 +175,8 @@ def test_linear_waves_are_no_record(folder, tmp_path):
     command = ["wave", str(folder / "heap.h5"), "--duration", "2e-5", "-o", str(wave)]
     assert modal_main(command) == 0
     (case,) = cases_of_files([folder / "heap.h5", wave])
-    assert case.signals is None and "linear wave" in case.notes[0]
+    # The other program's record, which lies beside the packing, is.
+    assert case.signals.producer == "other DEM" and "linear wave" in case.notes[0]
 
 
 def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
