@@ -11,6 +11,7 @@ import json
 import math
 import os
 import platform
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -123,8 +124,18 @@ def versions(**others: str) -> str:
 
 
 def command_line(program: str, arguments: Sequence[str]) -> str:
-    """The command as it was typed, files without their folders."""
-    return " ".join([program, *(Path(a).name if os.sep in a else a for a in arguments)])
+    """The command as it was typed, for a shell, files without their folders.
+
+    Words with blanks, such as the line of a contact law, are files where their folder is there.
+    """
+    words = []
+    for argument in arguments:
+        at = argument.find("=") + 1 if argument.startswith("--") else 0
+        option, value = argument[:at], argument[at:]
+        if os.sep in value and (" " not in value or Path(value).parent.is_dir()):
+            value = Path(value).name
+        words.append(option + value)
+    return f"{program} {shlex.join(words)}"
 
 
 def read_provenance(path: str | Path) -> Provenance:

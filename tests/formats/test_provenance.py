@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import shutil
 from dataclasses import replace
 from math import isnan, nan
@@ -63,6 +64,19 @@ def made(command: str, network: Path, *options: str) -> Path:
     output = network.with_name(f"case02.{command}.h5")
     assert main([command, str(network), *COMMANDS[command], *options, "-o", str(output)]) == 0
     return output
+
+
+def test_the_command_is_what_was_typed(tmp_path):
+    """A shell reads the same words from it; of files, a new one and one with blanks, the names."""
+    (tmp_path / "my packings").mkdir()
+    atoms = tmp_path / "my packings" / "mine.atoms"
+    shutil.copy(ROOT / "examples" / "packings" / "mine.atoms", atoms)
+    law = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
+    output = tmp_path / "new" / "mine.network.h5"
+    options = ["--pair", law, f"--wall={law} zplane 0 NULL"]
+    assert main(["import", str(atoms), *options, f"--output={output}"]) == 0
+    typed = ["python", "-m", "modal", "import", "mine.atoms", *options, f"--output={output.name}"]
+    assert shlex.split(read_provenance(output).command) == typed
 
 
 @pytest.mark.parametrize("command", COMMANDS)
