@@ -18,20 +18,23 @@ ALONE, DEEP = 2**18, 256
 wide, which fits the kernels of BLAS badly: a third slower."""
 
 
-def same_bits_product(a: Array, b: Floats) -> Array:
+def same_bits_product(a: Array, b: Floats, out: Array | None = None) -> Array:
     """Shape (t, r): a @ b for a (t, k) and b (k, r), to the same bits with any number of threads.
 
-    `a` may be complex: two real products, since those of complex numbers are shared out earlier.
+    It is added to `out` where that is given. `a` may be complex: two real products, since those of
+    complex numbers are shared out earlier.
 
     >>> import numpy as np
     >>> same_bits_product(np.eye(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
     array([[1., 2.],
            [3., 4.]])
     """
+    if out is None:
+        out = np.zeros((len(a), b.shape[1]), a.dtype)
     if np.iscomplexobj(a):
-        real, imaginary = (np.ascontiguousarray(part) for part in (a.real, a.imag))
-        return same_bits_product(real, b) + 1j * same_bits_product(imaginary, b)
-    out = np.zeros((len(a), b.shape[1]))
+        for part, sums in ((a.real, out.real), (a.imag, out.imag)):
+            same_bits_product(np.ascontiguousarray(part), b, sums)
+        return out
     across = isqrt(ALONE // min(max(len(b), 1), DEEP))
     for k in range(0, len(b), DEEP):
         terms = slice(k, k + DEEP)

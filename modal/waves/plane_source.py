@@ -79,6 +79,14 @@ class _Spheres:
         """The displacements (n,) of the mass-scaled motion u (6n,)."""
         np.multiply(u[self._axis :: 6], self._per_root_mass, out=out)
 
+    def reach(self) -> Floats:
+        """Shape (1,): of the lightest sphere."""
+        return self._per_root_mass.max(keepdims=True)
+
+    def largest(self, record: Floats, _: Floats) -> Floats:
+        """Shape (1,), m: of the displacements (k, n)."""
+        return abs(record).max(keepdims=True)[0]
+
 
 def crossings(network: Network, height: float) -> Ints:
     """Shape (m,): how often each contact crosses the plane at `height`, m, on its way up from i.

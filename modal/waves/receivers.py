@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Floats, Ints
+from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
@@ -96,6 +96,19 @@ class Receivers:
     def observe(self, u: Floats, out: Floats) -> None:
         """Write the row (count,) of the motion u (6n,), m and rad, into `out`."""
         out[:] = self._rows @ u
+
+    def reach(self) -> Floats:
+        """Shape (3,): lengths of the rows, of both walls and the longest of all displacements."""
+        length = np.sqrt(np.asarray(self._rows.multiply(self._rows).sum(axis=1)).ravel())
+        return np.append(length[:2], length[2:].max())
+
+    def largest(self, record: Array, displacement: Floats) -> Floats:
+        """Shape (3,): forces on both walls, N, and motion, m, at most in a record (k, count).
+
+        The source wall is held at `displacement` (k,), m.
+        """
+        source = self.source_stiffness * displacement - record[:, 0]
+        return np.array([abs(part).max() for part in (source, record[:, 1], record[:, 2:])])
 
     def signals(
         self,

@@ -7,8 +7,9 @@ w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it to
 
     1 / (z - x) = 4 / (w - 1/w) * (1/2 + sum_k w^-k T_k(x)).
 
-About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies. Of viscous contacts
-the response is that at real frequencies (`modal.waves.damped_response`). The format
+About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies, and half as many more
+make sure of it (`modal.waves.chebyshev`). Of viscous contacts the response is that at real
+frequencies (`modal.waves.damped_response`). The format
 "granular-frequency-response", version 1, is defined here.
 """
 
@@ -26,14 +27,14 @@ from modal.formats.arrays import Complex, Floats, Ints
 from modal.formats.hdf5 import InputError, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
-from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.operator import ContactOperator
+from modal.waves.chebyshev import summed
 from modal.waves.damped_response import REMEDY, damped_rows
 from modal.waves.driven import Driven
-from modal.waves.propagate import moments_within_spectrum
 from modal.waves.receivers import Receivers
+from modal.waves.weights import CHUNK, Resolvent
 from modal.workload import refuse_above, refuse_endless
 
 if TYPE_CHECKING:
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
 
 SCHEMA = "granular-frequency-response"
 VERSION = 1
-CHUNK = 256
-"""Frequencies evaluated at a time, to bound the memory."""
 
 
 @dataclass(repr=False)
@@ -108,7 +107,7 @@ def frequency_response(
     *,
     highest: float | None = None,
     resolution: float = 1e3,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-5,
     pre_stress: str = "none",
     direction: str = "z",
     damping: ContactDamping | None = None,
@@ -119,7 +118,9 @@ def frequency_response(
     is None), four to a resolution, which is the width that damping gives a resonance. The result
     has `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig. 19), and complex
     motions and stresses per metre of the wall's motion. `tolerance` bounds what the expansion
-    leaves out relative to the value on resonance; `pre_stress` as in
+    leaves out of each record: of the motions, the stress on the source and that on the receiver
+    wall, relative to the largest of each at any of the frequencies. Where a stress is small, as at
+    an antiresonance, it and the gain are off by more of their own. `pre_stress` as in
     `modal.stiffness.pre_stress`; `direction` of the wall's motion, x or y for S-waves.
 
     With `damping` (`modal.stiffness.damping`) the contacts have dashpots and the response is that
@@ -155,14 +156,11 @@ def frequency_response(
     # The window leaves of a wave what comes within 1 / gamma.
     driven = Driven(network, 1 / gamma, tolerance, pre_stress=pre_stress, direction=direction)
     receivers = driven.receivers
-    planned: dict[float, tuple[Floats, Complex]] = {}
 
-    def count_for(top: float) -> int:
+    def series_for(top: float) -> Resolvent:
         end = _end(top, highest, resolution)
-        orders, frequencies = (
-            np.sqrt(top) / (2 * gamma) * np.log(1 / tolerance),
-            4 * end / resolution,
-        )
+        orders = 1.5 * np.sqrt(top) / (2 * gamma) * np.log(1 / tolerance)
+        frequencies = 4 * end / resolution
         numbers = (orders + 4 * frequencies) * receivers.count + 4 * CHUNK * orders
         refuse_endless(
             f"a response with a resolution of {resolution:g} Hz",
@@ -171,27 +169,20 @@ def frequency_response(
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
         )
-        frequency = np.arange(resolution / 4, end, resolution / 4)
-        z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
-        root = np.sqrt(z * z - 1)
-        w = np.where(abs(z + root) > 1, z + root, z - root)
-        planned[top] = frequency, w
-        return int(np.ceil(np.log(1 / tolerance) / np.log(abs(w)).min())) + 1
+        return Resolvent(np.arange(resolution / 4, end, resolution / 4), gamma, top)
 
-    rows, top, products = moments_within_spectrum(
-        driven.operator, driven.start, receivers, count_for
+    def largest(series: Resolvent, record: Complex) -> Floats:
+        return receivers.largest(record, np.ones(len(series.frequency)))
+
+    series, record, products, error = summed(
+        driven.operator, driven.start, receivers, series_for, largest, tolerance
     )
-    frequency, w = planned[top]
-    rows[0] /= 2
-    value: Complex = np.empty((len(frequency), receivers.count), complex)
-    order = np.arange(len(rows))
-    for first in range(0, len(frequency), CHUNK):
-        part = slice(first, first + CHUNK)
-        power = np.exp(-np.log(w[part])[:, None] * order)
-        # A - s = top / 2 (X - z), hence the sign.
-        scale = -8 / top / (w[part] - 1 / w[part])
-        value[part] = scale[:, None] * same_bits_product(power, rows)
-    return _response(receivers, frequency, value, resolution=resolution, products=products)
+    if error > tolerance:
+        raise InputError(
+            f"round-off is up to {error:.1g} of a record: so little comes through within the "
+            f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance"
+        )
+    return _response(receivers, series.frequency, record, resolution=resolution, products=products)
 
 
 def _end(top: float, highest: float | None, resolution: float) -> float:

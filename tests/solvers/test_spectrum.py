@@ -19,8 +19,11 @@ from modal.solvers.spectrum import (
 )
 from modal.stiffness import operator
 from modal.stiffness.operator import ContactOperator
+from modal.waves import chebyshev
 from modal.waves import propagate as wave
-from modal.waves.propagate import chebyshev_moments, expansion, propagate
+from modal.waves.chebyshev import Recurrence, summed
+from modal.waves.propagate import propagate
+from modal.waves.weights import Expansion
 
 
 class Diagonal:
@@ -54,6 +57,33 @@ class Everything:
     def observe(self, u: np.ndarray, out: np.ndarray) -> None:
         """Record all."""
         out[:] = u
+
+    def reach(self) -> np.ndarray:
+        """One kind, of unit rows."""
+        return np.ones(1)
+
+
+class Moments:
+    """A record of the first moments themselves, one a row."""
+
+    def __init__(self, orders: int) -> None:
+        self.wanted = orders
+
+    def empty(self, count: int) -> np.ndarray:
+        """No row yet."""
+        return np.zeros((self.wanted, count))
+
+    def left(self, orders: int) -> float:
+        """Nothing after the last one."""
+        return float(self.wanted - orders)
+
+    def orders(self, _: float) -> int:
+        """All of them."""
+        return self.wanted
+
+    def add(self, record: np.ndarray, rows: np.ndarray, first: int) -> None:
+        """The rows as they are."""
+        record[first : first + len(rows)] = rows
 
 
 SPECTRA = {
@@ -109,7 +139,7 @@ def grown(square, share: float, orders: int) -> tuple[Diagonal, GrowthError, flo
     # Tiny: growth is relative to the start.
     start, top = np.full(size, 1e-9), share * max(square)
     with pytest.raises(GrowthError) as caught:
-        chebyshev_moments(operator, start, top, orders, Everything(size))
+        Recurrence(operator, start, top, Everything(size)).rows(orders)
     return operator, caught.value, top
 
 
@@ -126,7 +156,7 @@ def test_growth_is_told_from_round_off_at_every_order(orders):
     """
     grown(np.full(4, 1 + 1e-13), 1 / (1 + 1e-13), orders)
     operator, start = Diagonal(np.full(4, 1 + 1e-15)), np.ones(4)
-    chebyshev_moments(operator, start, 1.0, orders, Everything(4))
+    Recurrence(operator, start, 1.0, Everything(4)).rows(orders)
 
 
 @pytest.mark.parametrize("share", [1.1, 0.9, 0.3])
@@ -134,11 +164,18 @@ def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
     """Those of an attempt that grew are told as well, and only as many as were made."""
     square = np.linspace(0, 3, 400)
     operator, start = Diagonal(square), np.ones(400)
-    monkeypatch.setattr(wave, "top_of_spectrum", lambda _: (share * 3.0, 0))
-    rows, top, products = wave.moments_within_spectrum(
-        operator, start.copy, Everything(400), lambda top: 300
+    monkeypatch.setattr(chebyshev, "top_of_spectrum", lambda _: (share * 3.0, 0))
+    tops = []
+
+    def series_for(top):
+        tops.append(top)
+        return Moments(300)
+
+    _, rows, products, error = summed(
+        operator, start.copy, Everything(400), series_for, lambda *_: np.ones(1), 1e-9
     )
-    assert products == operator.products
+    assert products == operator.products and error == 0
+    top = tops[-1]
     assert top >= 3
     expected = np.cos(np.arange(300)[:, None] * np.arccos(2 * square / top - 1))
     assert rows == pytest.approx(expected, abs=300**2 * 1e-15)
@@ -196,14 +233,19 @@ def test_a_record_of_its_end_alone_is_as_exact():
 
 def test_expansion_of_a_line_has_two_coefficients():
     time = np.array([0.0, 1.0, 2.0])
-    coefficient, left_out = expansion(Linear(3.0, 0.25), time, 8.0, 1e-9)
+
+    def coefficient(*line: float) -> np.ndarray:
+        return Expansion(Linear(*line), time, 8.0).coefficient
+
     # 3 + x / 4 with x = 4 (1 + X): 4 T_0 + T_1.
-    assert coefficient == pytest.approx(np.outer([4, 1], time), abs=1e-14)
-    assert left_out < 1e-13
-    assert expansion(Linear(-3.0, -0.25), time, 8.0, 1e-9)[0] == pytest.approx(-coefficient)
-    assert expansion(Linear(3.0, 0.0), time, 8.0, 1e-9)[0] == pytest.approx(3 * time[None])
-    coefficient, left_out = expansion(Linear(0.0, 0.0), time, 8.0, 1e-9)
-    assert coefficient.shape == (1, 3) and not coefficient.any() and left_out == 0
+    assert coefficient(3.0, 0.25)[:2] == pytest.approx(np.outer([4, 1], time), abs=1e-14)
+    assert coefficient(-3.0, -0.25) == pytest.approx(-coefficient(3.0, 0.25))
+    assert coefficient(3.0, 0.0)[0] == pytest.approx(3 * time)
+    assert coefficient(0.0, 0.0).shape == (0, 3)
+    series = Expansion(Linear(3.0, 0.25), time, 8.0)
+    # Both orders leave nothing but round-off; one leaves the second, 2 at t = 2.
+    assert [series.orders(left) for left in (1e-9, 3.0, 20.0)] == [2, 1, 0]
+    assert series.left(1) == pytest.approx(2.0) and series.left(2) < 1e-14
 
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 100))
@@ -262,7 +304,7 @@ def test_moments_are_those_of_chebyshevs_polynomials():
     """Rows of T_k(2 A / top - 1) start, by the cosine."""
     square, top = np.linspace(0, 5, 30), 6.0
     start = np.random.default_rng(1).standard_normal(30)
-    rows = chebyshev_moments(Diagonal(square), start.copy(), top, 70, Everything(30))
+    rows = Recurrence(Diagonal(square), start.copy(), top, Everything(30)).rows(70)
     angle = np.arccos(2 * square / top - 1)
     expected = np.cos(np.arange(70)[:, None] * angle) * start
     # Round-off grows by at most the order at each product.

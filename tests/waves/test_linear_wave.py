@@ -21,12 +21,14 @@ from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.walls import wall_pattern
-from modal.waves import propagate as wave_module
+from modal.waves import chebyshev
+from modal.waves.chebyshev import Recurrence
 from modal.waves.leapfrog import leapfrog
-from modal.waves.propagate import chebyshev_moments, expansion, propagate
+from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, SampledMotion, read_motion
+from modal.waves.weights import Expansion
 
 
 def test_pulse_response_solves_the_oscillator():
@@ -131,7 +133,7 @@ def test_estimate_that_is_too_small_does_not_spoil_a_result(share, monkeypatch):
     gain = frequency_response(network, **options, highest=1e5).gain
     operator = ContactOperator(network, mass_scaled=True)
     top = np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]
-    monkeypatch.setattr(wave_module, "top_of_spectrum", lambda _: (share * top, 1))
+    monkeypatch.setattr(chebyshev, "top_of_spectrum", lambda _: (share * top, 1))
     found = propagate(network, 3e-4, tolerance=1e-12)
     size = abs(wanted.signals.chain_displacement).max()
     # The tolerance times some hundred coefficients.
@@ -167,11 +169,11 @@ def test_energy_is_conserved_once_the_wall_rests(seed):
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / h
     instants = np.linspace(1.1e-5, 3e-4, 12)
     time = (instants[:, None] + h * np.arange(-4, 5)).ravel()
-    coefficient, _ = expansion(Pulse(), time, top, 1e-14)
+    coefficient = Expansion(Pulse(), time, top).coefficient
     source, _, _ = wall_pattern(network, SOURCE_WALL)
     start = source / np.sqrt(mass_diagonal(network))
     everything = EveryMotion(len(start))
-    moments = chebyshev_moments(operator, start, top, len(coefficient), everything)
+    moments = Recurrence(operator, start, top, everything).rows(len(coefficient))
     motion = (coefficient.T @ moments).reshape(len(instants), 9, -1)
     speed = np.einsum("tkx,k->tx", motion, weights)
     at = motion[:, 4]
@@ -369,7 +371,7 @@ def test_wave_of_the_study_is_not_refused(monkeypatch):
     def start(*_: object) -> None:
         raise StartedError
 
-    monkeypatch.setattr(wave_module, "chebyshev_moments", start)
+    monkeypatch.setattr(chebyshev, "Recurrence", start)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: 3e9)
     with pytest.raises(StartedError):
         propagate(repeat(gallery.fcc(cells=(2, 2, 180)), 7, 7), 6e-4, whole=True)
