@@ -255,6 +255,19 @@ def test_full_disk_is_one_line_and_leaves_the_old_file(limit, tmp_path):
         (out / name).unlink()
 
 
+@pytest.mark.parametrize("limit", [0, 100])
+@pytest.mark.parametrize("name", ["a.vtu", "a.xyz"])
+def test_export_to_a_full_disk_is_one_line(limit, name, tmp_path):
+    """VTK is written by meshio, whose error arrives from inside it."""
+    pytest.importorskip("meshio")
+    source, out = tmp_path / "a.network.h5", tmp_path / "out"
+    write_network(source, gallery.fcc(cells=(2, 2, 20)))
+    out.mkdir()
+    status, error = status_with_limit(["export", str(source), "-o", str(out / name)], limit)
+    assert status == 2 and error.count("\n") == 1 and "space on the disk" in error
+    assert not list(out.iterdir())
+
+
 @pytest.mark.parametrize(
     ("name", "why"),
     [

@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.exchange.picture import Lines
 from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import HOST, InputError, write_whole
+from modal.formats.hdf5 import HOST, InputError, unwritable, write_whole
 
 
 def write_spheres(path: Path, position: Floats, fields: dict[str, Array]) -> None:
@@ -63,5 +63,7 @@ def _write(
     try:
         mesh.write(partial, file_format="vtu")
         write_whole(path, partial.read_bytes())
+    except OSError as error:
+        raise unwritable(path, error) from error
     finally:
         partial.unlink(missing_ok=True)

@@ -74,7 +74,7 @@ def write_whole(path: str | Path, data: bytes | memoryview) -> None:
             os.fsync(file.fileno())
         os.replace(partial, place)
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
@@ -96,7 +96,7 @@ def refuse_unwritable(path: str | Path) -> None:
             os.lstat(_partial(place))  # whose name is longer
         _require(next(p for p in place.parents if p.exists()), os.W_OK | os.X_OK)
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
 
 
 def _require(path: Path, access: int) -> None:
@@ -104,7 +104,8 @@ def _require(path: Path, access: int) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
-def _unwritable(path: str | Path, error: OSError) -> InputError:
+def unwritable(path: str | Path, error: OSError) -> InputError:
+    """What is said of a file that could not be written."""
     return InputError(
         f"{path}: cannot be written ({error.strerror or error}); check the folder, its "
         "permissions and the space on the disk"
