@@ -35,6 +35,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--direction",
         choices=DIRECTIONS,
+        default="z",
         help="of the wall's motion: z (default), or x or y for S-waves",
     )
     command.add_argument(
@@ -52,7 +53,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         highest=options.highest,
         resolution=options.resolution,
         pre_stress=options.pre_stress,
-        direction=options.direction or "z",
+        direction=options.direction,
         damping=ContactDamping(*options.damping) if options.damping else None,
     )
     if options.output:

@@ -53,19 +53,23 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--duration", type=float, default=5e-4, metavar="S", help="of the record (default 5e-4)"
     )
-    command.add_argument(
-        "--motion", choices=("pulse", "chirp", "step"), help="of the source wall (default pulse)"
+    given = command.add_mutually_exclusive_group()
+    given.add_argument(
+        "--motion", choices=("pulse", "chirp", "step"), default="pulse",
+        help="of the source wall (default pulse)",
+    )  # fmt: skip
+    given.add_argument(
+        "--source", metavar="FILE", help="the wall's motion as a table of two columns: s, m"
     )
-    command.add_argument("--cycles", type=int, metavar="N", help="of a pulse (default 1)")
+    command.add_argument(
+        "--cycles", type=int, default=1, metavar="N", help="of a pulse (default 1)"
+    )
     command.add_argument("--last-frequency", type=float, metavar="HZ", help="at the end of a chirp")
     command.add_argument(
         "--sweep", type=float, metavar="S", help="how long a chirp lasts, or a step rises"
     )
     command.add_argument(
-        "--source", metavar="FILE", help="the wall's motion as a table of two columns: s, m"
-    )
-    command.add_argument(
-        "--interval", type=float, metavar="S", help="between records (default 1e-6)"
+        "--interval", type=float, default=1e-6, metavar="S", help="between records (default 1e-6)"
     )
     command.add_argument(
         "--tolerance", type=float, metavar="T", default=1e-9, help="relative error (default 1e-9)"
@@ -74,6 +78,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--direction",
         choices=DIRECTIONS,
+        default="z",
         help="of the wall's motion: z (default), or x or y for S-waves",
     )
     command.add_argument(
@@ -102,21 +107,19 @@ def add(commands: Any) -> None:
 
 def _motion(options: argparse.Namespace) -> Motion:
     """The motion of the source wall; InputError for options that another motion has."""
-    name = "file" if options.source else options.motion or "pulse"
+    name = "file" if options.source else options.motion
     has = {
         "file": (),
         "pulse": ("amplitude", "input_frequency", "cycles"),
         "chirp": ("amplitude", "input_frequency", "last_frequency", "sweep"),
         "step": ("amplitude", "sweep"),
     }
-    usual = {"amplitude": AMPLITUDE, "input_frequency": INPUT_FREQUENCY}
-    if options.source and options.motion:
-        raise InputError("--source and --motion: take one of them")
+    usual = {"amplitude": AMPLITUDE, "input_frequency": INPUT_FREQUENCY, "cycles": 1}
     for option in ("amplitude", "input_frequency", "cycles", "last_frequency", "sweep"):
         given = getattr(options, option) != usual.get(option)
         if given and option not in has.get(name, ()):
             raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
-        if not given and option in has.get(name, ()) and option not in (*usual, "cycles"):
+        if not given and option in has.get(name, ()) and option not in usual:
             raise InputError(f"--motion {name} needs {typed(option)}")
     if name == "file":
         return read_motion(options.source)
@@ -126,9 +129,7 @@ def _motion(options: argparse.Namespace) -> Motion:
         )
     if name == "step":
         return step(options.amplitude, options.sweep)
-    return Pulse(
-        options.amplitude, options.input_frequency, 1 if options.cycles is None else options.cycles
-    )
+    return Pulse(options.amplitude, options.input_frequency, options.cycles)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -145,17 +146,16 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "motion": _motion(options),
         "pre_stress": options.pre_stress,
         "particles": options.particles,
-        "direction": options.direction or "z",
+        "direction": options.direction,
         "network_sha256": sha256(options.network),
     }
-    interval = 1e-6 if options.interval is None else options.interval
     time_step = options.time_step
     if options.method == "leapfrog":
         if time_step is None:
             raise InputError("--method leapfrog needs --time-step; give it in s")
         if options.damping:
             raise InputError("--damping and --method leapfrog: take one of them")
-        every = steps_between_records(interval, time_step)
+        every = steps_between_records(options.interval, time_step)
         signals = leapfrog(network, options.duration, time_step, every=every, **settings)
         accuracy = {"time_step_s": time_step}
     else:
@@ -165,7 +165,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         wave = propagate(
             network,
             options.duration,
-            interval=interval,
+            interval=options.interval,
             tolerance=options.tolerance,
             damping=damping,
             whole=options.whole,
@@ -200,9 +200,9 @@ def _from_plane(options: argparse.Namespace, network: Network) -> dict[str, Any]
         network,
         options.duration,
         options.plane,
-        direction=options.direction or "z",
+        direction=options.direction,
         motion=_motion(options),
-        interval=1e-6 if options.interval is None else options.interval,
+        interval=options.interval,
         tolerance=options.tolerance,
     )
     if options.output:

@@ -168,8 +168,8 @@ def read_provenance(path: str | Path) -> Provenance:
 def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:
     """The provenance of what a command of modal writes, from its parsed options.
 
-    Options that were not given are no settings, nor are names of files to write and what only
-    changes what is printed.
+    Names of files to write, and what only changes what is printed, are no settings. A file stands
+    in the place of the setting that its role names.
     """
     settings = {
         name: value
@@ -184,6 +184,7 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
     for name, role in _ROLES.items():
         if options.get(name):
             sources = (*sources, Source.of(role, options[name]))
+            settings.pop(role, None)
     return Provenance(command_line("python -m modal", arguments), settings, sources)
 
 

@@ -117,6 +117,33 @@ def test_current_product_is_kept_and_a_stale_one_made_again(command, network, ca
     assert read_provenance(path).settings[option[2:]] == json.loads(value)
 
 
+DEFAULTS = {
+    "wave": {"interval": 1e-6, "direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9},
+    "response": {"direction": "z"},
+}
+"""What the help of these commands says of options that are not given."""
+
+
+@pytest.mark.parametrize("command", DEFAULTS)
+def test_a_default_that_is_typed_is_no_other_setting(command, network):
+    """It is recorded as it is in force, so that another one of a later version would be seen."""
+    path = made(command, network)
+    before = path.stat().st_mtime_ns
+    said = read_provenance(path).settings
+    assert DEFAULTS[command].items() <= said.items()
+    for name, value in DEFAULTS[command].items():
+        made(command, network, "--if-stale", f"--{name}", str(value))
+    assert path.stat().st_mtime_ns == before
+
+
+def test_a_file_takes_the_place_of_the_setting_that_it_gives(network, tmp_path):
+    motion = tmp_path / "motion.txt"
+    motion.write_text("0 0\n1e-5 1e-9\n")
+    said = read_provenance(made("wave", network, "--source", str(motion)))
+    assert "motion" not in said.settings
+    assert [(s.role, s.name) for s in said.sources[1:]] == [("motion", "motion.txt")]
+
+
 def test_changed_source_makes_a_product_stale(network, capsys):
     path = made("wave", network)
     old = hashlib.sha256(network.read_bytes()).hexdigest()

@@ -142,7 +142,7 @@ def test_commands_name_what_a_motion_lacks(tmp_path, capsys):
         (["--motion", "chirp", "--sweep", "1e-5"], "needs --last-frequency"),
         (["--sweep", "1e-5"], "the motion is a pulse"),
         (["--motion", "step", "--sweep", "0"], "above 0"),
-        (["--motion", "step", "--source", "x.txt"], "take one of them"),
+        (["--motion", "step", "--source", "x.txt"], "not allowed with argument --motion"),
         (
             ["--motion", "step", "--sweep", "1e-5", "--input-frequency", "2e5"],
             "--input-frequency: the motion is a step",
