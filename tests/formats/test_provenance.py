@@ -387,7 +387,7 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         (books(drift=-0.5, limit=nan, gap=2e-3), 1),
         (books(drift=-0.5, limit=nan, gap=nan, work=nan), 0),
     ):
-        write_signals(path, replace(signals, balance=balance), made)
+        write_signals(path, replace(signals, producer="yade", balance=balance), made)
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = find("2", folder)
