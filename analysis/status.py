@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from analysis.batch_table import cases, value
 from analysis.case import Case
 from analysis.case_files import EXTRA_KINDS, KINDS, OTHER_WAVES
 from analysis.estimators import structure_factor
@@ -25,8 +26,6 @@ from modal.modes import density, mode_set
 from modal.packing import network_file, sample
 from modal.waves import response, signals
 
-TABLES = "fcc.table", "random.table"
-"""Tables of the cases, a column a setting."""
 FORMATS = {
     "network": network_file,
     "sample": sample,
@@ -56,8 +55,8 @@ def names_in(folder: Path) -> list[str]:
 def stale_files(folder: Path, tables: Path, names: Sequence[str]) -> list[Path]:
     """The products of these cases that are stale: made from what has changed since."""
     settings = _settings_of_cases(tables)
-    cases = [Case(name, folder) for name in names]
-    return [case.path(kind) for case in cases for kind in _stale(case, settings)]
+    named = [Case(name, folder) for name in names]
+    return [case.path(kind) for case in named for kind in _stale(case, settings)]
 
 
 def status_table(folder: Path, tables: Path) -> str:
@@ -123,12 +122,9 @@ def _as_it_is(case: Case, kind: str, old: Source) -> tuple[Source, ...]:
 def _settings_of_cases(folder: Path) -> dict[str, dict[str, Any]]:
     """Settings by case, from the tables that yade-batch reads; empty without them."""
     found: dict[str, dict[str, Any]] = {}
-    for path in (folder / name for name in TABLES if (folder / name).is_file()):
-        rows = [line.split() for line in path.read_text().splitlines() if line[:1] not in ("#", "")]
-        for row in rows[1:]:
-            values = dict(zip(rows[0], map(float, row), strict=False))
+    for lines in cases(folder).values():
+        for case, line in lines.items():
             # What yade_scripts/wave.py reads in place of a column.
-            given = {name: os.environ.get(f"WAVE_{name.upper()}") for name in values}
-            values |= {name: float(text) for name, text in given.items() if text}
-            found[f"case{int(values.pop('case')):02d}"] = values
+            given = {name: os.environ.get(f"WAVE_{name.upper()}") or line[name] for name in line}
+            found[case] = {name: value(cell) for name, cell in given.items()}
     return found

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from analysis.batch_table import lines_of
 from benchmarks import dem, density, modes, preparation, time_step, wave
 from benchmarks.harness import report
 from benchmarks.harness.measure import ROOT
@@ -46,9 +47,8 @@ def assigned(script: str, pattern: str) -> tuple[float, ...]:
 
 def steps_of_random_cases() -> list[float]:
     """Column `fraction` of cases/random.table, each value once, the largest first."""
-    lines = (ROOT / "cases" / "random.table").read_text().splitlines()
-    names, *cases = [line.split() for line in lines if not line.startswith("#")]
-    return sorted({float(case[names.index("fraction")]) for case in cases}, reverse=True)
+    lines = lines_of(ROOT / "cases" / "random.table")
+    return sorted({float(line["fraction"]) for line in lines}, reverse=True)
 
 
 def wave_of_crystal(rows: Rows) -> Iterator[Default]:

@@ -50,18 +50,19 @@ BELOW = {
 }
 """Room of modal: the rooms that it may import from, besides itself."""
 ANALYSIS_BELOW = {
+    "batch_table": set(),
     "paper": set(),
     "table": set(),
     "watch": set(),
     "estimators": {"table"},
     "agreement": {"estimators", "table"},
     "page": {"table"},
-    "packings": {"estimators", "paper", "table"},
+    "packings": {"batch_table", "estimators", "paper", "table"},
     "case_files": set(),
     "case": {"case_files", "estimators", "packings", "paper"},
     "belonging": {"case", "estimators"},
     "prepare": {"case", "estimators"},
-    "status": {"case", "case_files", "estimators"},
+    "status": {"batch_table", "case", "case_files", "estimators"},
     "crystal": {"case", "estimators", "paper", "table"},
     "measures": {"case", "estimators"},
     "columns": {"estimators", "measures"},

@@ -10,13 +10,14 @@ from places import ROOT
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 
-OWN = ["mu_comp=0.4", "spheres=120", "width=4.2", "seed=1"]
+OWN = ["mu_comp=0.4", "spheres=120", "width=4.2", "seed=1", "sizes=lognormal 0.2"]
 
 
 @pytest.fixture
 def walked(tmp_path):
     """A walk's folder with one state."""
     study = {"mu_comp": 0.4, "spheres": 120, "width": 4.2, "seed": 1, "stress": 1e5}
+    study |= {"sizes": "lognormal 0.2"}
     sample = replace(random_sample(120, 1e5, aspect=2.0), study=study)
     folder = tmp_path / "walks/compression_mu0.4"
     folder.mkdir(parents=True)
@@ -39,7 +40,9 @@ def test_states_of_the_study_are_linked(walked, monkeypatch):
     assert (said, status) == ("", 0) and output.samefile(walked / output.name)
 
 
-@pytest.mark.parametrize("other", ["seed=2", "width=4.3", "spheres=121", "mu_comp=0.3"])
+@pytest.mark.parametrize(
+    "other", ["seed=2", "width=4.3", "spheres=121", "mu_comp=0.3", "sizes=two 2 0.5"]
+)
 def test_states_of_another_study_are_refused(other, walked, monkeypatch):
     """As they are left over where a line of cases/compressions.table was changed."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))

@@ -281,7 +281,7 @@ def test_only_what_is_missing_is_planned(made):
     [
         ("colour", "red"),
         ("cases", []),
-        ("cases", [2, 33]),
+        ("cases", [2, 0]),
         ("cases", [2, 2]),
         ("stage", "lunch"),
         ("preparation", "lammps"),
@@ -343,6 +343,72 @@ def benchmark(folder: Path, rule: str, case: str, seconds: str, memory: str, bus
     path.write_text(f"s\th:m:s\tmax_rss\tcpu_time\n{row}\n")
 
 
+@pytest.fixture
+def in_study(study, in_workflow, monkeypatch) -> Path:
+    """The copy of the project, whose tables a test may change."""
+    monkeypatch.chdir(study)
+    before = {path: path.read_text() for path in Path("cases").glob("*.table")}
+    yield study
+    for path, text in before.items():
+        path.write_text(text)
+
+
+def changed(table: str, old: str, new: str) -> object:
+    """The study with another text in a table."""
+    path = Path(f"cases/{table}.table")
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    return module("study").Study(yaml.safe_load(Path("workflow/study.yaml").read_text()))
+
+
+@pytest.mark.parametrize(
+    ("table", "old", "new", "said"),
+    [
+        ("random", "\n12 0.01 ", "\n13 0.01 ", "case 13 stands there twice"),
+        ("random", "\n12 0.01 ", "\n2 0.01 ", "case02: a line in each of the tables"),
+        ("random", "\n12 0.01 ", "\n12.5 0.01 ", "case 12.5 is no whole number"),
+        ("random", "case mu_comp mu_wave", "case mu_comp friction", "lacks the column mu_wave"),
+        ("random", "case mu_comp", "number mu_comp", "names no column case"),
+        ("random", "fraction passage", "fraction fraction", "names a column twice"),
+        ("random", "fraction passage", "fractoin passage", "fractoin means nothing; known are"),
+        ("random", "\n12 0.01 0.11", "\n12 0.01 0,11", "case12: mu_wave 0,11 is no number"),
+        ("random", "\n12 0.01 0.11 1e7", "\n12 0.01 0.11 5e6", "has states at 1000, 10000, "),
+        ("compressions", "\n0.4 ", "\n0.40 35201 14 1\n0.4 ", "mu_comp 0.4 stands there twice"),
+    ],
+)
+def test_tables_that_mean_no_study_are_refused(table, old, new, said, in_study):
+    with pytest.raises(ValueError, match=said):
+        changed(table, old, new)
+
+
+def test_columns_of_a_case_shape_both_of_its_waves(in_study):
+    """Amplitude, direction and length of a crystal; the other case has the study's."""
+    names = "case mu_comp mu_wave stress input_frequency amplitude direction layers"
+    Path("cases/fcc.table").write_text(f'{names}\n2 0 0.1 1e5 1e5 1e-9 "x" 100 # short\n')
+    study = changed("random", "\n12 ", "\n012\t")
+    assert study.crystals.keys() == {"case02"} and "case12" in study.random
+    assert "WAVE_AMPLITUDE=1e-9" in study.of_wave("case02")
+    assert "WAVE_AMPLITUDE=2.5e-09" in study.of_wave("case12")
+    linear = module("of_network").commands(study)["linear_wave"][2]
+    own, other = (linear(SimpleNamespace(case=case), "N", "W") for case in ("case02", "case12"))
+    assert "--direction x --amplitude 1e-9 " in own and "--direction" not in other
+    # A crystal of 100 layers is half as long as the study's; an S-wave takes twice a P-wave's time.
+    assert "--duration 0.0005 " in own
+
+
+def test_a_mixture_is_prepared_by_either_program(in_study):
+    """The texts of a compression's columns, as YADE reads them, are options of its twin."""
+    table = Path("cases/compressions.table")
+    table.write_text("mu_comp spheres width seed sizes\n0.40 1500 6 1 'two_2_0.5'\n")
+    config = yaml.safe_load(Path("workflow/study.yaml").read_text())
+    yade, twin = (
+        module("study").Study(config | {"preparation": program}) for program in ("yade", "modal")
+    )
+    assert "--spheres 1500 --width 6 --seed 1 --sizes two 2 0.5 -o" in twin.walk("0.4")
+    assert f"{table} 0.4 yade_scripts/compress.py" in yade.walk("0.4")
+    assert "sizes='two 2 0.5'" in yade.noted_of("0.4")
+
+
 def test_costs_of_a_rule_are_those_of_its_jobs(tmp_path):
     """The benchmarks that Snakemake writes: core-hours are their sum, by clock and processor."""
     cost = module("cost")
@@ -390,6 +456,16 @@ def test_crystals_that_ran_first_say_nothing_of_random_packings(in_workflow, tmp
     larger = asked(tmp_path, "states", "case30", spheres=10 * 35201)
     # A walk's steps grow with the length: ten times the spheres, more than ten times the time.
     assert larger[0] > 10 * asked(tmp_path, "states", "case30")[0]
+
+
+def test_a_job_of_the_convergence_study_asks_for_its_size(study):
+    """Not for what Slurm gives by default: memory and time, of all of its rules."""
+    command = [sys.executable, "-m", "snakemake", "-s", "workflow/convergence.smk", "-n", "-c", "1"]
+    options = ["--config", "table=slender", "seeds=1"]
+    done = subprocess.run([*command, *options], cwd=study, capture_output=True, text=True)
+    jobs = re.findall(r"^rule (\w+):(?s:.*?)^    resources: (.*)$", done.stdout, re.M)
+    known = {rule for rule, resources in jobs if "mem_mb" in resources and "runtime" in resources}
+    assert known == {"compression", "rest", "numbers"}, done.stderr
 
 
 def test_every_rule_has_an_expected_cost(study):

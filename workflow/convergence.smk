@@ -17,25 +17,27 @@ workdir: Path(workflow.basedir).parent
 
 
 sys.path.insert(0, workflow.basedir)
-from study import PYTHON, lines_of
+from analysis.packings.seeds import Seeds
+from cost import listed, resources
+from study import FULL, PYTHON
 
 FOLDER = config.get("folder", "products/convergence")
-
-
-def rows():
-    """Rows by setting and friction, a dash replaced by the value of `own` at the same friction."""
-    found, own = {}, {}
-    for row in lines_of(config.get("table", "convergence")):
-        own = row if row["setting"] == "own" else own
-        row = {name: own[name] if cell == "-" else cell for name, cell in row.items()}
-        found[f"{row['setting']}_mu{row['mu_comp']}"] = row
-    return found
-
-
 try:
-    ROWS = rows()
-except ValueError as error:
+    settings = Seeds(f"cases/{config.get('table', 'convergence')}.table").settings
+except (OSError, ValueError) as error:
     raise WorkflowError(str(error)) from error
+ROWS = {f"{name}_mu{friction}": row for (name, friction), row in settings.items()}
+
+
+def needs(rule):
+    """What a job of one row asks for: as a rule of the study, by the number of its spheres."""
+
+    def cost(w):
+        return listed({"crystal": 1.0, "random": int(ROWS[w.row]["spheres"]) / FULL})[rule, "random"]
+
+    return resources(cost)
+
+
 STUDY = (
     "mu_comp spheres width approach_rate agitated_damping inertial_number fraction hot_stress damping residual".split()
 )
@@ -89,6 +91,8 @@ rule compression:
         command=command,
     log:
         f"{FOLDER}/{{row}}/{{seed}}/walk.log",
+    resources:
+        **needs("states"),
     shell:
         "({params.command}) > {log} 2>&1 && touch {output}"
 
@@ -102,6 +106,8 @@ rule rest:
         friction=lambda w: f"{float(ROWS[w.row]['mu_comp']) + 0.1:g}",
     log:
         f"{FOLDER}/{{row}}/{{seed}}/{{state}}.rest.log",
+    resources:
+        **needs("sample"),
     shell:
         "{PYTHON} -m modal relax {FOLDER}/{wildcards.row}/{wildcards.seed}/{wildcards.state}Pa.sample.h5 "
         "--friction {params.friction} --tolerance 1e-6 -o {output} > {log} 2>&1 || [ $? = 3 ]"
@@ -112,5 +118,7 @@ rule numbers:
         f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.h5",
     output:
         f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.json",
+    resources:
+        **needs("comparison"),
     shell:
         "{PYTHON} -m analysis packing {input} -o {output}"

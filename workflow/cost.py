@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 Key = tuple[str, str]
 """A rule, and the kind of its case: crystal or random."""
@@ -56,26 +57,45 @@ def measured(folder: Path, kind: Callable[[str], str]) -> dict[Key, Cost]:
     return found
 
 
+def listed(sizes: Mapping[str, float]) -> dict[Key, Cost]:
+    """Cost of one job as cost.tsv has it; `sizes` by kind are over those of the full study."""
+    found = {}
+    lines = Path(__file__).with_suffix(".tsv").read_text().splitlines()
+    _, *rows = (line.split() for line in lines if line[0] != "#")
+    for rule, kind, *numbers in rows:
+        typical, longest, power, memory = map(float, numbers)
+        seconds, longest = (STARTED + s * sizes[kind] ** power for s in (typical, longest))
+        found[rule, kind] = Cost(0, seconds, longest, LOADED + memory * sizes[kind])
+    return found
+
+
 def expected(
     folder: Path, sizes: Mapping[str, float], kind: Callable[[str], str]
 ) -> dict[Key, Cost]:
-    """Cost of one job; `sizes` by kind are over those of the full study.
+    """Cost of one job: seconds as measured, where jobs of this rule and kind ran, else as listed.
 
-    Seconds are as measured, where jobs of this rule and kind ran; the longest and the largest job
-    are still to be expected.
+    The longest and the largest job are still to be expected, also where small ones ran.
     """
-    found, here = {}, measured(folder, kind)
-    lines = Path(__file__).with_suffix(".tsv").read_text().splitlines()
-    _, *rows = (line.split() for line in lines if line[0] != "#")
-    for rule, of, *numbers in rows:
-        typical, longest, power, memory = map(float, numbers)
-        seconds, longest = (STARTED + s * sizes[of] ** power for s in (typical, longest))
-        row = Cost(0, seconds, longest, LOADED + memory * sizes[of])
-        own = here.get((rule, of), row)
-        found[rule, of] = replace(
-            own, longest=max(own.longest, row.longest), memory=max(own.memory, row.memory)
+    here = measured(folder, kind)
+    return {
+        key: replace(
+            own := here.get(key, row),
+            longest=max(own.longest, row.longest),
+            memory=max(own.memory, row.memory),
         )
-    return found
+        for key, row in listed(sizes).items()
+    }
+
+
+def resources(cost: Callable[[Any], Cost]) -> dict[str, Callable[[Any, int], int]]:
+    """What a rule asks for, memory, MB, and run time, minutes: both times the number of the try.
+
+    `cost` is that of a job, by its wildcards.
+    """
+    return {
+        "mem_mb": lambda wildcards, attempt: attempt * int(1.5 * cost(wildcards).memory),
+        "runtime": lambda wildcards, attempt: attempt * int(10 + cost(wildcards).longest / 30),
+    }
 
 
 def table(folder: Path) -> str:

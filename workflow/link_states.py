@@ -1,8 +1,8 @@
-"""Link a walk's states to their names: link_states.py FOLDER [NAME=NUMBER ...] OUTPUT ...
+"""Link a walk's states to their names: link_states.py FOLDER [NAME=VALUE ...] OUTPUT ...
 
 Each OUTPUT is named STRESSPa.sample.h5; it becomes a link to the last state in FOLDER, or in a
 folder of it, that was made for this stress. Exit status 1 where one is missing, or where the study
-of one says another number by a NAME.
+of one says another value by a NAME.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ import os
 import sys
 from pathlib import Path
 
+from analysis.batch_table import value
 from modal.packing.sample import read_sample
 
 
-def main(folder: Path, wanted: dict[str, float], outputs: list[Path]) -> int:
+def main(folder: Path, wanted: dict[str, float | str], outputs: list[Path]) -> int:
     """Link all; the exit status."""
     states = {}
     for path in sorted(folder.rglob("*Pa.sample.h5")):
         study = read_sample(path).study
-        for name, number in wanted.items():
-            if study.get(name) != number:
+        for name, own in wanted.items():
+            if study.get(name) != own:
                 print(
-                    f"{path}: made with {name} {study.get(name)}, not {number:g}; move {folder} "
-                    "away, or give another --products",
+                    f"{path}: made with {name} {study.get(name)}, not {own}; move {folder} away",
                     file=sys.stderr,
                 )
                 return 1
@@ -40,6 +40,6 @@ def main(folder: Path, wanted: dict[str, float], outputs: list[Path]) -> int:
 
 
 if __name__ == "__main__":
-    numbers = dict(word.split("=") for word in sys.argv[2:] if not word.endswith(".h5"))
-    files = [Path(word) for word in sys.argv[2:] if word.endswith(".h5")]
-    sys.exit(main(Path(sys.argv[1]), {n: float(text) for n, text in numbers.items()}, files))
+    given = dict(text.split("=") for text in sys.argv[2:] if not text.endswith(".h5"))
+    files = [Path(text) for text in sys.argv[2:] if text.endswith(".h5")]
+    sys.exit(main(Path(sys.argv[1]), {name: value(text) for name, text in given.items()}, files))

@@ -11,6 +11,8 @@ from typing import Any
 
 from study import Study
 
+from analysis.batch_table import word
+
 Command = Callable[[Any, Any, Any], str]
 """Arguments of `.venv/bin/python -m`, of a job's wildcards, input and output."""
 
@@ -24,11 +26,12 @@ def wave(study: Study, times: float, options: str = "") -> Command:
     """A linear wave as the case's, for so many times the time that a P-wave needs."""
 
     def command(wildcards: Any, input: Any, output: Any) -> str:
-        case = wildcards.case
-        frequency = study.rows[case]["input_frequency"]
-        pulse = f"--amplitude {study.config['amplitude']} --input-frequency {frequency}"
-        duration = times * study.duration(case)
-        return f"modal wave {input} {options} {pulse} --duration {duration} -o {output}"
+        case, row = wildcards.case, study.rows[wildcards.case]
+        direction = word(row.get("direction", "z"))
+        own, slower = (options, times) if direction == "z" else (f"--direction {direction}", 2)
+        pulse = f"--amplitude {study.amplitude(case)} --input-frequency {row['input_frequency']}"
+        duration = slower * study.duration(case)
+        return f"modal wave {input} {own} {pulse} --duration {duration} -o {output}"
 
     return command
 

@@ -16,8 +16,11 @@ from typing import Any
 
 import h5py
 import yaml
-from cost import Cost, expected
+from cost import Cost, expected, resources
 from jsonschema import Draft202012Validator
+
+from analysis.batch_table import Line, cases, lines_by, short, value, word
+from modal.preparation.protocol import STRESSES
 
 FULL = 35201
 """Spheres of a random packing of the study, and of its walks by YADE."""
@@ -47,6 +50,10 @@ OF_WAVE = (
     *("DIRECTION", "DAMPING", "MOTION"),
 )
 """Settings that `yade_scripts/wave.py` takes from variables of these names after WAVE_."""
+NEEDED = {"case", "mu_comp", "mu_wave", "stress", "input_frequency"}
+WAVE = {"fraction", "passage", "amplitude", "duration", "interval", "particles", "direction"}
+SHAPE = {"width", "layers"}
+"""Columns of the cases: of all, of those whose wave is another, of crystals."""
 COMPARED = "sample", "highest", "wave", "modes", "response"
 REPORTED = *COMPARED, "density", "structure"
 """Stages of which a case's comparison, and a report, read the files."""
@@ -61,24 +68,42 @@ class Study:
         check(config)
         self.config = config
         self.folder = config["products"]
-        self.crystals, self.random = (
-            {f"case{int(key):02d}": row for key, row in table(name).items()}
-            for name in ("fcc", "random")
-        )
-        self.compressions = {number(mu): row for mu, row in table("compressions").items()}
+        self.crystals, self.random = cases(Path("cases")).values()
+        self.compressions = lines_by("cases/compressions.table", "mu_comp")
         self.rows = self.crystals | self.random
+        for case, row in self.rows.items():
+            self.refuse_unknown(case, row)
         self.cases = [f"case{int(case):02d}" for case in config["cases"]]
         self.reduced = config["spheres"] != FULL
         self.another_seed = config["seed"] != FIRST_SEED
         for case in self.cases:
             if case not in self.rows:
                 raise ValueError(f"{case}: no line in cases/fcc.table or cases/random.table")
-            mu = number(self.rows[case]["mu_comp"])
+            mu = short(self.rows[case]["mu_comp"])
             if case in self.random and mu != "0" and mu not in self.compressions:
                 raise ValueError(
                     f"{case}: no compression with friction {mu}; add a line to "
                     "cases/compressions.table"
                 )
+
+    def refuse_unknown(self, case: str, row: Line) -> None:
+        """ValueError where a column of a case is missing, or its cell means nothing."""
+        known = NEEDED | WAVE | (SHAPE if case in self.crystals else set())
+        if lacking := NEEDED - row.keys():
+            raise ValueError(f"{case}: its table lacks the column {', '.join(sorted(lacking))}")
+        if unknown := row.keys() - known:
+            raise ValueError(
+                f"{case}: column {', '.join(sorted(unknown))} means nothing; known are "
+                f"{', '.join(sorted(known))}"
+            )
+        for name in row.keys() - {"direction"}:
+            if not isinstance(value(row[name]), float):
+                raise ValueError(f"{case}: {name} {row[name]} is no number")
+        if case in self.random and float(row["stress"]) not in STRESSES:
+            states = ", ".join(f"{stress:g}" for stress in STRESSES)
+            raise ValueError(
+                f"{case}: stress {row['stress']} Pa; a compression has states at {states} Pa"
+            )
 
     def product(self, case: str, kind: str) -> str:
         """File of a case's product."""
@@ -87,13 +112,13 @@ class Study:
     def state(self, case: str) -> str:
         """The state of its compression under the stress of a case."""
         row = self.random[case]
-        mu, stress = number(row["mu_comp"]), number(row["stress"])
+        mu, stress = short(row["mu_comp"]), short(row["stress"])
         return f"{self.folder}/compression_mu{mu}/{stress}Pa.sample.h5"
 
     @property
     def stresses(self) -> list[str]:
         """Stresses of the random cases, Pa, and the lowest, of which the paper has numbers too."""
-        return sorted({"1000", *(number(r["stress"]) for r in self.random.values())}, key=float)
+        return sorted({"1000", *(short(r["stress"]) for r in self.random.values())}, key=float)
 
     def committed(self, case: str) -> str | None:
         """The committed sample that a case starts from; not where it has a state of its own."""
@@ -137,7 +162,7 @@ class Study:
     def noted_of(self, mu: str) -> str:
         """What each state of a compression notes of it, as link_states.py takes it."""
         row = self.compression(mu)
-        return " ".join(f"{name}={row[name]}" for name in ("mu_comp", "spheres", "width", "seed"))
+        return " ".join(f"{name}={quote(word(cell))}" for name, cell in row.items())
 
     def walk(self, mu: str) -> str:
         """Command of a compression with friction, which keeps its states in walks/."""
@@ -151,7 +176,8 @@ class Study:
             last = f"{walks}/compression_mu{mu}/{self.stresses[-1]}Pa.sample.h5"
             job = f"workflow/yade_job.sh {table} {mu} yade_scripts/compress.py {walks} {log}"
             return f"{made}{job} {last}"
-        given = f"--spheres {row['spheres']} --width {row['width']} --seed {row['seed']}"
+        own = {name: word(cell) for name, cell in row.items() if name != "mu_comp"}
+        given = " ".join(f"--{name.replace('_', '-')} {text}" for name, text in own.items())
         return f"{PYTHON} -m modal pack --friction {mu} {given} -o {walks}/compression_mu{mu}"
 
     def of_yade(self) -> set[str]:
@@ -159,11 +185,15 @@ class Study:
         walks = {"states"} if self.config["preparation"] == "yade" else set()
         return {"crystal", "network", "yade_wave", "further_wave"} | walks
 
-    def of_wave(self) -> str:
-        """Environment of a YADE wave: the study's amplitude, and what the caller has set."""
+    def amplitude(self, case: str) -> str:
+        """Half the wall's stroke, m: the case's own, or the study's."""
+        return str(self.rows[case].get("amplitude", self.config["amplitude"]))
+
+    def of_wave(self, case: str) -> str:
+        """Environment of a YADE wave: its amplitude, and what the caller has set."""
         found = {f"WAVE_{name}": os.environ.get(f"WAVE_{name}") for name in OF_WAVE}
-        found["WAVE_AMPLITUDE"] = found["WAVE_AMPLITUDE"] or str(self.config["amplitude"])
-        return " ".join(f"{name}={quote(value)}" for name, value in found.items() if value)
+        found["WAVE_AMPLITUDE"] = found["WAVE_AMPLITUDE"] or self.amplitude(case)
+        return " ".join(f"{name}={quote(text)}" for name, text in found.items() if text)
 
     def band(self, case: str) -> tuple[float, float]:
         """Hz between which the modes of a case's band lie."""
@@ -183,7 +213,8 @@ class Study:
         stress = float(self.rows[case]["stress"])
         slowest = 1.2e-3 * (self.config["spheres"] / FULL) ** (1 / 3)
         if case in self.crystals:
-            slowest = 5e-4 * self.config["crystal_layers"] / LAYERS
+            layers = float(self.rows[case].get("layers", self.config["crystal_layers"]))
+            slowest = 5e-4 * layers / LAYERS
         return round(slowest * (1e5 / stress) ** (1 / 6), 7)
 
     def files(self, case: str, stage: str) -> list[str]:
@@ -252,17 +283,8 @@ class Study:
         return found
 
     def needs(self, rule: str) -> dict[str, Any]:
-        """Resources of a rule's jobs: memory, MB, and run time, minutes; both as often as tried."""
-
-        def cost(wildcards: Any) -> Cost:
-            return self.costs[rule, self.kind(getattr(wildcards, "case", None))]
-
-        return {
-            "mem_mb": lambda wildcards, attempt: attempt * int(1.5 * cost(wildcards).memory),
-            "runtime": lambda wildcards, attempt: (
-                attempt * int(10 + 2 * cost(wildcards).longest / 60)
-            ),
-        }
+        """What a rule's jobs ask for."""
+        return resources(lambda w: self.costs[rule, self.kind(getattr(w, "case", None))])
 
 
 def check(config: Mapping[str, Any]) -> None:
@@ -282,29 +304,6 @@ def noted(path: Path, name: str) -> float | None:
             return float(file["study"].attrs[name])
     except (OSError, KeyError):
         return None
-
-
-def number(text: str) -> str:
-    """A number in the short form that names of files have."""
-    return f"{float(text):g}"
-
-
-def table(name: str) -> dict[str, dict[str, str]]:
-    """Lines of a yade-batch table by their first column."""
-    return {next(iter(row.values())): row for row in lines_of(name)}
-
-
-def lines_of(name: str) -> list[dict[str, str]]:
-    """Lines of a table in cases/, by the names in its first."""
-    with open(f"cases/{name}.table") as file:
-        names, *lines = (line.split() for line in file if line.strip() and line[0] != "#")
-    for cells in lines:
-        if len(cells) != len(names):
-            raise ValueError(
-                f"cases/{name}.table: line {' '.join(cells)!r} has {len(cells)} values for "
-                f"{len(names)} names; give each column one"
-            )
-    return [dict(zip(names, cells, strict=True)) for cells in lines]
 
 
 def one_of(names: Any) -> str:

@@ -142,8 +142,7 @@ def main():
     mixture = {name: str(given[name]) for name in MIXTURE}
     words = {name: word.replace("_", " ") for name, word in mixture.items()}
     study = Study(**given | words)
-    named = "".join(f"_{word}" for word in mixture.values() if word)
-    folder = products_folder() / f"compression_mu{study.mu_comp:g}{named}"
+    folder = products_folder() / f"compression_mu{study.mu_comp:g}"
     walk(
         folder,
         study,

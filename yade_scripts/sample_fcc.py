@@ -38,6 +38,7 @@ readParamsFromTable(
     input_frequency=1e5,
     width=4,
     layers=int(os.environ.get("WAVE_LAYERS", 200)),
+    unknownOk=True,  # columns of the wave
 )
 from yade.params.table import case, layers, mu_comp, mu_wave, stress, width  # noqa: E402
 

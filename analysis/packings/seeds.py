@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.batch_table import lines_of
 from analysis.packings.state import QUANTITIES
 from analysis.table import Table, read_csv
 from modal.formats.hdf5 import InputError
@@ -73,11 +74,8 @@ class Seeds:
         self.settings: dict[tuple[str, str], dict[str, str]] = {}
         self.numbers: dict[Key, dict[int, dict[str, float]]] = {}
         self.means: dict[Key, Means] = {}
-        lines = [line.split() for line in self.table.read_text().splitlines() if line[:1] != "#"]
         own: dict[str, str] = {}
-        names, *rows = filter(None, lines)
-        for cells in rows:
-            row = dict(zip(names, cells, strict=True))
+        for row in lines_of(self.table):
             own = row if row["setting"] == OWN else own
             row = {name: own[name] if cell == "-" else cell for name, cell in row.items()}
             self.settings[row["setting"], row["mu_comp"]] = row
