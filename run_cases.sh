@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # Run cases of the study: the front door of workflow/Snakefile, which says what is made from what.
 set -euo pipefail
-cd "$(dirname "$0")"
+cd -P "$(dirname "$0")" # the name by which Slurm knows the folder
 usage() {
     cat <<'HELP'
 ./run_cases.sh [--case N ... | --all | --study] [--stage NAME] [-j N] [--from-scratch] [--spheres N]
                [--seed N] [--report] [--slurm] [--dry-run | --status] [--help]
-  --case N ...    cases to run (default 2): 1-4 FCC (minutes), 5-32 random (hours)
-  --all           the FCC cases 1 to 4
-  --study         all 32 cases, their linear waves, and every table and figure of the study
+  --case N ...    cases to run (default 2): lines of cases/fcc.table (minutes) and cases/random.table (hours)
+  --all           the FCC cases
+  --study         all cases, their linear waves, and every table and figure of the study
   --stage NAME    only as far as one of: STAGES
   -j N            jobs at a time (default: the number of cores; with --slurm 20)
   --from-scratch  random cases start from a cloud, not from their committed samples
@@ -29,6 +29,9 @@ HELP
 }
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
 number() { [[ "${2:-}" =~ ^[1-9][0-9]{0,7}$ ]] || fail "$1 needs a number, for example $1 $3"; }
+numbers() { awk '$1 ~ /^[0-9]+$/ {print $1 + 0}' "${@/%/.table}"; }
+mapfile -t crystals < <(numbers cases/fcc)
+mapfile -t known < <(numbers cases/fcc cases/random)
 stages=(state sample highest wave linear modes response density structure shear moduli split analysis)
 cases=() stage=analysis jobs='' options=() products=products seed='' slurm='' only=''
 while [ $# -gt 0 ]; do
@@ -36,11 +39,11 @@ while [ $# -gt 0 ]; do
         --case) shift; [[ "${1:-}" =~ ^[0-9]+$ ]] || fail "--case needs a number, for example --case 2"
             while [[ "${1:-}" =~ ^[0-9]+$ ]]; do
                 n=$((10#$1)); shift
-                [ "$n" -ge 1 ] && [ "$n" -le 32 ] || fail "case $n: there are cases 1 to 32"
+                [[ " ${known[*]} " == *" $n "* ]] || fail "case $n: no line in cases/fcc.table or cases/random.table"
                 [[ " ${cases[*]} " == *" $n "* ]] || cases+=("$n")
             done; continue ;;
-        --all) cases=(1 2 3 4) ;;
-        --study) mapfile -t cases < <(seq 32); stage=study ;;
+        --all) cases=("${crystals[@]}") ;;
+        --study) cases=("${known[@]}"); stage=study ;;
         --report) stage=report ;;
         --stage) shift; [[ " ${stages[*]} " == *" ${1:-none} "* ]] || fail "--stage is one of: ${stages[*]}"
             stage=$1 ;;
@@ -75,8 +78,9 @@ study() { # Snakemake's options: what it says beside the study's own lines is le
     } 3>&1
     return "${PIPESTATUS[0]}"
 }
-# No more jobs side by side than the memory that is free now has room for.
-how=(--cores "$jobs" --resources "mem_mb=$(awk '/^MemAvailable/ {print int($2 / 1024)}' /proc/meminfo)")
+# No more jobs side by side than the memory that is free now, or granted, has room for.
+memory=$("$python" -c 'from modal.workload import memory_at_hand; print(int(memory_at_hand() / 2**20))')
+how=(--cores "$jobs" --resources "mem_mb=$memory")
 if [ -n "$slurm" ]; then
     command -v sbatch > /dev/null || fail "--slurm: no sbatch in PATH; run it where jobs are submitted"
     # Where accounting is off, the controller is asked instead.
@@ -97,7 +101,11 @@ if [ -z "$only" ]; then
         { echo "jobs of a run that was killed are at work: waiting"; flock "$products/.jobs" true; }
     # Its marks of unfinished products would keep Snakemake from its report.
     [ ! -d .snakemake/incomplete ] || find .snakemake/incomplete -type f -delete
-    at_work() { squeue --me --noheader --format=%Z | grep -qxF "$PWD"; }
+    at_work() { # but for a job that this driver itself runs in
+        local queue
+        queue=$(squeue --me --noheader --format='%i|%Z') || fail "squeue does not say which jobs of an earlier run are at work; run it again when Slurm answers"
+        awk -F '|' '$1 != ENVIRON["SLURM_JOB_ID"] && $2 == ENVIRON["PWD"] {n++} END {exit !n}' <<< "$queue"
+    }
     if [ -n "$slurm" ] && at_work; then
         echo "Slurm jobs of an earlier run are at work or wait (scancel ends them): waiting for them"
         while at_work; do sleep 10; done

@@ -21,7 +21,12 @@ ANNOUNCED = 20.0
 
 
 def memory_at_hand() -> float:
-    """Physical memory that is free, bytes; where only its size is told, that; else infinite."""
+    """Physical memory that is free, or what Slurm has granted this job if that is less, bytes."""
+    return min(_free_memory(), _granted_memory())
+
+
+def _free_memory() -> float:
+    """Of the machine, bytes; where only its size is told, that; else infinite."""
     with suppress(OSError), open("/proc/meminfo") as file:  # Linux
         for line in file:
             if line.startswith("MemAvailable:"):
@@ -30,6 +35,14 @@ def memory_at_hand() -> float:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (OSError, ValueError):
         return np.inf
+
+
+def _granted_memory() -> float:
+    """By Slurm, bytes, which is less than its node has; 0 of a node is all of it."""
+    of_node = float(os.environ.get("SLURM_MEM_PER_NODE", 0))
+    each = float(os.environ.get("SLURM_MEM_PER_CPU", 0))
+    megabytes = of_node or each * float(os.environ.get("SLURM_CPUS_ON_NODE", 1))
+    return megabytes * 2**20 or np.inf
 
 
 def peak_memory() -> int:

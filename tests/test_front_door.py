@@ -72,8 +72,8 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--case", "33"], "there are cases 1 to 32"),
-        (["--case", "0"], "there are cases 1 to 32"),
+        (["--case", "33"], "case 33: no line in cases/fcc.table or cases/random.table"),
+        (["--case", "0"], "case 0: no line"),
         (["--case"], "--case needs a number"),
         (["--case", "two"], "--case needs a number"),
         (["--stage", "lunch"], "--stage is one of"),
@@ -86,6 +86,103 @@ def test_front_door_refuses_in_one_line(arguments, said):
     done = front_door(*arguments)
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.count("\n") == 1 and said in done.stderr
+
+
+PROGRAMS = {
+    "python": """#!/bin/sh
+echo "$@" >> asked
+case $1 in -c) exec {python} "$@";; esac
+""",
+    # As many jobs as do not fit into a pipe, each a write of its own, for the first two questions.
+    "squeue": """#!/bin/bash
+echo "$@" >> asked
+[ "$(grep -c noheader asked)" -le ${{BUSY:-2}} ] || exit ${{SILENT:-0}}
+for i in {{1..2000}}; do echo "$i|$(pwd -P)" || exit 1; done
+""",
+    "sbatch": "#!/bin/sh\n",
+    "sacct": "#!/bin/sh\n",
+    "sleep": "#!/bin/sh\n",
+    "setup.sh": "#!/bin/sh\n",
+}
+
+
+@pytest.fixture
+def door(tmp_path, monkeypatch) -> Path:
+    """The front door in a folder that has a second name; its programs note what they are asked."""
+    folder = tmp_path / "home/study"
+    shutil.copytree(ROOT / "cases", folder / "cases")
+    shutil.copy(ROOT / "run_cases.sh", folder)
+    (folder / "modal").symlink_to(ROOT / "modal")
+    for name, text in PROGRAMS.items():
+        places = {"python": ".venv/bin/python", "setup.sh": "setup.sh"}
+        path = folder / places.get(name, f"bin/{name}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text.format(python=sys.executable))
+        path.chmod(0o755)
+    (tmp_path / "link").symlink_to(folder)
+    monkeypatch.chdir(tmp_path / "link")
+    monkeypatch.setenv("PWD", str(tmp_path / "link"))
+    monkeypatch.setenv("PATH", f"{folder}/bin:{os.environ['PATH']}")
+    for name in ("SLURM_JOB_ID", "SLURM_MEM_PER_NODE", "SLURM_MEM_PER_CPU"):
+        monkeypatch.delenv(name, raising=False)
+    return folder
+
+
+def opened(*arguments: str) -> subprocess.CompletedProcess:
+    command = ["./run_cases.sh", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+
+
+def test_jobs_of_a_killed_driver_are_waited_for_however_many(door):
+    """Two thousand in the queue, of a folder that the caller knows by another name."""
+    done = opened("--case", "2", "--slurm")
+    assert done.returncode == 0 and "waiting for them" in done.stdout, done.stderr
+    asked = [line.split()[0] for line in (door / "asked").read_text().splitlines()]
+    # It asks until there are none, and only then gives out jobs.
+    assert asked.count("--me") == 3 and "-m" not in asked[: asked.index("--me") + 3]
+
+
+def test_a_driver_does_not_wait_for_the_job_that_it_runs_in(door, monkeypatch):
+    (door / "bin/squeue").write_text('#!/bin/sh\necho "7|$(pwd -P)"\n')
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    assert "waiting" not in opened("--case", "2", "--slurm").stdout
+
+
+def test_without_an_answer_of_slurm_no_job_is_given_out(door, monkeypatch):
+    """A controller that is away: jobs of an earlier run may be at work."""
+    monkeypatch.setenv("BUSY", "0")
+    monkeypatch.setenv("SILENT", "1")
+    done = opened("--case", "2", "--slurm")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert (
+        "when Slurm answers" in done.stderr and "-m snakemake" not in (door / "asked").read_text()
+    )
+
+
+@pytest.mark.parametrize(
+    ("granted", "most"),
+    [
+        ({"SLURM_MEM_PER_NODE": "700"}, 700),
+        ({"SLURM_MEM_PER_CPU": "100", "SLURM_CPUS_ON_NODE": "4"}, 400),
+    ],
+)
+def test_in_an_allocation_its_memory_counts_not_the_nodes(granted, most, door, monkeypatch):
+    """As `sbatch --mem 700M --wrap ./run_cases.sh` sets them; the machine has more."""
+    for name, text in granted.items():
+        monkeypatch.setenv(name, text)
+    assert opened("--case", "2").returncode == 0
+    (given,) = set(re.findall(r"mem_mb=(\d+)", (door / "asked").read_text()))
+    assert int(given) == most
+
+
+def test_a_case_is_a_line_of_its_table(door):
+    """One that is added there may be asked for, and is part of the study."""
+    with open(door / "cases/random.table", "a") as table:
+        table.write("33 0.4 0.5 1e5 1e5 0.2 1.3\n")
+    assert opened("--case", "33", "2").returncode == 0
+    assert "cases=[33,2]" in (door / "asked").read_text()
+    assert opened("--study").returncode == 0
+    assert f"cases=[{','.join(map(str, range(1, 34)))}]" in (door / "asked").read_text()
 
 
 def test_help_names_every_stage_of_the_rules():
