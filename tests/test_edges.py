@@ -26,7 +26,7 @@ from modal.packing.neighbours import tangents
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample
-from modal.stiffness.springs import contact_kinematics, slipping
+from modal.stiffness.springs import contact_kinematics, with_sliding
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 
@@ -269,7 +269,7 @@ def test_a_single_sphere(network, slips):
     the only sphere when it is taken for one."""
     assert network.n_particles == 1
     if slips:
-        network = slipping(replace(network, sliding=np.ones(network.n_contacts, bool)))
+        network = with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
     exact = exact_frequencies(network)
     zero = int((exact < 1e-6 * exact[-1]).sum())
     problem = Eigenproblem.of(network)

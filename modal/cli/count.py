@@ -6,10 +6,10 @@ import argparse
 from typing import Any
 
 from modal.cli.options import network_command, numbers
+from modal.cli.reading import add_sliding, packing_of
 from modal.modes.collective import every_floppy
 from modal.modes.counts import counts_below
 from modal.modes.problem import Eigenproblem
-from modal.packing.plausibility import read_remarked
 
 
 def add(commands: Any) -> None:
@@ -28,11 +28,12 @@ def add(commands: Any) -> None:
         choices=("pardiso", "superlu", "layers"),
         help="what factorises (default: the fastest)",
     )
+    add_sliding(command)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Counts by the frequencies as they were typed."""
-    network = read_remarked(options.network, options.remarks.append)
+    network = packing_of(options)
     problem = Eigenproblem.of(network, solver=options.solver)
     counts = counts_below(problem, numbers(options.at))
     return {

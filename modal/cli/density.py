@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from modal.cli.options import add_if_stale, add_output, network_command, numbers
+from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
-from modal.packing.plausibility import read_remarked
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)
@@ -39,6 +39,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--at", nargs="+", default=[], metavar="HZ", help="print how many modes lie below"
     )
+    add_sliding(command)
     add_output(command, "write *.density.h5")
     add_if_stale(command)
 
@@ -46,7 +47,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run the command; the result as it is printed."""
     at = numbers(options.at)
-    network = read_remarked(options.network, options.remarks.append)
+    network = packing_of(options)
     states = density_of_states(network, resolution=options.resolution, tolerance=options.tolerance)
     if options.output:
         write_density(options.output, states, sha256(options.network), options.made)

@@ -6,15 +6,14 @@ import argparse
 from typing import Any
 
 from modal.cli.options import SHORT, add_if_stale, add_output, network_command, say
+from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import InputError
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.problem import SMALL, Eigenproblem
-from modal.packing.plausibility import read_remarked
 from modal.solvers.factor import SOLVERS
-from modal.stiffness.springs import slipping
 
 read_product = read_modes
 
@@ -48,12 +47,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
     command.add_argument("--solver", choices=SOLVERS, help="what factorises (default: the fastest)")
-    command.add_argument(
-        "--sliding",
-        choices=("elastic", "slip"),
-        default="elastic",
-        help="contacts at the friction limit: elastic (default), or without tangential springs",
-    )
+    add_sliding(command)
     add_output(command, "write *.modes.h5")
     add_if_stale(command)
 
@@ -65,9 +59,7 @@ def kept(options: argparse.Namespace) -> dict[str, Any]:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The modes that are asked for, and whether their list is complete."""
-    network = read_remarked(options.network, options.remarks.append)
-    if options.sliding == "slip":
-        network = slipping(network)
+    network = packing_of(options)
     if options.uncertified and options.highest is None:
         raise InputError("--uncertified is for --highest; other lists cost hardly less without")
     problem = Eigenproblem.of(network, translations_only=options.translations_only)

@@ -8,13 +8,13 @@ from functools import partial
 from typing import Any
 
 from modal.cli.options import add_if_stale, add_output, network_command
+from modal.cli.reading import add_sliding, packing_of
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
 from modal.elasticity.response import SOLVERS
 from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
 from modal.elasticity.waves import unit_vector
 from modal.formats.hdf5 import sha256
-from modal.packing.plausibility import read_remarked
 from modal.stiffness.pre_stress import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -49,6 +49,7 @@ def add(commands: Any) -> None:
         "--pre-stress", choices=TANGENTS, default="none",
         help="what the forces of the contacts do to the velocities, of cells without walls; none",
     )  # fmt: skip
+    add_sliding(command)
     add_output(command, "write *.moduli.h5")
     add_if_stale(command)
 
@@ -58,7 +59,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     asked = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
     for direction in asked.values():
         unit_vector(direction)
-    network = read_remarked(options.network, options.remarks.append)
+    network = packing_of(options)
     stressed = options.pre_stress != "none"
     found = elastic_moduli(
         network,

@@ -6,8 +6,8 @@ import argparse
 from typing import Any
 
 from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command
+from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import sha256
-from modal.packing.plausibility import read_remarked
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.pre_stress import TANGENTS
 from modal.waves.response import frequency_response, write_response
@@ -42,6 +42,7 @@ def add(commands: Any) -> None:
         "--damping", nargs=2, type=float, metavar=("N", "T"),
         help="of the contacts, over the critical: normal, tangential; at real frequencies then",
     )  # fmt: skip
+    add_sliding(command)
     add_output(command, "write *.response.h5")
     add_if_stale(command)
 
@@ -49,7 +50,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The response up to the highest frequency, and where the gain has its maxima."""
     found = frequency_response(
-        read_remarked(options.network, options.remarks.append),
+        packing_of(options),
         highest=options.highest,
         resolution=options.resolution,
         pre_stress=options.pre_stress,

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command, typed
+from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import InputError, open_h5, sha256
 from modal.packing.network import Network
-from modal.packing.plausibility import read_remarked
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.pre_stress import TANGENTS
 from modal.waves.leapfrog import leapfrog, steps_between_records
@@ -101,6 +101,7 @@ def add(commands: Any) -> None:
         "--whole", action="store_true",
         help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
     )  # fmt: skip
+    add_sliding(command)
     add_output(command, "write *.signals.h5, with --plane *.plane.h5")
     add_if_stale(command)
 
@@ -134,7 +135,7 @@ def _motion(options: argparse.Namespace) -> Motion:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source wall sends, and how exact it is."""
-    network = read_remarked(options.network, options.remarks.append)
+    network = packing_of(options)
     if options.plane is not None:
         return _from_plane(options, network)
     if network.cell_periodic[2]:

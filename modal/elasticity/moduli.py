@@ -31,6 +31,7 @@ from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.stiffness.contact_loads import loads
+from modal.stiffness.springs import with_sliding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -228,6 +229,7 @@ def elastic_moduli(
     network: Network,
     *,
     tolerance: float = TOLERANCE,
+    sliding: str = "elastic",
     solver: str | None = None,
     non_affine: bool = False,
 ) -> ElasticModuli:
@@ -242,8 +244,8 @@ def elastic_moduli(
 
     `tolerance` is the relative error of the modulus of each strain; `solver` is "pardiso" or
     "gradients", by default what is likely to be faster; `non_affine` keeps what the spheres do
-    beyond the strain, motions without energy taken out. InputError for a packing that cannot be
-    strained.
+    beyond the strain, motions without energy taken out; `sliding` as of `modal.eigenmodes`.
+    InputError for a packing that cannot be strained.
 
     >>> import modal
     >>> crystal = modal.fcc(cells=(2, 2, 4), periodic_z=True)
@@ -253,6 +255,7 @@ def elastic_moduli(
     """
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
+    network = with_sliding(network, sliding)
     walls = has_walls(network)
     if not network.length > 0:
         raise InputError("the cell has no volume; give walls/position, its bounds along z")

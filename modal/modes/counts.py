@@ -25,6 +25,7 @@ from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.factor import SingularError, available, factorise
+from modal.stiffness.springs import with_sliding
 
 BEYOND = 4.0
 """Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is
@@ -101,17 +102,29 @@ def _negative_of_pivots(factor: Floats, pivots: Ints) -> int:
 
 
 @overload
-def count_modes(network: Network, frequency: float, *, solver: str | None = None) -> int: ...
+def count_modes(
+    network: Network, frequency: float, *, sliding: str = "elastic", solver: str | None = None
+) -> int: ...
 
 
 @overload
 def count_modes(
-    network: Network, frequency: Sequence[float] | Array, *, solver: str | None = None
+    network: Network,
+    frequency: Sequence[float] | Array,
+    *,
+    sliding: str = "elastic",
+    solver: str | None = None,
 ) -> Ints: ...
 
 
 @checked
-def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = None) -> Ints | int:
+def count_modes(
+    network: Network,
+    frequency: ArrayLike,
+    *,
+    sliding: str = "elastic",
+    solver: str | None = None,
+) -> Ints | int:
     """How many natural frequencies a packing has below each of some frequencies, exactly.
 
     Motions without energy count, as they lie at zero. `frequency` in Hz: a number, whose count is
@@ -119,14 +132,16 @@ def count_modes(network: Network, frequency: ArrayLike, *, solver: str | None = 
     factorised K - omega^2 M tell (Sylvester's law of inertia). Where a frequency lies so near to
     zero that round-off hides its side of the zero modes (omega^2 below 1e-11 of the largest
     diagonal entry of M^-1 K), the count is that of the zero modes, if these are known to be all
-    modes so low. `solver` names a factorisation: pardiso, superlu or layers. InputError where a
+    modes so low. `sliding` as of `modal.eigenmodes`; `solver`
+    names a factorisation: pardiso, superlu or layers. InputError where a
     frequency is negative or lies on a mode, and near zero where that is not known.
 
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
     array([  0,  79, 480])
     """
-    counts = counts_below(Eigenproblem.of(network, solver=solver), frequency)
+    problem = Eigenproblem.of(with_sliding(network, sliding), solver=solver)
+    counts = counts_below(problem, frequency)
     return counts if counts.ndim else int(counts)
 
 

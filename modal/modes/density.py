@@ -30,6 +30,7 @@ from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
 from modal.stiffness.operator import ContactOperator, component_sums
+from modal.stiffness.springs import with_sliding
 from modal.workload import refuse_endless
 
 if TYPE_CHECKING:
@@ -167,6 +168,7 @@ def density_of_states(
     *,
     resolution: float = 2e3,
     tolerance: float = 1e-3,
+    sliding: str = "elastic",
     seed: int = 1,
 ) -> DensityOfStates:
     """How the 6n natural frequencies of a packing are distributed, without finding each of them.
@@ -177,9 +179,9 @@ def density_of_states(
     `tolerance` bounds the standard error of every count in parts of all modes: for vectors of
     signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
     so many of them that the whole spectrum costs less; then there is no error but the kernel's
-    width. Motions without energy are split off exactly, at zero. `seed` draws the random vectors.
-    InputError where K has a negative direction, and where the estimated work exceeds a day or the
-    memory.
+    width. Motions without energy are split off exactly, at zero. `seed` draws the random vectors;
+    `sliding` as of `modal.eigenmodes`. InputError where K has a negative direction, and where the
+    estimated work exceeds a day or the memory.
 
     >>> import modal
     >>> dos = density_of_states(modal.fcc(cells=(2, 2, 20)), resolution=1e4)
@@ -191,7 +193,7 @@ def density_of_states(
         raise InputError(f"resolution {resolution:g} Hz: give a positive number of Hz")
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
-    problem = Eigenproblem.of(network)
+    problem = Eigenproblem.of(with_sliding(network, sliding))
     operator, size = problem.operator.renumbered(), problem.size
     top, products = bound_of_spectrum(operator)
     if top <= 0:

@@ -13,6 +13,7 @@ from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
+from modal.stiffness.springs import with_sliding
 from modal.workload import LONGEST
 
 FEW = 10
@@ -29,6 +30,7 @@ def eigenmodes(
     between: tuple[float, float] | None = None,
     all: bool = False,
     translations_only: bool = False,
+    sliding: str = "elastic",
     solver: str | None = None,
     shapes: bool = True,
     certify: bool = True,
@@ -39,8 +41,9 @@ def eigenmodes(
     One of `lowest` and `highest`, a number of modes, `below` and `between`, frequencies in Hz, and
     `all` says which modes; the ten lowest without. They solve K phi = omega^2 M phi (Otsubo et al.
     2017, Eq. 1), with three displacements and three rotations a sphere; `translations_only` holds
-    the rotations at zero. Motions without energy are counted (`floppy_modes` of the result), and
-    listed only among all modes.
+    the rotations at zero; with `sliding` "slip", not "elastic", contacts at the friction limit have
+    their normal springs alone. Motions without energy are counted (`floppy_modes` of the result),
+    and listed only among all modes.
 
     A result with k modes has `frequency` (k,) Hz, `chi_z` (k,), the share of motion along z (Eq.
     2; of a crystal's degenerate pairs that of travelling waves), and `mode_shape` (k, n, 6),
@@ -67,6 +70,7 @@ def eigenmodes(
         )
     if between is not None and np.shape(between) != (2,):
         raise InputError(f"between {between}: give two frequencies in Hz, the lower one first")
+    network = with_sliding(network, sliding)
     problem = Eigenproblem.of(
         network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
     )

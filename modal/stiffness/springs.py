@@ -13,7 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from modal.formats.arrays import Floats
+from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
+
+SLIDING = ("elastic", "slip")
+"""Contacts at the friction limit have the springs of the others, or their normal springs alone."""
 
 
 def cross_matrix(vector: Floats) -> Floats:
@@ -51,8 +55,14 @@ def contact_stiffness(network: Network) -> Floats:
     return B.transpose(0, 2, 1) @ (contact_springs(network) @ B)
 
 
-def slipping(network: Network) -> Network:
-    """The network with contacts at the friction limit held by their normal springs only."""
+def with_sliding(network: Network, sliding: str) -> Network:
+    """The network with contacts at the friction limit as one of `SLIDING` holds them."""
+    if sliding not in SLIDING:
+        raise InputError(f"sliding {sliding!r}: choose one of {', '.join(SLIDING)}")
+    return network if sliding == "elastic" else network.once("slipping", lambda: _slipping(network))
+
+
+def _slipping(network: Network) -> Network:
     sliding = network.known("sliding", "knowing which contacts slip")
     tangential = np.where(sliding, 0.0, network.stiffness_tangential)
     return replace(network, stiffness_tangential=tangential)

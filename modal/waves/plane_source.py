@@ -21,7 +21,7 @@ from modal.packing.network import Network
 from modal.stiffness.contact_loads import loads
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.springs import contact_springs
+from modal.stiffness.springs import contact_springs, with_sliding
 from modal.waves.propagate import carried
 from modal.waves.signals import DIRECTIONS
 from modal.waves.source import Motion, Pulse
@@ -109,6 +109,7 @@ def propagate_from_plane(
     motion: Motion | None = None,
     interval: float = 1e-6,
     tolerance: float = 1e-9,
+    sliding: str = "elastic",
 ) -> PlaneWave:
     """The two waves that a plane at `height`, m, sends through a packing periodic along z.
 
@@ -136,7 +137,7 @@ def propagate_from_plane(
             f"a source at {height:g} m lies outside the cell, which reaches from {low:g} to "
             f"{high:g} m"
         )
-    axis = DIRECTIONS.index(direction)
+    axis, network = DIRECTIONS.index(direction), with_sliding(network, sliding)
     motion = motion or Pulse()
     opening = contact_springs(network)[:, :, axis] * crossings(network, height)[:, None]
     # An opening pushes i, below, down: the other way than a pull on it.

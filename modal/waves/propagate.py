@@ -25,6 +25,7 @@ from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.springs import with_sliding
 from modal.waves.chebyshev import Observer, summed
 from modal.waves.damped import propagate_damped
 from modal.waves.driven import Driven
@@ -74,6 +75,7 @@ def propagate(
     interval: float = 1e-6,
     tolerance: float = 1e-9,
     pre_stress: str = "none",
+    sliding: str = "elastic",
     particles: bool = False,
     direction: str = "z",
     damping: ContactDamping | None = None,
@@ -91,13 +93,13 @@ def propagate(
     all is recorded along it: "z" sends P-waves, "x" and "y" send S-waves.
 
     `duration` and recording `interval` in s; `motion` of the source wall, by default the pulse of
-    the study. `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records every particle;
-    `network_sha256` is noted in the signals. `damping` gives the contacts dashpots
-    (`modal.stiffness.damping`), which takes some ten times as many products. A packing of equal
-    parts side by side, as a crystal, is computed in one of them where that is exact to the
-    `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it. InputError for
-    impossible arguments, for a network without stiffness, and where the run would take more than a
-    day or the memory; GrowthError where K has negative directions.
+    the study. `pre_stress` as in `modal.stiffness.pre_stress`, `sliding` as of `modal.eigenmodes`;
+    `particles` records every particle; `network_sha256` is noted in the signals. `damping` gives
+    the contacts dashpots (`modal.stiffness.damping`), which takes some ten times as many products.
+    A packing of equal parts side by side, as a crystal, is computed in one of them where that is
+    exact to the `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it.
+    InputError for impossible arguments, for a network without stiffness, and where the run would
+    take more than a day or the memory; GrowthError where K has negative directions.
 
     >>> import modal
     >>> wave = propagate(modal.fcc(cells=(1, 1, 30)), duration=5e-5)
@@ -110,6 +112,7 @@ def propagate(
             "the tolerance between 0 and 1"
         )
     started = clock.perf_counter()
+    network = with_sliding(network, sliding)
     motion = motion or Pulse()
     if damping is not None and not damping.none:
         if pre_stress != "none":

@@ -30,6 +30,7 @@ from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.springs import with_sliding
 from modal.waves.chebyshev import summed
 from modal.waves.damped_response import REMEDY, damped_rows
 from modal.waves.driven import Driven
@@ -109,6 +110,7 @@ def frequency_response(
     resolution: float = 1e3,
     tolerance: float = 1e-5,
     pre_stress: str = "none",
+    sliding: str = "elastic",
     direction: str = "z",
     damping: ContactDamping | None = None,
 ) -> Response:
@@ -121,7 +123,8 @@ def frequency_response(
     leaves out of each record: of the motions, the stress on the source and that on the receiver
     wall, relative to the largest of each at any of the frequencies. Where a stress is small, as at
     an antiresonance, it and the gain are off by more of their own. `pre_stress` as in
-    `modal.stiffness.pre_stress`; `direction` of the wall's motion, x or y for S-waves.
+    `modal.stiffness.pre_stress`, `sliding` as of `modal.eigenmodes`; `direction` of the wall's
+    motion, x or y for S-waves.
 
     With `damping` (`modal.stiffness.damping`) the contacts have dashpots and the response is that
     at real frequencies, which are as close as said, by a factorisation for each of them.
@@ -136,6 +139,7 @@ def frequency_response(
     """
     if not (0 < resolution < np.inf and 0 < tolerance < 1):
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
+    network = with_sliding(network, sliding)
     if damping is not None and not damping.none:
         if pre_stress != "none":
             raise InputError(f"pre-stress {pre_stress!r} with damping: take none")

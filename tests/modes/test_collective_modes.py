@@ -15,7 +15,7 @@ from modal.modes.effort import Effort
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing.network import Network
 from modal.solvers.factor import available
-from modal.stiffness.springs import slipping
+from modal.stiffness.springs import with_sliding
 
 SHARES = 0.3, 0.45, 0.5
 """Of contacts left out of a crystal without tangential springs: 1, 6 and 19 zero modes of 960 that
@@ -25,7 +25,7 @@ structure does not show, with 1.35, 1.04 and 0.97 springs for each motion that i
 def slippery(share: float, layers: int = 10) -> Network:
     """A crystal without tangential springs that has lost a share of its contacts."""
     network = diluted(share, 1, layers)
-    return slipping(replace(network, sliding=np.ones(network.n_contacts, bool)))
+    return with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
 
 
 def by_dense_solver(network: Network) -> tuple[int, np.ndarray]:

@@ -10,7 +10,7 @@ from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.stiffness.springs import slipping
+from modal.stiffness.springs import with_sliding
 
 
 def zero_modes(problem: Eigenproblem) -> int:
@@ -60,7 +60,7 @@ def test_two_spheres_and_one_spring():
     crystal = gallery.fcc(cells=(2, 2, 3))
     oblique = np.flatnonzero((abs(crystal.normal) > 0.1).sum(axis=1) >= 2)[:1]
     slippery = replace(crystal, sliding=np.ones(crystal.n_contacts, bool))
-    problem = Eigenproblem.of(slipping(with_contacts(slippery, oblique)))
+    problem = Eigenproblem.of(with_sliding(with_contacts(slippery, oblique), "slip"))
     assert problem.floppy.total == zero_modes(problem) == problem.size - 1
     assert problem.floppy.loose_clusters == 11
 
@@ -122,7 +122,7 @@ def test_without_tangential_springs_every_sphere_spins():
     network = replace(
         gallery.fcc(cells=(3, 3, 5)), sliding=np.ones(gallery.fcc(cells=(3, 3, 5)).n_contacts, bool)
     )
-    problem = Eigenproblem.of(slipping(network))
+    problem = Eigenproblem.of(with_sliding(network, "slip"))
     assert problem.floppy.spinning == 3 * network.n_particles
     assert problem.floppy.total == zero_modes(problem)
 
