@@ -9,7 +9,7 @@ from pathlib import Path
 from analysis.case import Case, find
 from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
 from modal.elasticity.moduli_file import SCHEMA as MODULI
-from modal.formats.hdf5 import InputError, open_h5
+from modal.formats.hdf5 import InputError, complete, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY
 from modal.modes.mode_set import SCHEMA as MODES
@@ -78,7 +78,8 @@ def kind_of(path: str | Path) -> str:
         schema = _text(file.attrs.get("schema", ""))
         slid = schema == SIGNALS and _text(file.attrs.get("direction", "z")) != "z"
         by_yade = _text(file.attrs.get("producer", "")) == "yade"
-        choice = Choice.of_attributes(dict(file.attrs)) if schema == MODES else Choice("all")
+        with complete(path):
+            choice = Choice.of_attributes(dict(file.attrs)) if schema == MODES else Choice("all")
     if schema == MODES:
         settings = read_provenance(path).settings or {}
         if settings.get("translations_only", str(path).endswith(".translations.modes.h5")):

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import InputError, complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
@@ -202,4 +202,6 @@ def read_structure(path: str | Path) -> StructureFactor:
         order = get(file, "order", "i", (None, 3) if plane else (None,))
         wavenumber = get(file, "wavenumber", "f", (len(order),))
         power = get(file, "power", "f", (len(order), len(frequency)))
-        return StructureFactor(frequency, order, wavenumber, power, float(file.attrs["resolution"]))
+        with complete(path):
+            resolution = float(file.attrs["resolution"])
+    return StructureFactor(frequency, order, wavenumber, power, resolution)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from modal.elasticity.moduli import ElasticModuli
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 
 SCHEMA = "granular-moduli"
@@ -39,8 +39,6 @@ def read_moduli(path: str | Path) -> ElasticModuli:
     """Read and validate, without the non-affine motions; InputError for anything wrong."""
     with open_h5(path, SCHEMA, VERSION) as file:
         said: dict[str, Any] = {name: get(file, name, "f", (6, 6)) for name in TENSORS}
-        try:
+        with complete(path):
             said |= {name: kind(file.attrs[name]) for name, kind in ATTRIBUTES.items()}
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: {error}; incomplete, make it again") from error
     return ElasticModuli(**said)

@@ -17,6 +17,7 @@ import mmap
 import os
 import platform
 import stat
+import traceback
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -148,37 +149,64 @@ def open_h5(
 ) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; refuse what is missing, damaged or of another schema.
 
-    Without a schema every file is taken.
+    Without a schema every file is taken. What the block itself raises is no damage of the file: it
+    goes to the caller as it is, but for what HDF5 has raised in it.
     """
     path = Path(path)
     refuse_absent(path)
     try:
         _refuse_endless_heap(path)
-        with h5py.File(path, "r") as file:
-            if schema is None:
-                yield file
-                return
-            found: Any = file.attrs.get("schema")
-            found_version: Any = file.attrs.get("schema_version")
-            if isinstance(found, bytes):
-                found = found.decode(errors="replace")
-            if found != schema:
-                raise InputError(f"{path}: schema is {found!r}, expected {schema!r}; wrong file?")
-            single = found_version is not None and np.shape(found_version) == ()
-            if not single or int(found_version) != version:
-                raise InputError(
-                    f"{path}: schema_version is {found_version}, this program reads {version}; "
-                    "convert the file or update the program"
-                )
+        file = h5py.File(path, "r")
+    except _BY_HDF5 as error:
+        raise _unreadable(path, error) from error
+    with file:
+        try:
+            if schema is not None:
+                _require_schema(file, schema, version)
             yield file
+        except _BY_HDF5 as error:
+            frames = traceback.walk_tb(error.__traceback__)
+            if any(frame.f_globals["__name__"].startswith("h5py.") for frame, _ in frames):
+                raise _unreadable(path, error) from error
+            raise
+
+
+_BY_HDF5 = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
+
+
+def _require_schema(file: h5py.File, schema: str, version: int | None) -> None:
+    found: Any = file.attrs.get("schema")
+    found_version: Any = file.attrs.get("schema_version")
+    if isinstance(found, bytes):
+        found = found.decode(errors="replace")
+    if found != schema:
+        raise InputError(f"{file.filename}: schema is {found!r}, expected {schema!r}; wrong file?")
+    if np.shape(found_version) != () or found_version != version:
+        raise InputError(
+            f"{file.filename}: schema_version is {found_version}, this program reads {version}; "
+            "convert the file or update the program"
+        )
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    reason = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return InputError(f"{path}: not enough memory to read it ({reason}); free some")
+    do = "it may be truncated, make it again"
+    if not h5py.is_hdf5(path):
+        do += "; what another program wrote is read by `import`"
+    return InputError(f"{path}: not a readable HDF5 file ({reason}); {do}")
+
+
+@contextmanager
+def complete(path: str | Path) -> Iterator[None]:
+    """While attributes are read: InputError where one is absent or not what it should be."""
+    try:
+        yield
     except InputError:
         raise
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError) as error:
-        reason = " ".join(str(error).split())
-        do = "it may be truncated, make it again"
-        if not h5py.is_hdf5(path):
-            do += "; what another program wrote is read by `import`"
-        raise InputError(f"{path}: not a readable HDF5 file ({reason}); {do}") from error
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: {error}; incomplete, make it again") from error
 
 
 def _refuse_endless_heap(path: Path) -> None:

@@ -23,7 +23,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import InputError, atomic_h5, open_h5, refuse_absent, sha256
+from modal.formats.hdf5 import InputError, atomic_h5, complete, open_h5, refuse_absent, sha256
 
 GROUP = "provenance"
 PACKING = "packing"
@@ -145,8 +145,9 @@ def read_provenance(path: str | Path) -> Provenance:
         made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
         digest = str(file.attrs.get("network_sha256", ""))
         if "settings" in said and "sources" in said:
-            sources = tuple(Source(**source) for source in json.loads(said["sources"]))
-            made = replace(made, settings=json.loads(said["settings"]), sources=sources)
+            with complete(path):
+                sources = tuple(Source(**source) for source in json.loads(said["sources"]))
+                made = replace(made, settings=json.loads(said["settings"]), sources=sources)
             if digest and not made.packing:
                 raise InputError(
                     f"{path}: names a network as its own, but no packing among its sources; make "

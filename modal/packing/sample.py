@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
+from modal.formats.hdf5 import InputError, atomic_h5, complete, get, open_h5, put
 from modal.packing.consistency import density_of
 from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
 from modal.packing.equal_spheres import constants, network_of
@@ -237,7 +237,7 @@ def read_sample(path: str | Path) -> Sample:
         for name, (dataset, _) in _OPTIONAL.items():
             if dataset in file:
                 columns[name] = get(file, dataset, "f", shapes.get(name, (n, 3)))
-        try:
+        with complete(path):
             columns["friction"] = float(file.attrs["friction"])
             if "particles/radius" in file:
                 columns["radii"] = get(file, "particles/radius", "f", (n,))
@@ -249,8 +249,6 @@ def read_sample(path: str | Path) -> Sample:
             )
             columns["wall_material"] = _wall_material(dict(file.attrs))
             study, provenance = dict(file["study"].attrs), dict(file["provenance"].attrs)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: {error}; the sample is incomplete, make it again") from error
     sample = Sample(**columns, material=material, study=study, provenance=provenance)
     validate(sample, str(path))
     return sample

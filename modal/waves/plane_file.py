@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import InputError, complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.waves.plane_source import PlaneWave
 from modal.waves.signals import DIRECTIONS
@@ -54,12 +54,10 @@ def read_plane_wave(path: str | Path) -> PlaneWave:
         if "particles/displacement" in file:
             name = "particles/displacement"
             columns["particle_displacement"] = get(file, name, "f", (*time.shape, None))
-        try:
+        with complete(path):
             columns["height"] = float(file.attrs["height"])
             columns["direction"] = str(file.attrs["direction"])
             columns["products"] = int(file.attrs["products"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: {error}; incomplete, make it again") from error
     finite = all(np.isfinite(c).all() for c in columns.values() if isinstance(c, np.ndarray))
     if not (finite and columns["direction"] in DIRECTIONS and (np.diff(time) > 0).all()):
         raise InputError(f"{path}: not finite, times that do not rise, or no direction; mend it")

@@ -24,7 +24,7 @@ import numpy as np
 from modal.arguments import checked
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Complex, Floats, Ints
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import InputError, complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum
@@ -265,13 +265,11 @@ def read_response(path: str | Path) -> Response:
             complexes[name.replace("layers", "layer").replace("/", "_")] = (
                 parts[..., 0] + 1j * parts[..., 1]
             )
-        try:
+        with complete(path):
             resolution = float(file.attrs["resolution"])
             direction = str(file.attrs.get("direction", "z"))
             ratios = file.attrs.get("damping")
             damping = None if ratios is None else ContactDamping(*map(float, ratios))
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: {error}; incomplete, make it again") from error
     return Response(
         frequency=frequency,
         chain_particle=particle,

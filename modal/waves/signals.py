@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import InputError, complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.waves.energy_balance import EnergyBalance
 
@@ -158,15 +158,13 @@ def read_signals(path: str | Path) -> Signals:
             if not np.isfinite(column).all():
                 raise InputError(f"{path}: {dataset} is not finite; the run failed, make it again")
             columns[name] = column
-        missing = [name for name in _ATTRIBUTES if name not in file.attrs]
-        if missing:
-            raise InputError(f"{path}: attribute {missing[0]} is missing; make the run again")
-        for name, convert in _ATTRIBUTES.items():
-            columns[name] = convert(file.attrs[name])
-        # Files of earlier versions are of P-waves and do not say so.
-        columns["direction"] = str(file.attrs.get("direction", "z"))
-        said = file["balance"].attrs if "balance" in file else {}
-        balance = EnergyBalance.of_attributes(said)
+        with complete(path):
+            for name, convert in _ATTRIBUTES.items():
+                columns[name] = convert(file.attrs[name])
+            # Files of earlier versions are of P-waves and do not say so.
+            columns["direction"] = str(file.attrs.get("direction", "z"))
+            said = file["balance"].attrs if "balance" in file else {}
+            balance = EnergyBalance.of_attributes(said)
     signals = Signals(**columns, balance=balance)
     _validate(signals, str(path))
     return signals

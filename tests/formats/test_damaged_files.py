@@ -21,7 +21,7 @@ from places import SHEARED
 
 from analysis.__main__ import main as analysis_main
 from modal.__main__ import main as modal_main
-from modal.formats.hdf5 import InputError, sha256
+from modal.formats.hdf5 import InputError, open_h5, sha256
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import read_modes, write_modes
 from modal.modes.problem import Eigenproblem
@@ -287,6 +287,16 @@ def spoiled(kind: str, sound: Path, folder: Path, seed: int, count: int, content
         if result not in right:
             faults.append((number, names[number] if contents else "bytes", result))
     return found, faults
+
+
+@pytest.mark.parametrize("error", [MemoryError, KeyError, OSError, RuntimeError, ValueError])
+def test_what_is_raised_while_a_file_is_open_is_no_damage_of_it(error, sound):
+    """What HDF5 raises there is: here of a dataset that is not in the file."""
+    with pytest.raises(error, match="own") as caught, open_h5(sound / FILES["network"]):
+        raise error("own")
+    assert not isinstance(caught.value, InputError)
+    with pytest.raises(InputError, match="not a readable"), open_h5(sound / FILES["network"]) as f:
+        f["particles/charge"]
 
 
 @pytest.mark.parametrize("kind", READERS)
