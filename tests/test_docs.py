@@ -1,5 +1,6 @@
 """The pages say what is so: every block of Python and of commands runs, links lead to files."""
 
+import os
 import re
 import shlex
 import shutil
@@ -49,6 +50,20 @@ def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
                 assert PROGRAMS[program](arguments) == 0, (line, capsys.readouterr().err)
 
 
+def test_the_readme_s_five_lines_show_something(tmp_path):
+    """Verbatim, as a script in an empty folder: the modes are printed, and there is a figure."""
+    pytest.importorskip("matplotlib")
+    (lines,) = [text for kind, text in blocks(ROOT / "README.md") if kind == "python"]
+    assert len([line for line in lines.splitlines() if line]) == 5
+    (tmp_path / "five.py").write_text(lines)
+    command, variables = [sys.executable, "five.py"], os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    shown = [float(text) for text in re.findall(r"\d+\.\d+", done.stdout.partition("[")[2])]
+    assert shown == pytest.approx(modal.eigenmodes(modal.fcc(), lowest=20).frequency, rel=1e-6)
+    assert (tmp_path / "wave.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_other_blocks_are_of_kinds_that_are_known():
     """`text` is what needs YADE, a cluster, an installation or another program's files."""
     for page in PAGES:
@@ -85,7 +100,7 @@ def test_links_within_the_repository_lead_to_files():
 
 
 def test_files_that_pages_name_exist():
-    """As `analysis/page.py`; results/README.md tells of past commits, the layout of its tests."""
+    """As `analysis/page.py`; the layout tells of its tests by their names below tests."""
     rooms = [folder.name for folder in ROOT.iterdir() if folder.is_dir() and folder.name[0] != "."]
     named = re.compile(rf"`((?:{'|'.join(rooms)})/[\w./-]+)`")
     for page in PAGES:
@@ -93,6 +108,21 @@ def test_files_that_pages_name_exist():
             made = name.startswith(("products/", "site/"))
             below = (ROOT / "tests" / name).exists() and page.stem == "layout"
             assert made or below or (ROOT / name).exists(), (page.name, name)
+
+
+def test_extras_that_are_installed_exist_and_are_quoted():
+    """zsh takes brackets without quotes for a pattern of files, and finds none."""
+    known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    asked = []
+    for path in [*PAGES, *ROOT.glob("*.sh"), *ROOT.glob("analysis/**/*.py")]:
+        if path.name in ("findings.md", "CHANGELOG.md"):  # what was
+            continue
+        for quote, names in re.findall(
+            r"pip install (?:-\w )*('?)\.?\[([\w,]+)\]", path.read_text()
+        ):
+            asked += names.split(",")
+            assert quote, (path.name, names)
+    assert asked and set(asked) <= set(known)
 
 
 def test_links_that_lead_nowhere_are_found(tmp_path):

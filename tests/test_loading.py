@@ -1,6 +1,7 @@
 """What is loaded is not searched for garbage, everything else is; what is not used stays out."""
 
 import gc
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -66,3 +67,12 @@ def test_what_is_absent_or_loaded_stays_so():
     before = sys.modules["modal.loading"]
     when_used("modal.loading")
     assert sys.modules["modal.loading"] is before
+
+
+def test_analysis_without_matplotlib_is_one_line(tmp_path):
+    (tmp_path / "matplotlib.py").write_text("raise ModuleNotFoundError(name='matplotlib')")
+    command = [sys.executable, "-m", "analysis", "--help"]
+    variables = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    done = subprocess.run(command, env=variables, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "error: matplotlib is absent, which draws; pip install matplotlib\n"

@@ -1,4 +1,4 @@
-"""results/README.md says of every committed result which command made it, and from which commit."""
+"""results/README.md says of every committed result which command made it."""
 
 from __future__ import annotations
 
@@ -30,48 +30,24 @@ def committed() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def entries() -> list[tuple[list[str], str, list[str]]]:
-    """Patterns, what made the files, and commits, of each row of the index."""
+def entries() -> list[tuple[list[str], str]]:
+    """Patterns, and what made the files, of each row of the index."""
     found = []
     for line in (RESULTS / "README.md").read_text().splitlines():
         if line.startswith("| `"):
-            files, made, commits = line.strip("| ").split(" | ")
-            found.append((re.findall("`(.+?)`", files), made, re.findall("`(.+?)`", commits)))
+            files, made = line.strip("| ").split(" | ")
+            found.append((re.findall("`(.+?)`", files), made))
     return found
 
 
 def test_every_file_is_in_one_row_and_every_row_has_its_files(committed, entries):
-    patterns = [pattern for names, _, _ in entries for pattern in names]
+    patterns = [pattern for names, _ in entries for pattern in names]
     for path in committed:
         matches = [pattern for pattern in patterns if fnmatchcase(path, pattern)]
         assert len(matches) == 1, f"results/{path}: in {len(matches)} rows of results/README.md"
     for pattern in patterns:
         assert any(fnmatchcase(path, pattern) for path in committed), f"{pattern}: no such file"
-    assert all(made for _, made, _ in entries)
-
-
-def test_commits_are_those_that_brought_the_files(committed, entries):
-    """Each commit of a row has changed one of its files, and each file has one of them.
-
-    Not necessarily the last: a commit cannot name itself, so the index follows the files.
-    """
-    if git("rev-parse", "--is-shallow-repository") == ["true"]:
-        pytest.skip("a shallow clone: the history is cut")
-    changed: dict[str, list[str]] = {}
-    for line in git("log", "--format=@%H", "--name-only", "--", "results"):
-        if line.startswith("@"):
-            commit = line[1:]
-        elif line:
-            changed.setdefault(line.removeprefix("results/"), []).append(commit)
-    for patterns, _, commits in entries:
-        paths = [p for p in committed if any(fnmatchcase(p, pattern) for pattern in patterns)]
-        assert commits, patterns
-        for commit in commits:
-            own = [path for path in paths if any(c.startswith(commit) for c in changed[path])]
-            assert own, f"{commit} has changed nothing of {patterns}"
-        for path in paths:
-            known = [c for c in changed[path] for commit in commits if c.startswith(commit)]
-            assert known, f"results/{path}: not of {commits}"
+    assert all(made for _, made in entries)
 
 
 def test_nothing_is_committed_twice(committed):
