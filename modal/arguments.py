@@ -15,7 +15,10 @@ P = ParamSpec("P")
 R = TypeVar("R")
 WORDS = {float: "a number", int: "a number", str: "a text", type(None): "None"}
 """What a kind of argument is called; others by the name of their class."""
-MAKES = {"Network": "; modal.read makes one from a file"}
+MAKES = {
+    "Network": "; modal.read makes one from a file",
+    "Motion": "; modal.waves.source has Pulse, chirp, step, SampledMotion and read_motion",
+}
 """What makes an argument of this class."""
 
 
@@ -82,6 +85,8 @@ def _fits(value: object, kind: Any) -> bool:
     if get_origin(kind) is tuple:
         text = isinstance(value, str | bytes)
         return isinstance(value, Iterable) and not text and all(_fits(x, float) for x in value)
-    if not isinstance(kind, type) or kind is bool or getattr(kind, "_is_protocol", False):
+    if not isinstance(kind, type) or kind is bool:
+        return True
+    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
         return True
     return isinstance(value, kind)

@@ -22,7 +22,7 @@ BELOW = {
     "workload": {"formats"},
     "packing": {"arguments", "display", "formats", "pairs", "workload"},
     "solvers": {"formats", "progress", "workload"},
-    "stiffness": {"formats", "loops", "packing", "solvers"},
+    "stiffness": {"arguments", "formats", "loops", "packing", "solvers"},
     "preparation": {
         *("arguments", "formats", "loops", "packing", "pairs", "progress", "solvers", "stiffness"),
     },

@@ -12,8 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modal.arguments import refuse_other_kinds
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
+
+LARGEST = 1e4
+"""Of the ratios: an overdamped contact creeps and stops at rates four times its square apart, which
+arithmetic still holds side by side."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +33,12 @@ class ContactDamping:
     tangential: float
 
     def __post_init__(self) -> None:
+        refuse_other_kinds(ContactDamping, "ContactDamping", vars(self))
         for name, value in vars(self).items():
-            if not 0 <= value < np.inf:
+            if not 0 <= value <= LARGEST:
                 raise InputError(
                     f"{name} damping {value:g}: a contact takes energy, it gives none; give a "
-                    "ratio from 0 on, in parts of the critical damping"
+                    f"ratio from 0 to {LARGEST:g}, in parts of the critical damping"
                 )
 
     @property

@@ -97,7 +97,13 @@ def _cheapest(
         column = slice(back.indptr[here], back.indptr[here + 1])
         before = back.indices[column]
         fits = distance[before] + back.data[column] <= distance[here] * (1 + TIE)
-        before = np.sort(before[fits])
+        # Each step comes nearer to the first particle, or the way back would not end.
+        before = np.sort(before[fits & (distance[before] < distance[here])])
+        if not len(before):
+            raise InputError(
+                f"a contact of particle {here} has levers of no length: no chain goes through it; "
+                "give the vectors from the centres to the contact point"
+            )
         here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
         path.append(here)
     return np.array(path[::-1]), nearest

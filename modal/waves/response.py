@@ -163,7 +163,7 @@ def frequency_response(
 
     def series_for(top: float) -> Resolvent:
         end = _end(top, highest, resolution)
-        orders = 1.5 * np.sqrt(top) / (2 * gamma) * np.log(1 / tolerance)
+        orders = 1.5 * float(np.sqrt(top)) / (2 * gamma) * float(np.log(1 / tolerance))
         frequencies = 4 * end / resolution
         numbers = (orders + 4 * frequencies) * receivers.count + 4 * CHUNK * orders
         refuse_endless(

@@ -10,10 +10,11 @@ import warnings
 from dataclasses import dataclass
 from math import isqrt
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from modal.arguments import refuse_other_kinds
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, write_text
 from modal.waves.signals import source_pulse
@@ -26,8 +27,9 @@ MOST_PERIODS = 1e4
 """Of a chirp."""
 
 
+@runtime_checkable
 class Motion(Protocol):
-    """A motion of the source wall along z, at rest at zero until t = 0."""
+    """A motion of the source wall along its direction, at rest at zero until t = 0."""
 
     @property
     def amplitude(self) -> float:
@@ -51,8 +53,9 @@ class Motion(Protocol):
 def _driven_from_rest(square: Floats, time: Floats, frequency: float) -> Floats:
     """Shape (nw, nt): response to 1 - cos(Omega t) switched on at t = 0, unit A.
 
-    (1 - cos wt)/w^2 - (cos Omega t - cos wt)/(w^2 - Omega^2), written with sin(x)/x, which is
-    smooth where w = 0 or w = Omega.
+    P(w) - (cos Omega t - cos wt)/(w^2 - Omega^2) with P(w) = (1 - cos wt)/w^2, written with
+    sin(x)/x, which is smooth where w = 0 or w = Omega; far above Omega, where the two cancel, the
+    same is Omega^2 (P(Omega) - P(w))/(w^2 - Omega^2).
     """
     omega = np.sqrt(np.maximum(square, 0))[:, None]
     drive = 2 * np.pi * frequency
@@ -64,7 +67,10 @@ def _driven_from_rest(square: Floats, time: Floats, frequency: float) -> Floats:
 
     constant = half_product(omega / 2, omega / 2)
     # cos(Omega t) - cos(w t) = 2 sin((w + Omega) t / 2) sin((w - Omega) t / 2).
-    return constant - half_product((omega + drive) / 2, (omega - drive) / 2)
+    near = constant - half_product((omega + drive) / 2, (omega - drive) / 2)
+    above = omega > 2 * drive
+    far = (drive / np.where(above, omega, np.inf)) ** 2
+    return np.where(above, (half_product(drive / 2, drive / 2) - constant) * far / (1 - far), near)
 
 
 def sines(omega: Floats, time: Floats) -> Floats:
@@ -84,6 +90,11 @@ def sines(omega: Floats, time: Floats) -> Floats:
     return both.reshape(len(omega), -1)[:, : len(time)]
 
 
+def _squares(number: float) -> bool:
+    """Whether a number and its square are neither 0 nor infinite."""
+    return 1e-150 < abs(number) < 1e150
+
+
 @dataclass(frozen=True)
 class Pulse:
     """Some periods of u = A (1 - cos 2 pi f t), one by default; A in m, frequency f in Hz."""
@@ -93,8 +104,12 @@ class Pulse:
     cycles: int = 1
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.amplitude) and 0 < self.frequency < np.inf):
-            raise InputError("amplitude and input frequency must be numbers, the frequency above 0")
+        refuse_other_kinds(Pulse, "Pulse", vars(self))
+        if not (self.frequency > 0 and _squares(self.frequency) and _squares(self.amplitude)):
+            raise InputError(
+                f"a pulse of {self.amplitude:g} m and {self.frequency:g} Hz makes no wave: the "
+                "amplitude must not be 0, the frequency above 0, and the squares of both numbers"
+            )
         if self.cycles < 1 or self.cycles != int(self.cycles):
             raise InputError(f"{self.cycles} cycles: a pulse has a whole number of them, from 1 on")
 
@@ -147,16 +162,21 @@ class SampledMotion:
     value: Floats
 
     def __post_init__(self) -> None:
-        good = len(self.time) == len(self.value) > 1
-        if not (good and np.isfinite(self.time).all() and np.isfinite(self.value).all()):
+        try:
+            own = np.array([self.time, self.value], float)
+        except (TypeError, ValueError):
+            own = np.empty((2, 0))
+        if own.ndim != 2 or own.shape[1] < 2 or not np.isfinite(own).all():
             raise InputError("a source motion needs at least two times, each with a displacement")
+        for name, column in zip(("time", "value"), own, strict=True):
+            object.__setattr__(self, name, column)
         if self.time[0] != 0 or self.value[0] != 0 or (np.diff(self.time) <= 0).any():
             raise InputError(
                 "a source motion starts at time 0 with displacement 0 and its times increase; "
                 "shift the record"
             )
         with np.errstate(over="ignore", invalid="ignore"):
-            moves = 0 < self.frequency < np.inf
+            moves = _squares(self.frequency)
         if not moves:
             raise InputError(
                 "a source motion that never moves, or beyond what numbers can square, makes no "

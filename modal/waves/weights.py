@@ -23,7 +23,7 @@ class Expansion:
     """
 
     def __init__(self, motion: Motion, time: Floats, top: float) -> None:
-        order = _fast(orders_of(top, float(time[-1])))
+        order = fast_length(orders_of(top, float(time[-1])))
         angle = np.pi * (np.arange(order) + 0.5) / order
         response = motion.response(top * (1 + np.cos(angle)) / 2, time)
         coefficient = _cosines(response) / order
@@ -56,10 +56,10 @@ def orders_of(top: float, duration: float) -> float:
 
     `top`: upper end of the interval in omega^2, 1/s^2; `duration` of the wave in s.
     """
-    return float(1.1 * np.sqrt(top) * duration / 2 + 60)
+    return 1.1 * float(np.sqrt(top)) * duration / 2 + 60
 
 
-def _fast(order: float) -> int:
+def fast_length(order: float) -> int:
     """The next number without prime factors above 5, whose Fourier transform is fast."""
     odd = (3**a * 5**b for a in range(21) for b in range(21))
     return min(part << ((int(order) - 1) // part).bit_length() for part in odd)

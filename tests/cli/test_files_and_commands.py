@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -18,6 +19,7 @@ from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 from modal.waves.chain import wall_to_wall_chain
+from modal.waves.propagate import propagate
 from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 
 
@@ -129,6 +131,28 @@ def test_free_column_has_seven_zero_modes(tmp_path, capsys):
     assert main(["modes", str(path), "--all", "--json"]) == 0
     # 18 degrees of freedom; each of 4 contacts has 3 springs, one of their sums is redundant.
     assert json.loads(capsys.readouterr().out)["floppy_modes"] == 7
+
+
+def test_chain_through_contacts_without_length_ends():
+    """Such networks are refused; the search for a chain ends by itself, too."""
+    network = gallery.column(4)
+    zero = {"lever_i": 0 * network.lever_i, "lever_j": 0 * network.lever_j}
+    names = "particle_i particle_j position radius cell_periodic cell_size lever_i lever_j"
+    flat = SimpleNamespace(**{name: getattr(network, name) for name in names.split()} | zero)
+    with pytest.raises(InputError, match="levers of no length"):
+        wall_to_wall_chain(flat)
+
+
+def test_a_record_that_starts_late_is_refused(tmp_path):
+    """Velocities count times from when the source begins to move; an interval is read off them."""
+    wave = propagate(gallery.fcc(cells=(1, 1, 4)), 1e-5).signals
+    for late, good in ((0.0, True), (1e-10, True), (5e-6, False), (-5e-6, False)):
+        write_signals(tmp_path / "a.signals.h5", replace(wave, time=wave.time + late))
+        if good:
+            read_signals(tmp_path / "a.signals.h5")
+        else:
+            with pytest.raises(InputError, match="not evenly spaced from 0 on"):
+                read_signals(tmp_path / "a.signals.h5")
 
 
 def test_signals_round_trip(tmp_path):

@@ -28,7 +28,7 @@ from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, SampledMotion, read_motion
-from modal.waves.weights import Expansion
+from modal.waves.weights import Expansion, fast_length
 
 
 def test_pulse_response_solves_the_oscillator():
@@ -359,6 +359,23 @@ def test_long_wave_is_refused_before_it_starts(monkeypatch):
     monkeypatch.setattr(workload, "LONGEST", 0.0)
     with pytest.raises(InputError, match="shorter duration"):
         propagate(network, 1e-5)
+
+
+@pytest.mark.parametrize("times", [{"duration": 4e5}, {"duration": 1e308, "interval": 1e308}])
+def test_a_wave_of_days_is_refused_at_once(times):
+    """In one line with its cost; no search among 1e11 numbers for one with a fast transform."""
+    with pytest.raises(InputError, match="products with K, .* days here"):
+        propagate(gallery.fcc(cells=(1, 1, 2)), **times)
+
+
+@pytest.mark.parametrize("order", [1, 61, 1000, 1001, 65537, 10**6 + 1])
+def test_transforms_have_the_next_fast_length(order):
+    """The least number from the order on that has no prime factor above 5."""
+    smooth = (a * b * c for a in P2 for b in P3 for c in P5)
+    assert fast_length(order) == min(number for number in smooth if number >= order)
+
+
+P2, P3, P5 = ([p**k for k in range(22)] for p in (2, 3, 5))
 
 
 class StartedError(Exception):
