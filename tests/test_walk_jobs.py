@@ -78,3 +78,25 @@ def test_a_job_of_yade_fails_with_its_script(says, there, status, walked, tmp_pa
     )
     assert done.returncode == status, (tmp_path / "walk.log").read_text()
     assert says in (tmp_path / "walk.log").read_text()
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "first"),
+    [
+        ("InputError('no such sample; make it')", 2, "error: no such sample; make it"),
+        ("ValueError('operands could not be broadcast')", 1, "Traceback (most recent call last):"),
+    ],
+)
+def test_what_a_script_itself_gets_wrong_is_no_mistake_of_its_user(
+    raised, status, first, yade, tmp_path
+):
+    """One line and 2 for what the user can mend; the place and 1 for a fault of the script."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n"
+        "from modal.formats.hdf5 import InputError\nfrom yade_scripts.scene import finish\n\n"
+        f"def main():\n    raise {raised}\n\nfinish(main)\n"
+    )
+    command = ["yade", "-n", "-x", "-j1", str(script)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == status and first in done.stderr.splitlines(), done.stderr

@@ -36,7 +36,7 @@ from modal.preparation.strain_control import ConstantRate
 from modal.preparation.walk import cost, walk
 from modal.progress import time_left
 from yade_scripts import servo
-from yade_scripts.scene import Report, finish, products_folder
+from yade_scripts.scene import Report, before_motion, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell
 
 MARGIN = 0.1
@@ -68,8 +68,9 @@ def drive(control, stress, study):
     global follow
     follow = servo.Drive(study.spheres, control)
     interval = study.duration(protocol.CONTROL, stress)
-    runner = PyRunner(command="follow()", iterPeriod=steps_of(interval, O.dt))
-    O.engines = [*O.engines[:3], runner, O.engines[-1]]
+    before_motion(
+        PyRunner(command="follow()", iterPeriod=steps_of(interval, O.dt), label="control")
+    )
 
 
 def leg(sample, study):
@@ -79,7 +80,7 @@ def leg(sample, study):
     build_scene(sample, margin=MARGIN, damping=0.0)
     stage = Stage(before["stage"], study)
     stage.control.stress = servo.principal_stresses(n)
-    O.engines[-1].damping = stage.damping
+    O.labeledEngine("newton").damping = stage.damping
     O.dt = stage.time_step()
     drive(stage.control, stage.control.target, study)
     resume_cell()
@@ -87,7 +88,7 @@ def leg(sample, study):
     seconds, steps, ended = float(before["stage_time"]), 0, False
     for _ in range(protocol.LEG):
         O.dt = stage.time_step()
-        O.engines[-2].iterPeriod = steps_of(stage.interval, O.dt)
+        O.labeledEngine("control").iterPeriod = steps_of(stage.interval, O.dt)
         count = steps_of(stage.check, O.dt)
         O.run(count, wait=True)
         steps, seconds = steps + count, seconds + count * O.dt

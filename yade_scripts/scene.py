@@ -4,11 +4,12 @@ import math
 import os
 import sys
 import time
+import traceback
 from pathlib import Path
 
 import numpy as np
 from yade import O
-from yade.utils import box, sphere
+from yade.utils import PyRunner, box, sphere
 from yade.wrapper import (
     Bo1_Box_Aabb,
     Bo1_Sphere_Aabb,
@@ -105,13 +106,24 @@ def set_engines(*, margin=0.01, damping=0.0):
             allowBiggerThanPeriod=True,
             sortAxis=2,
             verletDist=margin * RADIUS,
+            label="collider",
         ),
         InteractionLoop(
             [Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False), Ig2_Box_Sphere_ScGeom()],
             [Ip2_FrictMat_FrictMat_MindlinPhys()],
             [Law2_ScGeom_MindlinPhys_Mindlin()],
+            label="contacts",
         ),
-        NewtonIntegrator(damping=damping, gravity=(0, 0, 0)),
+        NewtonIntegrator(damping=damping, gravity=(0, 0, 0), label="newton"),
+    ]
+
+
+def before_motion(*runners):
+    """Put these engines, in place of those put there before, between forces and motion."""
+    O.engines = [
+        *(engine for engine in O.engines if not isinstance(engine, PyRunner | NewtonIntegrator)),
+        *runners,
+        O.labeledEngine("newton"),
     ]
 
 
@@ -164,14 +176,18 @@ class Report:
 def finish(main):
     """Run `main` and end the process with its status: 2 and one line for a user's mistake.
 
-    YADE's own exit would turn every status into 0.
+    Anything else that went wrong is told with its place, status 1. YADE's own exit would turn every
+    status into 0.
     """
     try:
         main()
         status = 0
-    except (InputError, ValueError, OSError) as error:
+    except (InputError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         status = 2
+    except Exception:
+        traceback.print_exc()
+        status = 1
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)

@@ -10,6 +10,7 @@ from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from yade_scripts.scene import (
     NO_TIME,
+    before_motion,
     cell_side,
     find_contacts,
     place,
@@ -64,7 +65,7 @@ def read_scene(sample, *, moving):
     the first step after `resume_cell` makes good.
     """
     n = len(sample.position)
-    O.engines = [*O.engines[:3], O.engines[-1]]  # no control in the step without motion
+    before_motion()  # no control in the step without motion
     _strain_cell(1.0)
     O.dt = NO_TIME
     O.step()

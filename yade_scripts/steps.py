@@ -22,7 +22,7 @@ from yade.utils import PyRunner
 from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
-from yade_scripts.scene import finish
+from yade_scripts.scene import before_motion, finish
 from yade_scripts.servo import Drive
 from yade_scripts.state import build_scene, read_scene, resume_cell
 
@@ -49,8 +49,7 @@ def main():
     else:
         control = Servo(given["stress"], INERTIAL_NUMBER)
     drive = Drive(len(sample.position), control)
-    runner = PyRunner(command="follow()", iterPeriod=given["interval"])
-    O.engines = [*O.engines[:3], runner, O.engines[-1]]
+    before_motion(PyRunner(command="follow()", iterPeriod=given["interval"]))
     O.dt = given["dt"]
     resume_cell()
     O.run(given["steps"], wait=True)

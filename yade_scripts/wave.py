@@ -149,7 +149,7 @@ def main():
         for contact in O.interactions:
             contact.phys.betan, contact.phys.betas = damped.normal, damped.tangential
     # Over a wave nobody moves by a millionth of a radius: the collider may sleep.
-    O.engines[1].dead = True
+    O.labeledEngine("collider").dead = True
     arrival = settings["passage"] * network.length / affine_velocity(network)
     duration = arrival if settings["duration"] is None else settings["duration"]
     O.dt = fraction / (math.pi * highest)

@@ -13,7 +13,7 @@ from modal.progress import time_left
 from modal.waves.chain import wall_to_wall_chain
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
-from yade_scripts.scene import Report
+from yade_scripts.scene import Report, before_motion
 
 LOOKS = 40
 """Looks at all contacts in a run: which have opened or formed. Few, since a look costs a step."""
@@ -49,13 +49,12 @@ class WaveRun:
         self._look_every = max(1, steps // every // LOOKS)
         self._states = [O.bodies[k].state for k in range(self.n)]
         self._start = np.array([state.pos[axis] for state in self._states])
-        (self._law,) = O.engines[2].lawDispatcher.functors
+        (self._law,) = O.labeledEngine("contacts").lawDispatcher.functors
         self._law.calcEnergy = True
         self._step, self._stable = 0, True
         self._work = self._wall_force = 0.0
         self._books, self._dissipated = [], []
-        runner = PyRunner(command="run.drive()", iterPeriod=1)
-        O.engines = [*O.engines[:3], runner, O.engines[3]]
+        before_motion(PyRunner(command="run.drive()", iterPeriod=1))
 
     def drive(self):
         """Between forces and motion: record state k, then send the wall to its place k + 1."""
