@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.summary import FURTHER
 
@@ -9,13 +10,17 @@ from modal.packing.summary import FURTHER
 def floppy_modes(network: Network) -> list[tuple[str, str]]:
     """Their number and kinds; nothing where there is no scipy to find them, as inside YADE."""
     try:
-        from modal.modes.collective import every_floppy
+        from modal.modes.collective import easily_known_floppy
         from modal.modes.problem import Eigenproblem
     except ModuleNotFoundError:
         return []
-    floppy = every_floppy(Eigenproblem.of(network))
+    try:
+        floppy = easily_known_floppy(Eigenproblem.of(network))
+    except InputError as error:
+        return [("floppy modes", str(error))]
     kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)
-    return [("floppy modes", f"{floppy.total}" + f" ({kinds})" * bool(kinds))]
+    least = "" if floppy.counted else "at least "
+    return [("floppy modes", f"{least}{floppy.total}" + f" ({kinds})" * bool(kinds))]
 
 
 FURTHER.append(floppy_modes)

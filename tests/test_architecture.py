@@ -39,7 +39,7 @@ BELOW = {
         *("arguments", "display", "formats", "modes", "packing", "solvers", "stiffness"),
         "workload",
     },
-    "description": {"modes", "packing"},
+    "description": {"formats", "modes", "packing"},
     "exchange": {"display", "formats", "packing", "stiffness"},
     "cli": {
         *("display", "loading"),

@@ -7,7 +7,7 @@ from typing import Any
 
 from modal.cli.options import network_command, numbers
 from modal.cli.reading import add_sliding, packing_of
-from modal.modes.collective import every_floppy
+from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
 from modal.modes.problem import Eigenproblem
 
@@ -38,6 +38,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     counts = counts_below(problem, numbers(options.at))
     return {
         "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
-        "floppy_modes": every_floppy(problem).total,
+        **summary_at_zero(problem),
         "degrees_of_freedom": problem.size,
     }

@@ -66,5 +66,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "estimated_count_below": dict(zip(options.at, value[:, -1].tolist(), strict=True)),
         "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
         "floppy_modes": round(float(states.zero_modes.sum())),
+        "floppy_modes_counted": states.counted,
         "degrees_of_freedom": size,
     }

@@ -9,7 +9,7 @@ from typing import Any
 from modal.cli.options import NewFile, network_command
 from modal.cli.terminal import COST, Groups
 from modal.display import quantity
-from modal.modes.collective import every_floppy
+from modal.modes.collective import summary_at_zero
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
 from modal.packing.reading import is_sample, read_packing
@@ -29,7 +29,9 @@ GROUPS = {
         *("coordination_number_of_bulk", "solid_fraction_deviation_along_z"),
         *("coordination_number_deviation_along_z", "stress_deviation_along_z"),
     ),
-    "motions without energy": ("floppy_modes", "floppy_modes_by_kind"),
+    "motions without energy": (
+        *("floppy_modes", "floppy_modes_by_kind", "floppy_modes_counted", "unstable_modes"),
+    ),
 }
 """Titles for people and what stands under them; the rest is about contacts and the file."""
 NOTES_IN = {
@@ -57,7 +59,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Numbers of the packing as a whole, and its layers where they are asked for."""
     network = read_packing(options.network)
     touching = contacts_per_particle(network)
-    floppy = every_floppy(Eigenproblem.of(network))
     if options.layers:
         write_profile(options.layers, profile(network))
     return {
@@ -69,8 +70,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         **summary(network, network.noted("mu_wave")),
         **plausibility(network, sought=is_sample(options.network)),
         "degrees_of_freedom": 6 * network.n_particles,
-        "floppy_modes": floppy.total,
-        "floppy_modes_by_kind": floppy.by_kind(),
+        **summary_at_zero(Eigenproblem.of(network)),
         "study": {key: str(value) for key, value in network.study.items()},
     }
 

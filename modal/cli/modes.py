@@ -12,6 +12,7 @@ from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
+from modal.modes.observables import PLANAR
 from modal.modes.problem import SMALL, Eigenproblem
 from modal.solvers.factor import SOLVERS
 
@@ -86,15 +87,14 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
         "floppy_modes": modes.floppy_modes,
-        "floppy_modes_by_kind": problem.floppy.by_kind(),
+        "floppy_modes_by_kind": problem.floppy.by_kind()
+        | {"collective": modes.floppy_modes - problem.floppy.total},
         "degrees_of_freedom": problem.size,
         "certified": modes.certified,
         "missing": modes.missing,
         "uncertified_because": modes.attributes.get("uncertified_because", ""),
         "solver": modes.attributes["solver"],
-        "p_wave_resonances": 0
-        if modes.resonance_frequency is None
-        else len(modes.resonance_frequency),
+        f"modes_with_chi_z_above_{PLANAR}": int((modes.chi_z > PLANAR).sum()),
     } | ({} if shift is None else {"shift_by_the_law_hz": shift.tolist()})
 
 

@@ -1,116 +1,132 @@
-"""Zero modes that many spheres share, which the structure of the contacts does not show.
+"""All zero modes: how many there are, by an exact count, and what structure does not show of them.
 
 Spheres that have three contacts each are held one by one; together they may still move without
-energy where springs are few: in packings without tangential springs, mostly. Such modes come back
-from a search at an omega^2 of plus or minus round-off. They are no elastic modes: they are added
-to the floppy ones, so that they are held out, and counted as what they are.
+energy, which the structure of the contacts does not show: where springs are few, and in crystals,
+whose contacts repeat. No test of the structure alone excludes it; the number of eigenvalues of A up
+to the one threshold of zero does, at the price of a factorisation. It is made wherever it takes
+seconds, and in larger packings wherever the structure is doubtful (`doubtful`); elsewhere what is
+told of the zero modes is what structure shows, `counted` being False.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
+from typing import Any
+
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigvalsh, qr
 
 from modal.formats.arrays import Floats
-from modal.modes.effort import near_a_shift
-from modal.modes.problem import SMALL, Eigenproblem
+from modal.formats.hdf5 import InputError
+from modal.modes.counts import count_below, refuse_unstable, unstable_modes
+from modal.modes.effort import factorisation
+from modal.modes.problem import Eigenproblem, frequency_of
 from modal.modes.zero_modes import FloppyModes
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
-from modal.solvers.lanczos import BLOCK, Held, modes_nearest
-from modal.workload import memory_at_hand
+from modal.solvers.lanczos import start_block
+from modal.workload import refuse_above_memory
 
-SHIFT = 1e-7
-"""Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
-NEAR_ZERO = 1e3
-"""Times the bound of zero: what a search gives below it is looked at once more, by its energy."""
-HARDLY = 1.5
-"""Springs for each motion that is left, up to which some of these motions may well be free: more
-than one, as some springs hold what others hold already."""
-LONGEST = 10.0
-"""Seconds that a search for these modes may take by estimate."""
+EASY = 3.0
+"""Seconds, by estimate, of a count that is made in any packing."""
+SHIFT = 1e-9
+"""Shift below zero of the factor that finds them, relative to A's largest diagonal entry."""
+STEPS = 40
+"""Steps of inverse iteration at most. Each leaves of an elastic mode the share that `SHIFT` has of
+its omega^2: three steps mostly do, forty for one that is hardly above zero."""
+STILL = 1e-2
+"""Times the bound of zero: largest entry of A v of unit vectors v that need no further step."""
 
 
 def every_floppy(problem: Eigenproblem) -> FloppyModes:
-    """The zero modes with the collective ones, which are searched for where springs are few.
+    """The zero modes, counted where that is easy or where their structure is doubtful.
 
-    Up to `SMALL` degrees of freedom the dense spectrum shows them all. Of larger networks those
-    with fewer springs than motions are searched, and those with contacts that lack a tangential
-    spring up to `HARDLY` springs for each, if that is estimated to take less than `LONGEST`; the
-    others are taken to be held.
+    Where a count would take more than the memory or the time, and elsewhere, those that structure
+    shows. InputError where K has a negative direction.
     """
+    refuse_unstable(problem)
     floppy = problem.floppy
-    if not floppy.all_known:
-        left = problem.size - floppy.total
-        if problem.size <= SMALL:
-            square, vector = eigh(problem.scaled.toarray())
-            add_from_spectrum(problem, square, vector)
-        elif springs(problem.network) <= left * (HARDLY if _slippery(problem.network) else 1):
-            _search(problem)
-        floppy.all_known = True
+    if doubtful(problem.network, floppy) or easy(problem):
+        with suppress(InputError):
+            return counted_floppy(problem)
     return floppy
 
 
-def springs(network: Network) -> int:
-    """Number of springs: the rank of K is no higher."""
-    along, across = network.stiffness_normal != 0, network.stiffness_tangential != 0
-    return int(along.sum() + 2 * across.sum())
+def summary_at_zero(problem: Eigenproblem) -> dict[str, Any]:
+    """The zero modes in plain numbers by name; of an unstable packing how many modes are."""
+    if unstable := unstable_modes(problem):
+        return {"unstable_modes": unstable}
+    floppy = every_floppy(problem)
+    return {
+        "floppy_modes": floppy.total,
+        "floppy_modes_by_kind": floppy.by_kind(),
+        "floppy_modes_counted": floppy.counted,
+    }
 
 
-def _slippery(network: Network) -> bool:
-    """Whether some contact has no tangential spring."""
-    return not network.stiffness_tangential.all()
+def easily_known_floppy(problem: Eigenproblem) -> FloppyModes:
+    """As `every_floppy`, in seconds: of larger packings what structure shows."""
+    return every_floppy(problem) if easy(problem) else problem.floppy
 
 
-def lacking(problem: Eigenproblem) -> int:
-    """How many zero modes are unknown, at least: so many springs are missing."""
-    return max(0, problem.size - problem.floppy.total - springs(problem.network))
+def counted_floppy(problem: Eigenproblem) -> FloppyModes:
+    """The zero modes, their number by an exact count; made once for all problems of a network."""
+
+    def make() -> FloppyModes:
+        refuse_unstable(problem)
+        floppy, further = problem.floppy, 0
+        if floppy.total < problem.size:
+            least = float(frequency_of(np.array([problem.zero]))[0]) / 2
+            further = count_below(problem, least) - floppy.total
+        return floppy.with_collective(_further(problem, floppy, further))
+
+    return problem.once("counted zero modes", make)
 
 
-def add_from_spectrum(problem: Eigenproblem, square: Floats, vector: Floats) -> None:
-    """Add what all eigenvectors (size, size) with their omega^2 (size,) show of zero modes."""
-    zero = np.abs(square) <= problem.zero
-    if int(zero.sum()) > problem.floppy.total:
-        problem.floppy.add(vector[:, zero])
-    problem.floppy.all_known = True
+def _further(problem: Eigenproblem, floppy: FloppyModes, count: int) -> Floats:
+    """Shape (size, count): zero modes beside the `floppy` ones, orthonormal; so many there are.
 
-
-def _search(problem: Eigenproblem) -> None:
-    """Add zero modes that are found about a shift, until a round finds none."""
-    effort = near_a_shift(problem, lacking(problem) + BLOCK, problem.size)
-    if effort.seconds > LONGEST or effort.bytes > memory_at_hand():
-        return
-    sigma = -SHIFT * problem.diagonal.max()
-    solver = None if problem.solver == "layers" else problem.solver
-    factor = factorise(problem.shifted(sigma), definite=True, solver=solver)
-    nothing, found, new = np.empty((problem.size, 0)), 0, 1
-    while new:
-        held = Held(problem.floppy.basis, nothing, round=found)
-        ask = min(max(lacking(problem), BLOCK), held.free)
-        if ask == 0:
-            break
-        near = modes_nearest(factor.solve, problem.size, ask, sigma, held)
-        zero, _, _ = split(problem, near.square[near.converged], near.vector[:, near.converged])
-        # One more solve takes out what is left in them of the stiffest motions.
-        zero = factor.solve(zero) * -sigma if zero.shape[1] else zero
-        new = problem.floppy.add(zero)
-        found += new
-    factor.release()
-
-
-def split(problem: Eigenproblem, square: Floats, vector: Floats) -> tuple[Floats, Floats, Floats]:
-    """Zero modes (size, z), and omega^2 (k,) and unit vectors (size, k) of all others.
-
-    `square` and `vector` are modes as a search gives them. Those near zero are told apart by their
-    energies: the eigenvalues of A among them, from products with A, whose round-off is far below
-    that of a factorisation.
+    By inverse iteration on as many vectors. InputError where these have no room, or do not become
+    as still as zero modes are.
     """
-    near = np.abs(square) <= NEAR_ZERO * problem.zero
-    if not near.any():
-        return vector[:, near], square, vector
-    some = np.ascontiguousarray(vector[:, near])
-    energy, mixing = eigh(some.T @ problem.operator.apply(some))
-    some = some @ mixing
-    zero = np.abs(energy) <= problem.zero
-    square = np.concatenate([energy[~zero], square[~near]])
-    return some[:, zero], square, np.concatenate([some[:, ~zero], vector[:, ~near]], axis=1)
+    vectors = start_block(problem.size, max(count, 0))
+    if count <= 0:
+        return vectors
+    remedy = "take a smaller packing"
+    refuse_above_memory(3 * vectors.nbytes, f"finding {count} motions without energy", remedy)
+    shift = -SHIFT * problem.diagonal.max()
+    factor = factorise(problem.shifted(shift), definite=True, solver=_for_lists(problem.solver))
+    for _ in range(STEPS):
+        vectors = factor.solve(vectors)
+        for _ in range(2):
+            vectors -= floppy.basis @ (floppy.basis.T @ vectors)
+            vectors = qr(vectors, mode="economic", overwrite_a=True, check_finite=False)[0]
+        products = problem.operator.apply(np.ascontiguousarray(vectors))
+        if abs(products).max() <= STILL * problem.zero:
+            break
+    factor.release()
+    if eigvalsh(vectors.T @ products)[-1] > problem.zero:
+        raise InputError(f"{count} motions without energy were counted, but not all were found")
+    return vectors
+
+
+def _for_lists(solver: str | None) -> str | None:
+    """The layers only count: any solver finds what they have counted."""
+    return None if solver == "layers" else solver
+
+
+def easy(problem: Eigenproblem) -> bool:
+    """Whether an exact count takes some seconds, by estimate."""
+    return factorisation(problem, counting=True)[0].seconds <= EASY
+
+
+def doubtful(network: Network, floppy: FloppyModes) -> bool:
+    """Whether structure may well not show all zero modes of a disordered packing.
+
+    So it is with contacts that lack a tangential spring, with fewer springs than motions, with a
+    loose part that is too large to be looked at, and with springs of negative stiffness.
+    """
+    springs = int((network.stiffness_normal != 0).sum())
+    springs += 2 * int((network.stiffness_tangential != 0).sum())
+    left = floppy.basis.shape[0] - floppy.total
+    return not floppy.whole or not network.stiffness_tangential.all() or springs <= left

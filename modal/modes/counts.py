@@ -7,7 +7,7 @@ complements S_1 = A_11, S_k = A_kk - A_k,k-1 S_k-1^-1 A_k-1,k, each factorised w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import overload
 
 import numpy as np
@@ -19,20 +19,23 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from modal.arguments import checked
 from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
-from modal.modes.collective import every_floppy
 from modal.modes.effort import factorisation, refuse_endless_search
-from modal.modes.problem import SMALL, Eigenproblem, frequency_of
+from modal.modes.problem import COUNTED, SMALL, Eigenproblem
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.factor import SingularError, available, factorise
+from modal.solvers.lanczos import start_block
 from modal.stiffness.springs import with_sliding
 
 BEYOND = 4.0
 """Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is
 computed, since there may be no modes above it at all."""
-GROWTH = 1e7
+GROWTH = COUNTED / np.finfo(float).eps
 """Growth of a layer's entries up to which its signs count: round-off has then moved the eigenvalues
-by 2e-9 of the largest one."""
+by `COUNTED` of the largest one."""
+SOLVES = 3
+"""Solves of an inverse iteration that looks for a mode at a frequency: each multiplies its share of
+a random vector by how much nearer it is than the next mode."""
 BESIDE = 1e-6
 """How far beside a frequency, relative in omega^2, one counts that cannot count at it."""
 UNCERTAIN = "K - sigma M is singular, or a part of it, at this frequency; ask for a different one"
@@ -127,14 +130,14 @@ def count_modes(
 ) -> Ints | int:
     """How many natural frequencies a packing has below each of some frequencies, exactly.
 
-    Motions without energy count, as they lie at zero. `frequency` in Hz: a number, whose count is
-    an int, or an array, whose counts have its shape. Nothing is estimated: the signs of a
-    factorised K - omega^2 M tell (Sylvester's law of inertia). Where a frequency lies so near to
-    zero that round-off hides its side of the zero modes (omega^2 below 1e-11 of the largest
-    diagonal entry of M^-1 K), the count is that of the zero modes, if these are known to be all
-    modes so low. `sliding` as of `modal.eigenmodes`; `solver`
-    names a factorisation: pardiso, superlu or layers. InputError where a
-    frequency is negative or lies on a mode, and near zero where that is not known.
+    Motions without energy count, as they lie at zero, and so do unstable ones, whose omega^2 is
+    negative: at 0 Hz the count is theirs alone. `frequency` in Hz: a number, whose count is an int,
+    or an array, whose counts have its shape. Nothing is estimated: the signs of a factorised
+    K - omega^2 M tell (Sylvester's law of inertia). Round-off hides the side of modes within 1e-11
+    of the largest diagonal entry of M^-1 K, in omega^2. So near to zero a motion is one without
+    energy; elsewhere a frequency with a mode so near is refused. `sliding` as of
+    `modal.eigenmodes`; `solver` names a factorisation: pardiso, superlu or layers. InputError where
+    a frequency is negative or lies on a mode.
 
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
@@ -153,62 +156,84 @@ def counts_below(problem: Eigenproblem, frequency: ArrayLike) -> Ints:
         raise InputError(f"count_modes: frequency is {frequency!r}, not numbers of Hz") from error
     if (asked < 0).any():
         raise InputError(f"{asked.min():g} Hz is no frequency; give a number from 0 Hz on")
-    counts = [count_below(problem, f) for f in asked.ravel().tolist()]
+    counts = [count_below(problem, f, apart=True) for f in asked.ravel().tolist()]
     return np.array(counts, int).reshape(asked.shape)
 
 
-def count_below(problem: Eigenproblem, frequency: float) -> int:
-    """Exact number of modes below `frequency` (Hz), zero-energy modes included.
+def unstable_modes(problem: Eigenproblem) -> int:
+    """How many omega^2 are negative, beyond round-off; none where all stiffnesses are positive."""
+    return count_below(problem, 0.0)
+
+
+def refuse_unstable(problem: Eigenproblem) -> None:
+    """InputError where K has a negative direction, along which no motion is a vibration."""
+    if unstable := unstable_modes(problem):
+        raise InputError(
+            f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
+            "with these springs; `count` says how many modes lie below a frequency, these among them"
+        )
+
+
+def count_below(problem: Eigenproblem, frequency: float, *, apart: bool = False) -> int:
+    """Exact number of modes below `frequency` (Hz), unstable and zero-energy ones included.
 
     It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
     of a factorisation: PARDISO's where it is installed, else layer by layer in little memory. Small
     networks are solved dense. No factorisation can tell the sides of an omega^2 below the problem's
-    `zero`: the count is made there instead, and holds if it is that of the zero modes, since then
-    no other mode is as low. A factorisation may be uncertain at this very frequency, since a
-    pivot may vanish although no mode is near. Then it is made a little below and a little above,
-    and counts if both agree; otherwise the layers are tried. InputError where no way is certain.
+    `zero`: all modes so low are zero modes, and the count above 0 Hz is made just above them, that
+    at 0 Hz just below. A factorisation may be uncertain at this very frequency, since a pivot may
+    vanish although no mode is near. Then it is made a little below and a little above, and counts
+    if both agree; otherwise the layers are tried. InputError where no way is certain, and, if the
+    modes must be `apart` from the frequency, where one is nearer than round-off.
     """
     if not np.isfinite(frequency):
         raise InputError(f"{frequency} Hz is no frequency; give a number from 0 Hz on")
-    square = (2 * np.pi * frequency) ** 2
-    if frequency <= 0:
+    if frequency <= 0 and problem.semidefinite:
         return 0
-    if square < problem.zero:
-        return _count_of_zero(problem, frequency)
-    if square > BEYOND * problem.diagonal.max() and square > problem.bound:
+    square = (2 * np.pi * frequency) ** 2
+    if square <= problem.zero:
+        square = (1 if frequency > 0 else -1) * (1 + BESIDE) * problem.zero
+        apart = False
+    if square > BEYOND * problem.diagonal.max(initial=0.0) and square > problem.bound:
         return problem.size
     if problem.size <= SMALL:
-        return int((problem.spectrum < square).sum())
+        near = abs(problem.spectrum - square).min() <= problem.zero
+        counts = {None if apart and near else int((problem.spectrum < square).sum())}
+        return _agreed([counts], frequency)
     effort, _ = factorisation(problem, counting=True)
     refuse_endless_search(problem, effort, "an exact count takes", "take the density of states")
     solver = problem.solver or ("pardiso" if available("pardiso") else "layers")
     methods = [solver, "layers"] if solver in ("pardiso", "superlu") else ["layers"]
-    for method in methods:
-        for places in ([square], [square * (1 - BESIDE), square * (1 + BESIDE)]):
-            counts = {_negative(problem, place, method) for place in places}
-            count = counts.pop()
-            if not counts and count is not None:
-                return count
+    step = max(BESIDE * abs(square), problem.zero if apart else 0.0)
+    beside = [square - step, square + step]
+
+    def tried() -> Iterator[set[int | None]]:
+        for method in methods:
+            # The layers give no solution that would show a mode at the frequency itself.
+            if not (apart and method == "layers"):
+                yield {_negative(problem, square, method, apart)}
+            yield {_negative(problem, place, method, False) for place in beside}
+
+    return _agreed(tried(), frequency)
+
+
+def _agreed(ways: Iterable[set[int | None]], frequency: float) -> int:
+    """The first count on which all places of one way agree; InputError where there is none."""
+    for counts in ways:
+        count = counts.pop()
+        if not counts and count is not None:
+            return count
     raise InputError(
         f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
         "different frequency"
     )
 
 
-def _count_of_zero(problem: Eigenproblem, frequency: float) -> int:
-    """Number of zero modes, if no other mode lies below the problem's `zero`; else InputError."""
-    least = float(frequency_of(np.array([problem.zero]))[0]) * (1 + BESIDE)
-    count = count_below(problem, least)
-    if count not in (problem.floppy.total, every_floppy(problem).total):
-        raise InputError(
-            f"{frequency:g} Hz: so near to zero a mode's side is round-off; ask from "
-            f"{least:.3g} Hz on, where it is not"
-        )
-    return count
+def _negative(problem: Eigenproblem, square: float, method: str, apart: bool) -> int | None:
+    """Negative eigenvalues of A - square; None where this method cannot tell.
 
-
-def _negative(problem: Eigenproblem, square: float, method: str) -> int | None:
-    """Negative eigenvalues of A - square; None where this method cannot tell."""
+    Nor can it where modes must be `apart` and one is not.
+    """
     shifted = problem.shifted(square)
     try:
         if method == "layers":
@@ -216,5 +241,14 @@ def _negative(problem: Eigenproblem, square: float, method: str) -> int | None:
         factor = factorise(shifted, definite=False, solver=method)
     except SingularError:
         return None
+    on_a_mode = apart and _distance(factor.solve, problem.size) <= problem.zero
     factor.release()
-    return factor.negative
+    return None if on_a_mode else factor.negative
+
+
+def _distance(solve: Callable[[Floats], Floats], size: int) -> float:
+    """How far the eigenvalue next to zero is from it, by inverse iteration from a random vector."""
+    vector = start_block(size, 1)[:, 0]
+    for _ in range(SOLVES):
+        vector = solve(vector / np.linalg.norm(vector))
+    return float(1 / np.linalg.norm(vector))

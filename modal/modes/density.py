@@ -44,7 +44,6 @@ FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 """Full width at half height of a Gaussian over its standard deviation."""
 CHUNK = 256
 """Frequencies evaluated at a time, to bound the memory."""
-NEGATIVE = "K has a negative direction (negative stiffness); no density of states"
 DENSE_PAYS = 4
 """Degrees of freedom to a random vector below which the whole spectrum costs less than they do."""
 LARGEST_DENSE = 3000
@@ -60,7 +59,8 @@ class DensityOfStates:
     are exact. highest: the frequency of x = 1, Hz. zero_modes (6,): how much of the zero modes,
     which were split off exactly, is in each component. resolution: Hz, the full width at half
     height that a single mode has at low frequency; it falls as sqrt(1 - x^2) towards the top.
-    products: how many products with A were spent.
+    products: how many products with A were spent. counted: whether an exact count says that these
+    are all zero modes; in large sound packings they are those that the contacts show.
     """
 
     moments: Floats
@@ -68,6 +68,7 @@ class DensityOfStates:
     zero_modes: Floats
     resolution: float
     products: int
+    counted: bool = True
 
     @property
     def random_vectors(self) -> int:
@@ -179,7 +180,7 @@ def density_of_states(
     `tolerance` bounds the standard error of every count in parts of all modes: for vectors of
     signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
     so many of them that the whole spectrum costs less; then there is no error but the kernel's
-    width. Motions without energy are split off exactly, at zero. `seed` draws the random vectors;
+    width. Motions without energy are split off, at zero. `seed` draws the random vectors;
     `sliding` as of `modal.eigenmodes`. InputError where K has a negative direction, and where the
     estimated work exceeds a day or the memory.
 
@@ -202,8 +203,6 @@ def density_of_states(
     # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
     vectors = max(FEWEST, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
-    zero = every_floppy(problem).basis
-    at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
     exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
     numbers = size * (count + 4 * size) if exact else 6 * vectors * count + 4 * size
     refuse_endless(
@@ -213,9 +212,12 @@ def density_of_states(
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
+    floppy = every_floppy(problem)
     if exact:
-        moments = _exact_moments(operator, at_zero, top, count)
-        return DensityOfStates(moments, highest, at_zero, resolution, products + size)
+        moments, at_zero = _exact_moments(problem, top, count)
+        return DensityOfStates(moments, highest, at_zero, resolution, products)
+    zero = floppy.basis
+    at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
     signs = np.random.default_rng(seed)
     moments = np.empty((vectors, 6, count))
     # One vector after the other: a cache holds two of its states and the contacts, but not of six.
@@ -224,20 +226,18 @@ def density_of_states(
         start -= zero @ (zero.T @ start)
         start = operator.inward(start)
         moments[k] = _moments(operator, start, top, count, f"density {k + 1}/{vectors}")
-    return DensityOfStates(
-        moments, highest, at_zero, resolution, products + vectors * (1 + count // 2)
-    )
+    products += vectors * (1 + count // 2)
+    return DensityOfStates(moments, highest, at_zero, resolution, products, floppy.counted)
 
 
-def _exact_moments(operator: ContactOperator, at_zero: Floats, top: float, count: int) -> Floats:
-    """Shape (1, 6, count): the traces themselves, less those of the zero modes (6,)."""
-    square, vector = eigh(operator @ np.eye(operator.shape[0]))
-    if square[0] < -1e-9 * top:  # far beyond the round-off of a zero mode
-        raise InputError(NEGATIVE)
-    angle = np.arccos(np.clip(2 * square / top - 1, -1, 1))
+def _exact_moments(problem: Eigenproblem, top: float, count: int) -> tuple[Floats, Floats]:
+    """Shape (1, 6, count): the traces themselves, of elastic modes; (6,): those of zero modes."""
+    square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
+    zero = square <= problem.zero
+    angle = np.arccos(np.clip(2 * square[~zero] / top - 1, -1, 1))
     share = np.einsum("ncv,ncv->cv", *2 * [vector.reshape(-1, 6, len(square))])
-    moments = share @ np.cos(angle[:, None] * np.arange(count))
-    return (moments - np.outer(at_zero, (-1.0) ** np.arange(count)))[None]
+    moments = share[:, ~zero] @ np.cos(angle[:, None] * np.arange(count))
+    return moments[None], share[:, zero].sum(axis=1)
 
 
 def _moments(
@@ -263,7 +263,7 @@ def _moments(
     moments[:, last] = 2 * component_sums(before, now)[0] - moments[:, 0]
     first, largest = moments[:, 0].sum(), moments[:, last].sum()
     if not abs(largest) <= largest_growth(operator, last) * first:
-        raise InputError(NEGATIVE)
+        raise InputError("the top of the spectrum was not found; ask with another seed")
     return moments[:, :count]
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from modal.arguments import checked
 from modal.formats.hdf5 import InputError
 from modal.modes.collective import every_floppy
+from modal.modes.counts import refuse_unstable
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
@@ -50,8 +51,9 @@ def eigenmodes(
     mass-normalised, kg^-1/2, where `shapes` are wanted and take no more than 2 GB. It is
     `certified` where an exact count of modes says that none is missing; with `highest` that may be
     left out (`certify=False`). `solver` names a factorisation: pardiso, banded or superlu.
-    InputError where there are no such modes, and where the search is estimated to take longer than
-    `hours` or more than the free memory.
+    InputError where there are no such modes, where K has a negative direction, so that the packing
+    is not stable, and where the search is estimated to take longer than `hours` or more than the
+    free memory.
 
     >>> import modal
     >>> low = eigenmodes(modal.fcc(cells=(2, 2, 20)), lowest=3)
@@ -74,6 +76,7 @@ def eigenmodes(
     problem = Eigenproblem.of(
         network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
     )
+    refuse_unstable(problem)
     if highest is not None:
         modes = highest_modes(problem, highest, certify=certify)
     elif all:
@@ -83,7 +86,8 @@ def eigenmodes(
     elif between is not None:
         modes = modes_between(problem, *between)
     else:
-        few = min(FEW, problem.size - problem.floppy.total)
+        few = min(FEW, problem.size - every_floppy(problem).total)
         modes = lowest_modes(problem, few if lowest is None else lowest)
-    modes.attributes["floppy_modes"] = every_floppy(problem).total
+    if "floppy_modes" not in modes.attributes:
+        modes.attributes["floppy_modes"] = every_floppy(problem).total
     return modes

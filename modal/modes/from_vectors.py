@@ -24,7 +24,7 @@ LARGEST_SHAPES = 2e9
 
 
 def relative_residual(difference: Array, square: Floats, resolution: float) -> Floats:
-    """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (size, k) and omega^2 (k,).
+    """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (any, k) and omega^2 (k,).
 
     Where |omega^2| is smaller than `resolution`, which means that it is round-off, the difference
     is divided by `resolution` instead: zero modes then have a residual of order 1, not of infinity.

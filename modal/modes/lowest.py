@@ -8,24 +8,30 @@ are held out, so that the list is that of the elastic ones, and the exact counts
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
-from modal.modes.collective import SHIFT, lacking
+from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import count_below
 from modal.modes.dense import DENSE_LIMIT, dense_modes
 from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.problem import SMALL, Eigenproblem, check_count, frequency_of
 from modal.modes.search import Search, SearchBelow
+from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import available
 from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.workload import memory_at_hand
 
+SHIFT = 1e-7
+"""Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
+NEAR_ZERO = 1e3
+"""Times the bound of zero: up to there a search may have found a zero mode, to its round-off."""
 SLICE = 700
 """Modes that one factorisation is asked for; wider intervals are cut by exact counts. Of 35,201
 spheres their basis takes as much memory as two factors; 300 modes about a shift take 2.8 solves
@@ -49,7 +55,7 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     Certified: the exact count below the highest of them is that of the modes found. Where modes
     did not converge the list ends early, and `missing` says how many it lacks.
     """
-    check_count(problem, count, problem.size - problem.floppy.total)
+    check_count(problem, count, problem.size - every_floppy(problem).total)
     choice = Choice("lowest", count)
 
     def lowest(frequency: Floats) -> slice:
@@ -58,15 +64,34 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
 
     if problem.size <= SMALL or count > problem.size // MANY:
         return dense_modes(problem, lowest, choice)
-    effort = near_a_shift(problem, count + lacking(problem), SLICE)
+    effort = near_a_shift(problem, count, SLICE)
     refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
     if count > SLICE:
         return _lowest_by_slices(problem, count)
-    sigma = -SHIFT * problem.diagonal.max()
-    search = Search(problem, sigma, definite=True)
-    missing = search.complete(
-        count, 1, lambda edge: count_below(problem, edge) - problem.floppy.total
-    )
+    return _beside(problem, lambda floppy: _nearest_zero(problem, count, choice, floppy))
+
+
+def _beside(problem: Eigenproblem, listed: Callable[[FloppyModes], ModeSet]) -> ModeSet:
+    """A list of the modes beside the zero modes, as `listed` makes it for these.
+
+    Where these are not counted, and the list does not agree with them, they are.
+    """
+    floppy = every_floppy(problem)
+    modes = listed(floppy)
+    near = frequency_of(np.array([NEAR_ZERO * problem.zero]))[0]
+    if not floppy.counted and (not modes.certified or (modes.frequency <= near).any()):
+        floppy = counted_floppy(problem)
+        modes = listed(floppy)
+    modes.attributes.setdefault("floppy_modes", floppy.total)
+    return modes
+
+
+def _nearest_zero(
+    problem: Eigenproblem, count: int, choice: Choice, floppy: FloppyModes
+) -> ModeSet:
+    """The `count` lowest modes beside the `floppy` ones, about a shift just below zero."""
+    search = Search(problem, -SHIFT * problem.diagonal.max(), definite=True, floppy=floppy)
+    missing = search.complete(count, 1, lambda edge: count_below(problem, edge) - floppy.total)
     if len(search.square) == 0:
         raise InputError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
@@ -77,16 +102,17 @@ def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
     missing = max(missing, short) if short > 0 else missing
     modes = subset(modes, slice(0, count - max(missing, 0)), choice)
     modes.attributes |= certificate(missing)
-    problem.floppy.all_known |= modes.certified
     return modes
 
 
 def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
-    """Every elastic mode with low <= f < high, Hz, certified by the counts at both ends.
+    """Every elastic mode with low <= f < high, Hz, certified by counts beside both ends.
 
-    Where no modes but floppy ones lie below `low` they may be found all at once, by a polynomial.
-    Other intervals with more than `SLICE` modes are cut into slices, each with its own
-    factorisation and its own certificate.
+    These are made outside, as far as round-off reaches, so that an interval may end on a mode:
+    whether that is one of the list is then decided by its frequency as it was found. Where no modes
+    but floppy ones lie below `low` they may be found all at once, by a polynomial. Other intervals
+    with more than `SLICE` modes are cut into slices, each with its own factorisation and its own
+    certificate.
     """
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
@@ -96,24 +122,40 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
         low = 0.0
 
     def inside(frequency: Floats) -> slice:
-        first = max(int((frequency < low).sum()), _zero_modes(problem, frequency))
-        return slice(first, max(first, int((frequency < high).sum())))
+        first = max(int((frequency < choice.low).sum()), _zero_modes(problem, frequency))
+        return slice(first, max(first, int((frequency < choice.high).sum())))
 
     if problem.size <= SMALL:
         return dense_modes(problem, inside, choice)
-    below = {low: problem.floppy.total if low == 0 else count_below(problem, low)}
+    low -= low * problem.blur((2 * np.pi * low) ** 2)
+    high += high * problem.blur((2 * np.pi * high) ** 2)
+    modes = _beside(problem, lambda floppy: _between(problem, low, high, inside, choice, floppy))
+    return subset(modes, inside(modes.frequency), choice)
+
+
+def _between(
+    problem: Eigenproblem,
+    low: float,
+    high: float,
+    inside: Callable[[Floats], slice],
+    choice: Choice,
+    floppy: FloppyModes,
+) -> ModeSet:
+    """Every mode with low <= f < high, Hz, beside the `floppy` ones; dense those `inside`."""
+    below = {low: floppy.total if low == 0 else count_below(problem, low)}
     below[high] = count_below(problem, high)
     wanted = below[high] - below[low]
     if problem.size <= DENSE_LIMIT and wanted > problem.size // MANY:
         return dense_modes(problem, inside, choice)
     effort, low_end = near_a_shift(problem, wanted, SLICE), None
-    if wanted and below[low] == problem.floppy.total:
+    if wanted > 0 and below[low] == floppy.total:
         effort, low_end = _quickest(problem, high, wanted, effort)
     refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
     if low_end is not None:
-        return _joined([_found(SearchBelow(problem, low_end), low, high, wanted, wanted)], choice)
+        search = SearchBelow(problem, low_end, floppy)
+        return _joined([_found(search, low, high, wanted, wanted)], choice)
     slices = _cut(problem, low, high, below)
-    parts = [_slice(problem, a, b, below[b] - below[a], wanted) for a, b in slices]
+    parts = [_slice(problem, a, b, below[b] - below[a], wanted, floppy) for a, b in slices]
     return _joined(parts, choice)
 
 
@@ -158,7 +200,9 @@ def _cut(
     ]
 
 
-def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int) -> ModeSet:
+def _slice(
+    problem: Eigenproblem, low: float, high: float, wanted: int, of: int, floppy: FloppyModes
+) -> ModeSet:
     """The `wanted` modes of one slice, of `of` in all of them, about a shift."""
     # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
     # lower end, where A - sigma is definite, needs twice as many solves.
@@ -167,19 +211,17 @@ def _slice(problem: Eigenproblem, low: float, high: float, wanted: int, of: int)
     sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
     if not interior:
         sigma = -SHIFT * problem.diagonal.max()
-    return _found(Search(problem, sigma, definite=not interior), low, high, wanted, of)
+    search = Search(problem, sigma, definite=not interior, floppy=floppy)
+    return _found(search, low, high, wanted, of)
 
 
 def _found(search: Search, low: float, high: float, wanted: int, of: int) -> ModeSet:
     """The modes with low <= f < high that a search finds, certified if they are `wanted`."""
     missing = search.gather(
-        wanted,
-        lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high),
-        with_zero=low == 0,
+        wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
     )
     modes = search.modes(low, high, Choice("between", low=low, high=high), of)
     modes.attributes |= certificate(missing)
-    search.problem.floppy.all_known |= low == 0 and modes.certified
     return modes
 
 
@@ -194,8 +236,7 @@ def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
     The frequency is found by exact counts, each a third of an octave above the last.
     """
     top = frequency_of(np.array([problem.bound]))[0]
-    lowest = (1 + NARROW) * frequency_of(np.array([problem.zero]))[0]
-    high, total = top / 64, count_below(problem, lowest)
+    high, total = top / 64, counted_floppy(problem).total
     while high < top and count_below(problem, high) - total < count:
         high *= 2 ** (1 / 3)
     modes = modes_between(problem, 0.0, high)
@@ -216,10 +257,13 @@ def _joined(parts: list[ModeSet], choice: Choice) -> ModeSet:
             if name != "attributes" and all(column is not None for column in columns):
                 arrays[name] = np.concatenate(columns)
         whole = ModeSet(**arrays)
+    missing = sum(part.missing for part in parts)
+    if not missing and not all(part.certified for part in parts):
+        missing = -1
     whole.attributes = {
         **parts[0].attributes,
         **choice.attributes,
         "solver": parts[0].attributes["solver"] + f"; {len(parts)} slices" * (len(parts) > 1),
-        **certificate(sum(part.attributes["missing"] for part in parts)),
+        **certificate(missing),
     }
     return whole

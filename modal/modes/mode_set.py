@@ -243,7 +243,7 @@ def certificate(missing: int, because: str = "") -> dict[str, Any]:
     `because` says why no count was made. A `missing` below zero is a count that contradicts.
     """
     if missing > 0:
-        because = f"{missing} modes are missing: they did not converge"
+        because = f"{missing} modes are missing: not converged, or on an end to round-off"
     if missing < 0:
         because = f"{-missing} more modes were found than the exact count allows"
     attributes = {"certified": not because, "missing": max(missing, 0)}

@@ -25,7 +25,7 @@ SMALL = 600
 COUNTED = 1e-11
 """How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
 mostly it is a tenth of that. Modes so close to a frequency may be counted on either side of it."""
-BLUR = 1e-9, 1e-6
+BLUR = 1e-9, 0.25
 """Limits of the relative distance from a listed frequency at which modes are counted instead."""
 
 
@@ -62,7 +62,7 @@ class Eigenproblem:
             raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
         return cls(network, 3 if translations_only else 6, solver, shapes, hours)
 
-    def _once(self, name: str, make: Callable[[], Made]) -> Made:
+    def once(self, name: str, make: Callable[[], Made]) -> Made:
         """What does not depend on the settings, and is made once for all problems of a network."""
         return self.network.once(f"{name}, {self.dof} a particle", make)
 
@@ -75,7 +75,7 @@ class Eigenproblem:
     def mass(self) -> Floats:
         """Shape (size,): M's diagonal."""
         short = self.dof == 3
-        return self._once("mass", lambda: mass_diagonal(self.network, translations_only=short))
+        return self.once("mass", lambda: mass_diagonal(self.network, translations_only=short))
 
     @property
     def diagonal(self) -> Floats:
@@ -84,7 +84,7 @@ class Eigenproblem:
         def make() -> Floats:
             return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
 
-        return self._once("diagonal", make)
+        return self.once("diagonal", make)
 
     def assembled(self) -> sp.csr_matrix:
         """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
@@ -133,16 +133,25 @@ class Eigenproblem:
         return ContactOperator(self.network, translations_only=self.dof == 3, mass_scaled=True)
 
     @property
+    def semidefinite(self) -> bool:
+        """Whether no motion can release energy, since no spring has a negative stiffness."""
+        springs = self.network.stiffness_normal, self.network.stiffness_tangential
+        return bool(min(k.min(initial=0.0) for k in springs) >= 0)
+
+    @property
     def floppy(self) -> FloppyModes:
         """Zero modes: motions that no contact resists, as the structure of the contacts shows them.
 
-        A search that meets further ones adds them; `modal.modes.collective` looks for them.
+        How many there are beside these: `modal.modes.collective`. It shows none where springs of
+        negative stiffness may balance others.
         """
 
         def make() -> FloppyModes:
-            return floppy_modes(self.network, self.operator, self.mass, self.diagonal)
+            if not self.semidefinite:
+                return FloppyModes(sp.csc_matrix((self.size, 0)), 0, 0, 0, 0, whole=False)
+            return floppy_modes(self.network, self.operator, self.mass, self.diagonal, self.zero)
 
-        return self._once("floppy modes", make)
+        return self.once("floppy modes", make)
 
     @property
     def spectrum(self) -> Floats:
@@ -151,7 +160,7 @@ class Eigenproblem:
         def make() -> Floats:
             return eigh(self.scaled.toarray(), eigvals_only=True)
 
-        return self._once("spectrum", make)
+        return self.once("spectrum", make)
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
@@ -176,7 +185,7 @@ def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None
     `available_modes` is the number of modes that can be listed: all degrees of freedom, less the
     zero modes where these are not listed.
     """
-    if available_modes < 1:
+    if available_modes < 1 or not problem.diagonal.any():
         raise InputError(
             f"no modes to list: no spring holds any of the {problem.size} motions; see the "
             "contacts with `info`"

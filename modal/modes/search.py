@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.arrays import Bools, Floats, Ints
-from modal.modes.collective import split
 from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
+from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import Factor, SingularError, factorise
 from modal.solvers.lanczos import (
     ROOM,
@@ -38,43 +38,35 @@ class Search:
     """Modes nearest a shift, found in rounds: each round holds out what the rounds before found.
 
     A block of start vectors sees as many modes of one frequency as it is wide. Where an exact
-    count says that some are missing, another round finds them. Zero modes that come back are added
-    to the problem's floppy ones; `zero` says how many.
+    count says that some are missing, another round finds them. The `floppy` modes are held out.
     """
 
-    elastic = True
-
-    def __init__(self, problem: Eigenproblem, sigma: float, *, definite: bool) -> None:
+    def __init__(
+        self, problem: Eigenproblem, sigma: float, *, definite: bool, floppy: FloppyModes
+    ) -> None:
         self.problem, self.sigma, self.definite = problem, sigma, definite
+        self.floppy = floppy
         self.factor: Factor | None = None
         self.solver = ""
         self.square = np.empty(0)
         self.vector = np.empty((problem.size, 0))
         self.solves = 0
-        self.zero = 0
 
-    def gather(
-        self,
-        wanted: int,
-        inside: Callable[[Floats], Bools] = np.isfinite,
-        *,
-        with_zero: bool = False,
-    ) -> int:
-        """Search until `wanted` modes are found, or until a round finds none that converges.
+    def gather(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
+        """Search until `wanted` modes are found, or a round finds none that converges or counts.
 
         Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and gives bool (k,).
-        `with_zero` says that `wanted` comes from a count that has the zero modes which are found
-        from now on among them. Returns how many are missing: 0 if all were found, negative if more
-        were found than wanted.
+        As the nearest come first, a round that finds others alone has seen all that are inside.
+        Returns how many are missing: 0 if all were found, negative if more were found than wanted.
         """
-        going, known = True, self.zero
+        going = True
         while going:
-            missing = wanted - int(inside(self.square).sum())
-            if with_zero:
-                missing -= self.zero - known
-            ask = min(missing, self.held().free)
+            known = len(self.square)
+            ask = min(wanted - int(inside(self.square).sum()), self.held().free)
             going = ask > 0 and self.ask(ask)
-        return missing
+            new = inside(self.square[known:])
+            going &= not len(new) or bool(new.any())
+        return wanted - int(inside(self.square).sum())
 
     def complete(self, count: int, direction: int, counted: Callable[[float], int]) -> int:
         """Search until an exact count confirms the `count` lowest or highest modes.
@@ -97,7 +89,7 @@ class Search:
             wanted = counted(edge)
             lacking = wanted - int(beyond(self.square).sum())
             if lacking <= count:
-                return self.gather(wanted, beyond, with_zero=direction > 0)
+                return self.gather(wanted, beyond)
             # Of a frequency so often degenerate a part is enough: the last mode will be another.
             if not self.ask(count):
                 return count
@@ -105,7 +97,7 @@ class Search:
 
     def held(self) -> Held:
         """The modes that the next round must not find again: zero modes and those found before."""
-        return Held(self.problem.floppy.basis, self.vector, self.zero)
+        return Held(self.floppy.basis, self.vector)
 
     def ask(self, count: int) -> bool:
         """Search for `count` more modes; True if any converged.
@@ -125,12 +117,9 @@ class Search:
         return factorise(shifted, definite=self.definite, solver=self.problem.solver)
 
     def keep(self, near: Nearest) -> bool:
-        """Add the converged modes to those found, or to the zero modes; True if there were any."""
+        """Add the converged modes to those found; True if there were any."""
         square = near.square[near.converged]
         vector = _columns(near.vector, np.flatnonzero(near.converged))
-        if self.elastic:
-            zero, square, vector = split(self.problem, square, vector)
-            self.zero += self.problem.floppy.add(zero)
         self.square = np.concatenate([self.square, square])
         known = self.vector.shape[1] > 0
         self.vector = np.concatenate([self.vector, vector], axis=1) if known else vector
@@ -166,8 +155,8 @@ def _columns(vector: Floats, chosen: Ints) -> Floats:
 class SearchBelow(Search):
     """The lowest modes, all below a frequency: by a polynomial of A in place of a factorisation."""
 
-    def __init__(self, problem: Eigenproblem, low_end: LowEnd) -> None:
-        super().__init__(problem, 0.0, definite=True)
+    def __init__(self, problem: Eigenproblem, low_end: LowEnd, floppy: FloppyModes) -> None:
+        super().__init__(problem, 0.0, definite=True, floppy=floppy)
         self.low_end = low_end
         self.products = 0
 
@@ -187,19 +176,15 @@ class SearchFromTop(Search):
 
     Products alone find modes that stand apart; dense bunches at the top (long crystals, equal
     columns that hardly differ) need the shift, just above the highest of them, where A - sigma is
-    negative definite. Zero modes are listed with the others.
+    negative definite. Zero modes are listed with the others: they need not be held out, as they
+    are far from the top.
     """
 
-    elastic = False
-
     def __init__(self, problem: Eigenproblem) -> None:
-        super().__init__(problem, np.inf, definite=True)
+        none = FloppyModes(sp.csc_matrix((problem.size, 0)), 0, 0, 0, 0)
+        super().__init__(problem, np.inf, definite=True, floppy=none)
         self.products = 0
         self.reach = 0.0
-
-    def held(self) -> Held:
-        """The modes found before. Zero modes need not be held out, they are far from the top."""
-        return Held(sp.csc_matrix((self.problem.size, 0)), self.vector)
 
     def ask(self, count: int) -> bool:
         """Search for `count` more modes below those found; True if another round is worthwhile.

@@ -6,49 +6,47 @@ their contacts leaves others with fewer than three, so the loose parts are peele
 after the other. Held by the rest, which is taken as fixed, each connected loose part is a small
 matrix; its null space, padded with zeros, is a null space of K, since K has no negative direction
 and no energy means no stretched contact. A cluster that no wall holds also moves as a whole.
-Whether the rest really is rigid is for the exact count of `modal.modes.counts` to say; what moves
-there without energy is found by `modal.modes.collective` and by the searches for elastic modes.
+Whether the rest really is rigid is for the exact count of `modal.modes.collective` to say.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import (
+    breadth_first_order,
+    connected_components,
+    reverse_cuthill_mckee,
+)
 
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
-from modal.solvers.spectrum import norm
+from modal.solvers.spectrum import dot, norm
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 
-NULL = 1e-10
-"""An eigenvalue is zero below this share of its part's largest one: far above round-off, and
-below it only parts whose stiffnesses differ by 1e10."""
-EMPTY = 1e-15
-"""A diagonal entry below this share of the largest one is what round-off leaves of zero."""
 NEW = 1e-8
 """A motion of which the modes known before leave less, of its square, is one of them."""
 HELD_BY = 3
 """Contacts that hold a sphere in all six directions."""
-LARGEST_PART = 1500
-"""Spheres of a part whose null space is still computed dense; larger ones count as held."""
+LARGEST_PART = 100
+"""Spheres of a part whose null space is computed, dense; larger ones are cut into such pieces."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class FloppyModes:
-    """Zero modes: `basis` (size, z), sparse, orthonormal in the mass-scaled degrees of freedom.
+    """Zero modes; `basis` (size, z), sparse, orthonormal in the mass-scaled degrees of freedom.
 
     The other fields are numbers of zero modes by kind. `free_particles`: of particles without
     contacts. `loose_clusters`: of clusters that no wall holds, or that slide along a wall without
     tangential springs. `hinged`: of loosely held parts of clusters that touch a wall. `spinning`:
-    rotations of particles without tangential springs. `collective`: what many spheres that have
-    `HELD_BY` contacts each do together, found by a search. `all_known` says that an exact count has
-    shown that there are no others, or that they have been looked for.
+    rotations of particles without tangential springs. `collective`: those of many spheres together,
+    which an exact count has shown. `counted`: whether it was made; without it there may be more
+    than `total`. `whole`: whether no loose part was too large to be looked at as a whole.
     """
 
     basis: sp.csc_matrix
@@ -57,33 +55,23 @@ class FloppyModes:
     hinged: int
     spinning: int
     collective: int = 0
-    all_known: bool = field(default=False, init=False)
+    counted: bool = False
+    whole: bool = True
 
     @property
     def total(self) -> int:
-        """Number of zero modes found."""
-        return self.basis.shape[1]
+        """Number of zero modes."""
+        return int(self.basis.shape[1])
 
     def by_kind(self) -> dict[str, int]:
         """Number of zero modes of each kind."""
         kinds = ("free_particles", "loose_clusters", "hinged", "spinning", "collective")
         return {kind: getattr(self, kind) for kind in kinds}
 
-    def add(self, vector: Floats) -> int:
-        """Add collective modes: what unit vectors (size, k) have beside the basis.
-
-        Returns how many the basis has gained.
-        """
-        if vector.shape[1] == 0:
-            return 0
-        for _ in range(2):
-            vector = vector - self.basis @ (self.basis.T @ vector)
-        square, mixing = eigh(vector.T @ vector)
-        new = square > NEW
-        vector = vector @ (mixing[:, new] / np.sqrt(square[new]))
-        self.basis = sp.hstack([self.basis, sp.csc_matrix(vector)], format="csc")
-        self.collective += vector.shape[1]
-        return int(vector.shape[1])
+    def with_collective(self, vectors: Floats) -> FloppyModes:
+        """These and the `vectors` (size, k), orthonormal, which a count says are the rest."""
+        basis = sp.hstack([self.basis, sp.csc_matrix(vectors)], format="csc")
+        return replace(self, basis=basis, collective=vectors.shape[1], counted=True)
 
 
 def clusters(network: Network) -> tuple[Ints, Bools]:
@@ -98,12 +86,12 @@ def clusters(network: Network) -> tuple[Ints, Bools]:
 
 
 def floppy_modes(
-    network: Network, operator: ContactOperator, mass: Floats, diagonal: Floats
+    network: Network, operator: ContactOperator, mass: Floats, diagonal: Floats, zero: float
 ) -> FloppyModes:
     """The zero modes of A = M^-1/2 K M^-1/2 that the structure of the contacts explains.
 
-    `operator` is A, `diagonal` (size,) its diagonal, `mass` (size,) that of M. Only the contacts of
-    loosely held particles are assembled as a matrix.
+    `operator` is A, `diagonal` (size,) its diagonal, `mass` (size,) that of M; an omega^2 up to
+    `zero`, 1/s^2, is none. Only the contacts of loosely held particles are assembled as a matrix.
     """
     size = len(mass)
     dof = size // network.n_particles
@@ -121,29 +109,35 @@ def floppy_modes(
     place = np.full(network.n_particles, -1)
     place[members] = np.arange(len(members))
     local = _stiffness_among(network, members, mass, dof)
-    for part in _loose_parts(network, loose & touched):
-        if len(part) > LARGEST_PART:
-            continue
+    loose_parts = _loose_parts(network, loose & touched)
+    for part in (piece for whole in loose_parts for piece in _pieces(whole)):
         inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
         in_part[index] = True
-        null = _null_space(local[inside][:, inside].toarray())
+        square, vector = eigh(local[inside][:, inside].toarray(), check_finite=False)
+        null = vector[:, square <= zero]
         kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
         rows, columns = np.meshgrid(index, np.arange(null.shape[1]), indexing="ij")
         shape = (size, null.shape[1])
         parts.append(sp.coo_matrix((null.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
     # An empty row elsewhere: a sphere without tangential springs turns freely.
-    spins = np.flatnonzero((diagonal <= EMPTY * diagonal.max(initial=0.0)) & ~in_part)
+    spins = np.flatnonzero((diagonal <= zero) & ~in_part)
     parts.append(_unit_columns(spins, size))
     basis = sp.hstack(parts, format="csc")
     # Clusters at a wall are tried too: without tangential springs they slide along it.
     for which in np.unique(cluster[~loose]):
-        rigid = _rigid_motions(network, operator, mass, diagonal.max(), cluster == which)
+        rigid = _rigid_motions(network, operator, mass, zero, cluster == which)
         rigid = rigid - basis @ (basis.T @ rigid)
         square, vector = eigh(rigid.T @ rigid)
         new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
-    return FloppyModes(basis, **kinds, spinning=len(spins))
+    whole = all(len(part) <= LARGEST_PART for part in loose_parts)
+    return FloppyModes(basis, *kinds.values(), len(spins), whole=whole)
+
+
+def _pieces(part: Ints) -> list[Ints]:
+    """A loose part in pieces of neighbours, no more than `LARGEST_PART` spheres each."""
+    return np.array_split(part, -(-len(part) // LARGEST_PART))
 
 
 def _degrees_of_freedom(spheres: Ints, dof: int) -> Ints:
@@ -169,7 +163,7 @@ def _stiffness_among(network: Network, spheres: Ints, mass: Floats, dof: int) ->
 
 
 def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
-    """Connected parts of the loose spheres, as arrays of particle indices."""
+    """Connected parts of the loose spheres, as arrays of particle indices, neighbours together."""
     spheres = np.flatnonzero(loose)
     place = np.full(network.n_particles, -1)
     place[spheres] = np.arange(len(spheres))
@@ -181,7 +175,8 @@ def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
     if len(spheres) == 0:
         return []
     part = connected_components(graph, directed=False)[1]
-    order = np.argsort(part, kind="stable")
+    place[reverse_cuthill_mckee(graph.tocsr())] = np.arange(len(spheres))
+    order = np.lexsort((place[: len(spheres)], part))
     return np.split(spheres[order], np.cumsum(np.bincount(part))[:-1])
 
 
@@ -189,14 +184,14 @@ def _rigid_motions(
     network: Network,
     operator: ContactOperator,
     mass: Floats,
-    scale: float,
+    zero: float,
     members: Bools,
 ) -> Floats:
     """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
 
     Rotations are about the cluster as its contacts join it, across periods; those that a cluster
-    connected to its own image does not allow are found by their energy and left out. `scale` is
-    the largest diagonal entry of `operator`.
+    connected to its own image does not allow are found by their energy, an omega^2 above `zero`,
+    and left out.
     """
     size = len(mass)
     dof = size // network.n_particles
@@ -212,7 +207,7 @@ def _rigid_motions(
         vector = motion.ravel()
         vector *= np.sqrt(mass)
         vector /= norm(vector)
-        if abs(operator @ vector).max() <= NULL * scale:
+        if dot(vector, operator @ vector) <= zero:
             found.append(vector)
     return np.column_stack(found) if found else np.empty((size, 0))
 
@@ -237,9 +232,3 @@ def _unwrapped(network: Network, members: Bools) -> Floats:
         place += place[back]
         back = back[back]
     return place
-
-
-def _null_space(matrix: Floats) -> Floats:
-    """Orthonormal columns that span the null space of a small positive semidefinite matrix."""
-    square, vector = eigh(matrix, check_finite=False)
-    return vector[:, square <= NULL * max(square[-1], np.finfo(float).tiny)]

@@ -39,9 +39,10 @@ class SingularError(InputError):
     """A matrix that is singular, or that is not definite as was promised."""
 
 
-BACKWARD = 1e-9
+BACKWARD = 1e-11
 """Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
-largest one, round-off may have moved the eigenvalues. Without pivots near zero it is some 1e-12."""
+largest one, round-off may have moved the eigenvalues, and so near to a mode no count is exact
+(`COUNTED` of `modal.modes.problem`). Without pivots near zero it is some 1e-16."""
 
 
 @dataclass

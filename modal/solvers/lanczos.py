@@ -113,13 +113,11 @@ class Held:
     """Modes that an iteration must not find: its vectors are kept orthogonal to them.
 
     `null` (size, z) sparse: an orthonormal basis of the zero modes; `found` (size, f): the unit
-    vectors of modes found before. `round` is another number after each round that finds none but
-    zero modes, so that the next starts from other vectors.
+    vectors of modes found before.
     """
 
     null: sp.csc_matrix
     found: Floats
-    round: int = 0
 
     def take_out_of(self, block: Floats) -> None:
         """Subtract from the block (size, k), in place, its components along the held modes."""
@@ -240,7 +238,7 @@ def _largest(
     kept = (limit + count) // 2
     basis = np.empty((size, limit + width), order="F")
     projected = np.zeros((limit + width, limit + width))
-    start = start_block(size, width, held.found.shape[1] + held.round)
+    start = start_block(size, width, held.found.shape[1])
     basis[:, :width] = _orthonormal(start, basis[:, :0], held)[0]
     dimension, anew, look = width, False, looks[0] * count
     for step in progress(most // width + 2, "Lanczos"):

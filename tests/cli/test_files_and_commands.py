@@ -117,7 +117,7 @@ def test_modes_and_count_agree_on_the_command_line(network_file, tmp_path, capsy
     result = json.loads(capsys.readouterr().out)
     frequency = np.array(result["frequency_hz"])
     assert len(frequency) == result["degrees_of_freedom"] == 144
-    assert result["p_wave_resonances"] == 6
+    assert result["modes_with_chi_z_above_0.999"] == 6
     assert np.array_equal(read_modes(out).frequency, frequency)
     assert main(["count", str(network_file), "--at", "1e5", "--json"]) == 0
     counts = json.loads(capsys.readouterr().out)["count_below"]

@@ -178,7 +178,7 @@ def test_counts_beside_an_uncertain_frequency_must_agree(above, monkeypatch):
     problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 8)))
     square = (2 * np.pi * 5e4) ** 2
 
-    def negative(_, place, method):
+    def negative(_, place, method, apart):
         if abs(place / square - 1) > 1e-5:
             return 99  # too far to tell anything
         return None if place == square else 3 if place < square else above
