@@ -170,7 +170,7 @@ def refuse_unstable(problem: Eigenproblem) -> None:
     if unstable := unstable_modes(problem):
         raise InputError(
             f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
-            "with these springs; `count` says how many modes lie below a frequency, these among them"
+            "with these springs; `count` says how many modes lie below a frequency, with these"
         )
 
 
@@ -209,9 +209,11 @@ def count_below(problem: Eigenproblem, frequency: float, *, apart: bool = False)
 
     def tried() -> Iterator[set[int | None]]:
         for method in methods:
-            # The layers give no solution that would show a mode at the frequency itself.
-            if not (apart and method == "layers"):
-                yield {_negative(problem, square, method, apart)}
+            places = [square]
+            if apart and method == "layers":
+                # They give no solution that would show a mode at the frequency itself.
+                places = [square - problem.zero, square + problem.zero]
+            yield {_negative(problem, place, method, apart) for place in places}
             yield {_negative(problem, place, method, False) for place in beside}
 
     return _agreed(tried(), frequency)

@@ -63,7 +63,7 @@ def _group_of(problem: Eigenproblem) -> LateralTranslations:
     group = lateral_translations(problem.network, problem.scaled, problem.dof)
     cells = len(group.orbit)
     rows = problem.size // cells
-    cut = "without lateral symmetry" if group.trivial else f"in {cells} blocks of {rows} rows"
+    cut = "with no lateral symmetry" if group.trivial else f"in {cells} blocks of {rows} rows"
     refuse_endless_search(
         problem,
         of_blocks(rows, cells),

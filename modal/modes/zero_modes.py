@@ -132,7 +132,14 @@ def floppy_modes(
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
     whole = all(len(part) <= LARGEST_PART for part in loose_parts)
-    return FloppyModes(basis, *kinds.values(), len(spins), whole=whole)
+    return FloppyModes(
+        basis,
+        kinds["free_particles"],
+        kinds["loose_clusters"],
+        kinds["hinged"],
+        len(spins),
+        whole=whole,
+    )
 
 
 def _pieces(part: Ints) -> list[Ints]:

@@ -1,0 +1,179 @@
+"""Lists and counts at their edges: unstable packings, ends on a mode, all modes, no springs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import columns_side_by_side, diluted, scaled
+
+import modal
+from modal.cli.main import main
+from modal.formats.hdf5 import InputError
+from modal.modes import search
+from modal.modes.collective import summary_at_zero
+from modal.modes.dense import all_modes
+from modal.modes.problem import SMALL, Eigenproblem, frequency_of
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
+from modal.packing.tiling import repeat
+from modal.solvers.factor import available
+
+
+def unstable(cells: tuple[int, int, int]) -> Network:
+    """A crystal of which some springs push away, put in beside the checks of a network."""
+    network = gallery.fcc(cells=cells)
+    stiffness = scaled(network.stiffness_normal, slice(10, 90, 30), -20)
+    object.__setattr__(network, "stiffness_normal", stiffness)
+    return network
+
+
+@pytest.mark.parametrize("cells", [(3, 3, 5), (3, 3, 14)])
+@pytest.mark.parametrize("solver", [None, "superlu", "layers"])
+def test_unstable_modes_are_counted_and_refused_by_name_at_any_size(
+    cells, solver, tmp_path, capsys
+):
+    """The dense spectrum says how many there are; no list and no density goes by without a word."""
+    network = unstable(cells)
+    problem = Eigenproblem.of(network, solver=solver)
+    assert (problem.size <= SMALL) == (cells[2] == 5)
+    square = np.linalg.eigvalsh(problem.scaled.toarray())
+    negative = int((square < -1e-11 * square[-1]).sum())
+    assert negative > 0
+    at = [0.0, 8e3, 5e4]
+    expected = [negative] + [int((frequency_of(square) < f).sum()) for f in at[1:]]
+    assert modal.count_modes(network, at, solver=solver).tolist() == expected
+    assert summary_at_zero(problem) == {"unstable_modes": negative}
+    assert f"({negative} unstable modes)" in str(network)
+    for question in ({"lowest": 3}, {"highest": 3}, {"below": 8e3}, {"all": True}):
+        with pytest.raises(InputError, match=rf"negative direction \({negative} unstable"):
+            modal.eigenmodes(network, **question)
+    for tolerance in (1e-3, 0.3):
+        with pytest.raises(InputError, match=rf"negative direction \({negative} unstable"):
+            modal.density_of_states(network, tolerance=tolerance)
+
+
+@pytest.mark.parametrize("end", ["high", "low", "both"])
+@pytest.mark.parametrize("width", [1, 60])
+def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, width, monkeypatch):
+    """Of single modes and of sixty of one frequency: whether those at the end are in the list is
+    round-off of 1e-9, all between them are."""
+    rounds = []
+    nearest = search.modes_nearest
+    monkeypatch.setattr(
+        search, "modes_nearest", lambda *given: rounds.append(given) or nearest(*given)
+    )
+    network = diluted(0.1, 3, 7) if width == 1 else columns_side_by_side(60, 3)
+    exact = frequency_of(np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray()))
+    some = np.flatnonzero(exact > 0.1 * exact[-1])[0]
+    first, last = exact[some], exact[some + 90]
+    low = first if end != "high" else 0.999 * first
+    high = last if end != "low" else 1.001 * last
+    monkeypatch.setattr("modal.modes.lowest.MANY", 1)
+    found = modal.eigenmodes(network, between=(low, high))
+    assert found.certified and len(rounds) <= 8
+    for margin, compare in ((1e-9, np.less_equal), (-1e-9, np.greater_equal)):
+        inside = (exact >= low * (1 - margin)) & (exact < high * (1 + margin))
+        assert compare(len(found.frequency), inside.sum())
+
+
+@pytest.mark.parametrize("solver", ["pardiso", "superlu", "layers"])
+@pytest.mark.parametrize("network", [diluted(0.1, 3, 3), diluted(0.1, 3, 7)])
+def test_a_count_on_a_mode_is_refused(network, solver):
+    """On each of some modes, whose side is round-off; a little beside it the count is exact."""
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    problem = Eigenproblem.of(network, solver=solver)
+    square = np.linalg.eigvalsh(problem.scaled.toarray())
+    apart = np.flatnonzero(np.diff(square) > 1e-6 * square[-1])
+    for k in apart[:: len(apart) // 6]:
+        on, beside = frequency_of(np.array([square[k], square[k] + 1e-8 * square[-1]]))
+        with pytest.raises(InputError, match="ask at a slightly different"):
+            modal.count_modes(network, on, solver=solver)
+        assert modal.count_modes(network, beside, solver=solver) == k + 1
+
+
+@pytest.mark.parametrize("factor", [0.3, 3.3])
+def test_the_threshold_of_zero_is_one(factor):
+    """A crystal that slides on walls with hardly a tangential spring: floppy below the threshold,
+    elastic above it, by structure, by a count, in lists and in the density of states."""
+    crystal = gallery.fcc(cells=(3, 3, 6))
+
+    def sliding(stiffness: float) -> Network:
+        wall = crystal.with_wall
+        return replace(
+            crystal, stiffness_tangential=np.where(wall, stiffness, crystal.stiffness_tangential)
+        )
+
+    problem = Eigenproblem.of(sliding(1e-6))
+    square = np.linalg.eigvalsh(problem.scaled.toarray())[1]
+    network = sliding(1e-6 * factor * problem.zero / square)
+    below, everything = int(factor < 1), Eigenproblem.of(network)
+    soft = np.linalg.eigvalsh(everything.scaled.toarray())[:2]
+    assert soft == pytest.approx(factor * problem.zero, rel=1e-2)
+    for floppy in (
+        everything.floppy.total,
+        modal.count_modes(network, 1e-6),
+        modal.eigenmodes(network, lowest=3).floppy_modes,
+        modal.density_of_states(network, tolerance=0.3).zero_modes.sum(),
+    ):
+        assert floppy == pytest.approx(2 * below, abs=1e-9)
+
+
+def test_residuals_where_a_symmetry_is_used_are_those_of_the_whole():
+    """Springs that differ by 8e-10: the residual of a crystal's waves in A, not in their block."""
+    crystal = gallery.fcc(cells=(3, 3, 14))
+    rough = 1 + 8e-10 * np.random.default_rng(1).uniform(-0.4, 0.4, crystal.n_contacts)
+    network = replace(crystal, stiffness_normal=crystal.stiffness_normal * rough)
+    problem = Eigenproblem.of(network)
+    found = all_modes(problem)
+    assert found.attributes["solver"] == "symmetry 3x3"
+    vector = found.shapes().reshape(len(found.frequency), -1).T * np.sqrt(problem.mass)[:, None]
+    square = (2 * np.pi * found.frequency) ** 2
+    own = np.linalg.norm(problem.scaled @ vector - square * vector, axis=0) / square
+    # Standing waves are halves of travelling ones: their residual differs by sqrt(2) at most.
+    alone = abs(np.diff(square, prepend=0, append=2e30)) > 1e-6 * square[-1]
+    alone = alone[:-1] & alone[1:]
+    assert alone.sum() > 5 and own.max() > 1e-10
+    assert found.residual[alone] == pytest.approx(own[alone], rel=1e-3)
+    assert (found.residual > 0.7 * own - 1e-14).all()
+
+
+def test_all_modes_follow_the_time_that_is_given(monkeypatch):
+    """More than 6,000 degrees of freedom are solved where hours and memory allow it."""
+    network = repeat(diluted(0.1, 3, 3), 5, 5)
+    rough = 1 + 0.1 * np.random.default_rng(1).random(network.n_contacts)
+    network = replace(network, stiffness_normal=network.stiffness_normal * rough)
+    with pytest.raises(InputError, match=r"3.11 min here, .* GB of memory .* more hours than 0.01"):
+        modal.eigenmodes(network, all=True, hours=0.01)
+    asked = []
+
+    def small(matrix, **options):
+        asked.append(matrix.shape)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("modal.modes.dense.eigh", small)
+    with pytest.raises(KeyboardInterrupt):
+        modal.eigenmodes(network, all=True, hours=1.0)
+    assert asked == [(6 * network.n_particles,) * 2]
+
+
+@pytest.mark.parametrize("layers", [4, 20])
+def test_without_contacts_every_motion_is_free(layers, tmp_path, capsys):
+    """Below and above the size of dense solvers: the same words, at once."""
+    crystal = gallery.fcc(cells=(3, 3, layers))
+    network = crystal.with_contacts(np.zeros(crystal.n_contacts, bool))
+    size = 6 * network.n_particles
+    assert f"{size} ({size} free particles)" in str(network)
+    assert modal.count_modes(network, [0.0, 1.0]).tolist() == [0, size]
+    for question in ({"lowest": 1}, {"highest": 1}, {"below": 1e4}, {"all": True}):
+        if "all" in question or "below" in question:
+            found = modal.eigenmodes(network, **question)
+            assert found.certified and found.floppy_modes == size
+        else:
+            with pytest.raises(InputError, match=rf"no spring holds any of the {size} motions"):
+                modal.eigenmodes(network, **question)
+    path = tmp_path / "free.network.h5"
+    write_network(path, network)
+    assert main(["count", str(path), "--at", "1", "--json"]) == 0
+    assert f'"floppy_modes": {size}' in capsys.readouterr().out
