@@ -10,7 +10,7 @@ import numpy as np
 from analysis.case_files import SHEAR, CaseFiles, case_name
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
-from analysis.estimators.low_pass import RECORD
+from analysis.estimators.own_wave import INTERVAL, RECORD, affine_frequency, own_pulse
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.packings.settled import MARK, why_unsettled
@@ -27,11 +27,7 @@ from modal.packing.state import FORCES, stress_tensor
 from modal.waves.propagate import propagate
 from modal.waves.response import Response, read_response
 from modal.waves.signals import Signals, read_signals
-from modal.waves.source import Motion, Pulse
-
-PULSE = 0.33
-"""Frequency of the pulse where no run has one, in V / D of the affine wave: 100 kHz in the crystal
-of glass at 100 kPa. A crystal's band ends at 0.45, a random packing's long before."""
+from modal.waves.source import Motion
 
 
 class Case(CaseFiles):
@@ -221,11 +217,11 @@ class Case(CaseFiles):
 
     @property
     def interval(self) -> float:
-        """Between records of the linear wave, s: two samples at 1.25 V / D, above all modes.
+        """Between records of the linear wave, s, by `INTERVAL`.
 
         Or a little less: a whole number of the run's intervals, so that the two share their times.
         """
-        wanted = 0.4 * self.diameter * self.passage / self.network.length
+        wanted = INTERVAL / affine_frequency(self.network)
         if self.recorded is None:
             return wanted
         own = float(self.recorded.time[1] - self.recorded.time[0])
@@ -255,16 +251,16 @@ class Case(CaseFiles):
         return self.signals or self.wave
 
     def record_of(self, frequency: float) -> Signals:
-        """The run whose pulse has this frequency, Hz, where there is one; else the case's record."""
+        """The run of a pulse of this frequency, Hz, where there is one; else the case's record."""
         kind = f"{frequency / 1e3:g}kHz.signals"
         return read_signals(self.product(kind)) if self.has(kind) else self.record
 
     @cached_property
     def motion(self) -> Motion:
-        """How the source wall moves: as recorded, else by a pulse of `PULSE`."""
+        """How the source wall moves: as recorded, else by the packing's own pulse."""
         if self.recorded is not None:
             return recorded_motion(self.recorded)
-        return Pulse(frequency=PULSE * self.network.length / self.passage / self.diameter)
+        return own_pulse(self.network)
 
     def linear(self, pre_stress: str = "none") -> Signals:
         """The linear wave of the network at the times of the recorded wave.

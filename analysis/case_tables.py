@@ -38,10 +38,14 @@ QUANTITIES: tuple[tuple[str, Callable[[Measures], float | Estimate | str]], ...]
     ("group velocity, walls, lambda L/5, m/s", lambda m: m.walls[1]),
     ("V_P EMT, its contacts, m/s", lambda m: m.effective[0]),
     ("V_P EMT, means e and Z, m/s", lambda m: m.effective[1]),
-    ("f_low-pass 2 %, YADE, kHz", lambda m: in_khz(m.passband.of_yade[0])),
-    ("f_low-pass 1 %, YADE, kHz", lambda m: in_khz(m.passband.of_yade[1])),
-    ("f_low-pass 2 %, linear wave, kHz", lambda m: in_khz(m.low_pass[0])),
-    ("f_low-pass 1 %, linear wave, kHz", lambda m: in_khz(m.low_pass[1])),
+    ("f_low-pass 2 %, YADE, kHz", lambda m: chosen(m.passband.of_yade[0])),
+    ("f_low-pass 1 %, YADE, kHz", lambda m: chosen(m.passband.of_yade[1])),
+    ("f_low-pass 2 %, linear wave, kHz", lambda m: chosen(m.low_pass[0])),
+    ("f_low-pass 1 %, linear wave, kHz", lambda m: chosen(m.low_pass[1])),
+    (
+        "f_low-pass 2 %, linear wave, all columns (± scatter), kHz",
+        lambda m: said(m.passband.mean_of_columns),
+    ),
     ("band edge, YADE, kHz", lambda m: m.yade_band_edge / 1e3),
     ("band edge, linear wave, kHz", lambda m: m.band_edge / 1e3),
     ("lambda/D at the band edge, linear wave", lambda m: m.edge_wavelength[0]),
@@ -121,22 +125,36 @@ def table_2(cases: list[Measures]) -> Table:
 
 def choices_of(m: Measures) -> list[list[str]]:
     """Each choice of the rule in words, and f_low-pass, kHz, by it."""
-    return [[name, _chosen(edge)] for name, edge in m.passband.choices()]
+    return [[name, chosen(edge)] for name, edge in m.passband.choices()]
 
 
 def table_of_choices(cases: list[Measures]) -> Table:
     """f_low-pass under every choice that the threshold rule leaves open."""
-    header = ["f_low-pass, kHz: whose spectra, threshold", *(m.case.label for m in cases)]
     columns = [m.passband.choices() for m in cases]
-    rows = [[row[0][0], *(_chosen(edge) for _, edge in row)] for row in zip(*columns, strict=True)]
+    bare = [not any(edge.flat for _, edge in choices) for choices in columns]
+    header = ["f_low-pass, kHz: whose spectra, threshold"]
+    header += [
+        f"{m.case.label}{', on a plateau by no choice' * none}"
+        for m, none in zip(cases, bare, strict=True)
+    ]
+    shown = [said if none else chosen for none in bare]
+    rows = [
+        [row[0][0], *(text(edge) for text, (_, edge) in zip(shown, row, strict=True))]
+        for row in zip(*columns, strict=True)
+    ]
     title = "The low-pass frequency under each choice of the rule (± half the quartile distance)"
     return Table(title, header, [row for row in rows if any(row[1:])])
 
 
-def _chosen(edge: Edge) -> str:
-    """A frequency in kHz, marked where it stands on no plateau."""
+def chosen(edge: Edge) -> str:
+    """A frequency in kHz, marked where it stands on no plateau; where there is none, why."""
     text = number(in_khz(edge))
-    return text if edge.flat or not text else f"{text}, no plateau"
+    return said(edge) if edge.flat or not text else f"{text}, no plateau"
+
+
+def said(edge: Edge) -> str:
+    """A frequency in kHz; where there is none, why."""
+    return number(in_khz(edge)) or (f"none: {edge.why}" if edge.why else "")
 
 
 def _laws(members: list[Measures]) -> list[tuple[str, str, np.ndarray, np.ndarray]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.case import Case
 from analysis.estimators import damped_transform as disp
-from analysis.estimators.layer_lattice import exact_twin, lattice_signals
+from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_signals
 from analysis.estimators.low_pass import (
     REACH,
     STRETCH,
@@ -136,14 +136,21 @@ def _modal_rows(case: Case, put) -> None:
             put("rms", text, "%", "up to kappa l = 0.9 pi", modal=100 * rms)
         if modes.resonance_wavenumber is not None:
             phase, group = mode_velocities(f, modes.resonance_wavenumber)
+            inside = _inside(lattice)
             for name, values in (("phase", phase), ("group", group)):
-                value = at_frequency(f, values, 5e4)
+                value = at_frequency(f, values, inside)
                 note = "modal: lambda = 2 L / r (Eq. 4)"
-                exact = _exact_velocity(lattice, name, 5e4)
-                put(name, f"{name} velocity at 50 kHz", "m/s", note, modal=value, theory=exact)
+                exact = _exact_velocity(lattice, name, inside)
+                text = f"{name} velocity at {inside / 1e3:g} kHz"
+                put(name, text, "m/s", note, modal=value, theory=exact)
     if case.translations is not None:
         ratio = case.translations.frequency[-1] / lattice.low_pass_frequency
         put("translations_only", "f_max without rotations / f_low-pass", "1", modal=ratio)
+
+
+def _inside(lattice: LayerLattice) -> float:
+    """A frequency, Hz, of one digit, about a third of the way to the end of the band."""
+    return float(f"{0.36 * lattice.low_pass_frequency:.0e}")
 
 
 def _exact_velocity(lattice, name: str, frequency: float) -> float:
@@ -161,7 +168,8 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
     rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
     text = "dispersion, RMS deviation from Eq. 9"
     put("rms", text, "%", "up to kappa l = 0.9 pi", **{producer: 100 * rms})
-    omega = 2 * np.pi * 5e4
+    inside = _inside(lattice)
+    omega = 2 * np.pi * inside
     for name, step in (("phase", None), ("group", 1e-3)):
         kappa = np.arccos(measured.cosine(omega)) / measured.distance
         if step is None:
@@ -169,8 +177,9 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
         else:
             near = np.arccos(measured.cosine(omega * (1 + step))) / measured.distance
             value = omega * step / (near - kappa)
-        exact = _exact_velocity(lattice, name, 5e4)
-        put(name, f"{name} velocity at 50 kHz", "m/s", theory=exact, **{producer: value})
+        exact = _exact_velocity(lattice, name, inside)
+        text = f"{name} velocity at {inside / 1e3:g} kHz"
+        put(name, text, "m/s", theory=exact, **{producer: value})
     twin = exact_twin(signals, lattice)
     biased = "paper's rule; theory: the rule on exact signals"
     length, wall = case.network.length, float(case.network.wall_position[0])
@@ -194,8 +203,9 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
                     put(f"{key}_{layer}", at, "kHz", biased, **here)
         walls = wall_velocity(record, length)
         if walls is not None:
-            speed = at_frequency(walls[0], walls[1], 5e4)
-            put("walls", "phase velocity at 50 kHz, walls", "m/s", **{column: speed})
+            speed = at_frequency(walls[0], walls[1], inside)
+            text = f"phase velocity at {inside / 1e3:g} kHz, walls"
+            put("walls", text, "m/s", **{column: speed})
 
 
 def _gain_rows(case: Case, put) -> None:

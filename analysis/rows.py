@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.case import Case
-from analysis.columns import VALUES
-from analysis.estimators.low_pass import THRESHOLDS, Edge
+from analysis.columns import HIGH, VALUES
+from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import PowerLaw, power_law
 from analysis.measures import Measures
 from analysis.measures.estimate import NOTHING, Estimate
@@ -124,7 +124,7 @@ def _measured(m: Measures) -> Row:
             continue
         row.values[name] = Estimate.of(found)
     row.values["record_passages"] = Estimate(m.passband.common)
-    add_low_pass(row, m, MAPS, m.passband.chain_scatter)
+    add_low_pass(row, m, MAPS)
     own = "yade" if row.record == "yade" else "linear"
     row.values["v_p_first_peaks_m_per_s"] = row.values[f"v_p_first_peaks_{own}_m_per_s"]
     for percent in PERCENT.values():
@@ -134,7 +134,7 @@ def _measured(m: Measures) -> Row:
             ]
         row.flat[percent] = row.flat[f"{percent}_{own}"]
     row.texts["gain_height"] = m.gain_height
-    row.texts["chi_z_above_15_khz"] = m.largest_chi(1.5e4, np.inf, chain=True)[1]
+    row.texts["chi_z_high"] = m.largest_chi(HIGH * m.f_max, np.inf, chain=True)[1]
     _curves(m, row)
     row.absent = [
         kind
@@ -145,33 +145,24 @@ def _measured(m: Measures) -> Row:
     return row
 
 
-def add_low_pass(
-    row: Row,
-    m: Measures,
-    rules: Mapping[str, tuple[str, str]],
-    chain_scatter: Iterable[float] = (np.nan,) * len(THRESHOLDS),
-) -> None:
-    """f_low-pass and lambda / D of both producers by some of the rules of `MAPS`, to the row.
-
-    `chain_scatter`, Hz, of each of `THRESHOLDS` is that over the packing's columns.
-    """
+def add_low_pass(row: Row, m: Measures, rules: Mapping[str, tuple[str, str]]) -> None:
+    """f_low-pass and lambda / D of both producers by some of the rules of `MAPS`, to the row."""
     band = m.passband
-    scatter = dict(zip(THRESHOLDS, chain_scatter, strict=True))
-    for producer, record in (("yade", m.case.signals), ("linear", m.case.wave)):
+    for producer, record, plain in (
+        ("yade", m.case.signals, band.of_yade),
+        ("linear", m.case.wave, band.low_pass),
+    ):
         for rule, (whose, reference) in rules.items():
-            edges = band.edges(record, whose, reference, band.common)
+            edges = band.edges(record, whose, reference, band.common) if rule else plain
             of_threshold = dict(zip(THRESHOLDS, edges, strict=True))
             for threshold, percent in PERCENT.items():
                 edge, name = of_threshold[threshold], f"{percent}_{rule}{producer}"
-                error = edge.error if rule else _error(edge, scatter[threshold])
-                row.values[f"f_low_pass_{name}_khz"] = Estimate(edge.value / 1e3, error / 1e3)
+                column = f"f_low_pass_{name}_khz"
+                row.values[column] = Estimate(edge.value / 1e3, edge.error / 1e3)
                 row.flat[name] = edge.flat
-                row.values[f"lambda_{name}_over_d"] = _wavelength(m, record, edge.value, error)
-
-
-def _error(edge: Edge, scatter: float) -> float:
-    """Of the choice of the chain, which holds the estimator's own; of one chain its spread."""
-    return float(scatter) if np.isfinite(scatter) and scatter > 0 else edge.error
+                row.values[f"lambda_{name}_over_d"] = _wavelength(m, record, edge.value, edge.error)
+                if edge.why:
+                    row.notes.append(f"{column}: {edge.why}")
 
 
 def _wavelength(m: Measures, record, frequency: float, error: float) -> Estimate:

@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.formats.hdf5 import InputError
 from modal.packing.affine import affine_stiffness
-from modal.packing.contact_law import GLASS, Material, overlap_of_force, stiffness_normal
+from modal.packing.contact_law import GLASS, Elastic, Moduli, overlap_of_force, stiffness_normal
 from modal.packing.contact_law import stiffness_tangential as tangential
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
@@ -51,7 +51,10 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     span = np.maximum(ends[:, 1] - ends[:, 0], 1e-12 * network.radius.mean())
     part = np.clip(np.minimum(ends[:, 1], high) - np.maximum(ends[:, 0], low), 0, None) / span
     if inside.sum() < 2 or not part.any():
-        raise InputError("the packing is too short for its bulk; take a longer one")
+        raise InputError(
+            f"the packing is {network.length / (zone / margin):.1f} diameters long: it has no bulk "
+            f"{margin:g} diameters away from both walls; take one of more than {2 * margin:g}"
+        )
     area = network.area
     per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
     density = float(network.mass.mean()) * per_length / area
@@ -60,22 +63,46 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     )
 
 
+HERTZ = 1e-2
+"""Largest relative scatter of E* over contacts of one material: overlaps of few digits have it."""
+
+
+def moduli_of(network: Network) -> Moduli:
+    """E* and G*, Pa, of Hertz contacts between spheres: kn^3 = 6 E*^2 R* F, kt / kn = 4 G* / E*.
+
+    NaN without contact forces, and where the contacts are of several materials or another law.
+    """
+    pair, force = ~network.with_wall, network.force_normal
+    if force is None or not pair.any() or not (force[pair] > 0).all():
+        return Moduli(np.nan, np.nan)
+    first, second = (
+        network.radius[network.particle_i[pair]],
+        network.radius[network.particle_j[pair]],
+    )
+    kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
+    young = np.sqrt(kn**3 / (6 * first * second / (first + second) * force[pair]))
+    if young.std() > HERTZ * young.mean():
+        return Moduli(np.nan, np.nan)
+    return Moduli(float(young.mean()), float(young.mean() * kt.mean() / kn.mean() / 4))
+
+
 def of_means(
     void_ratio: float,
     coordination: float,
     stress: float,
     radius: float,
-    material: Material = GLASS,
+    material: Elastic = GLASS,
+    density: float = GLASS.density,
 ) -> EffectiveMedium:
     """Random isotropic packing of equal spheres, known by its means alone, stress in Pa.
 
     Every contact carries the mean force N = 4 pi R^2 (1 + e) stress / Z; then
     M = Z (3 kn + 2 kt) / (10 pi R (1 + e)), the P-wave modulus of the isotropic average
-    (<n_z^4> = 1/5, <n_z^2> - <n_z^4> = 2/15).
+    (<n_z^4> = 1/5, <n_z^2> - <n_z^4> = 2/15). `density` of a sphere, kg/m^3.
     """
     force = 4 * np.pi * radius**2 * (1 + void_ratio) * stress / coordination
     overlap = overlap_of_force(force, radius / 2, material)
     kn = stiffness_normal(overlap, radius / 2, material)
     kt = tangential(overlap, radius / 2, material)
     modulus = coordination * (3 * kn + 2 * kt) / (10 * np.pi * radius * (1 + void_ratio))
-    return EffectiveMedium(float(modulus), material.density / (1 + void_ratio))
+    return EffectiveMedium(float(modulus), density / (1 + void_ratio))

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FIRST_LINES = 5e3
-"""Hz below which modes of zero frequency are seen, whose line is 2 kHz wide."""
+FIRST_LINES = 10
+"""Steps between the frequencies of a density below which modes of zero frequency are seen: 2.5
+widths of a single mode's line, as four frequencies stand in a width (`modal.modes.density`)."""
 TENTH = 0.1
 """Part of the highest frequency at which packings are compared."""
 
@@ -28,14 +29,15 @@ class Excess:
 
     @staticmethod
     def of(frequency: np.ndarray, density: np.ndarray, modes: float, highest: float) -> Excess:
-        """From modes per Hz (n,) at frequencies (n,) Hz; `modes` is the number of all.
+        """From modes per Hz (n,) at evenly spaced frequencies (n,) Hz, `modes` in all.
 
         >>> f = np.linspace(0, 1e5, 1001)
         >>> debye = Excess.of(f, 3 * f**2 / 1e5**3 * 600, 600, 1e5)
         >>> float(round(debye.at_a_tenth, 12))
         3.0
         """
-        keep = (frequency > FIRST_LINES) & (frequency < highest)
+        first = FIRST_LINES * (frequency[1] - frequency[0])
+        keep = (frequency > first) & (frequency < highest)
         f = frequency[keep] / highest
         return Excess(f, density[keep] / modes * highest / f**2, highest)
 

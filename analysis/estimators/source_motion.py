@@ -1,4 +1,4 @@
-"""How the source wall of a record has moved: what a linear wave to be compared with it is sent by."""
+"""How the source wall of a record has moved, by which a linear wave beside it is sent."""
 
 from __future__ import annotations
 

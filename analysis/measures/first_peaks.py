@@ -28,7 +28,10 @@ class FirstPeaks(BandEnd):
 
     @cached_property
     def first_peak(self) -> Estimate:
-        """dL/dt of the linear wave's first peaks, middle half of the chain, m/s, with its error."""
+        """dL/dt of the linear wave's first peaks, middle half of the chain, m/s.
+
+        Its error is that of the fit and of the choice of the chain.
+        """
         return self._first_peak(self._as_the_run(self.case.wave))
 
     @cached_property
@@ -55,19 +58,21 @@ class FirstPeaks(BandEnd):
         )
 
     def _first_peak(self, record: Signals) -> Estimate:
-        """Slope over the chain; the error is the fit's."""
+        """Slope over the chain, with the error of the fit and the scatter over all columns."""
         network = self.case.network
-        return Estimate(
-            *first_peak_velocity(record, float(network.wall_position[0]), network.length)
-        )
+        wall = float(network.wall_position[0])
+        value, error = first_peak_velocity(record, wall, network.length)
+        return Estimate(value, float(np.hypot(error, np.nan_to_num(self.columns.error))))
 
     @cached_property
     def columns(self) -> Estimate:
         """The same along every column of the sample, a sphere wide: mean and scatter of dL/dt.
 
         Of the linear wave, which is recorded on every particle. The scatter says how much the
-        velocity depends on which chain is taken.
+        velocity depends on which chain is taken. NaN where single particles are not recorded.
         """
+        if self.case.wave.particle_displacement is None:
+            return Estimate(np.nan)
         case, network = self.case, self.case.network
         bearing = np.flatnonzero(force_bearing(network))
         distance = network.position[bearing, 2] - network.wall_position[0]

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from analysis.case import Case
-from analysis.estimators.coherent import Coherent, coherent_wave, longest_waves
+from analysis.estimators.coherent import Coherent, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
-from analysis.estimators.effective_medium import of_contacts, of_means
+from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
+from analysis.estimators.own_wave import coherent_of
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.measures.estimate import Estimate
 from modal.formats.hdf5 import InputError
+from modal.packing.contact_law import sphere_volume
 from modal.packing.state import contacts_per_particle, coordination_without_rattlers, void_ratio
 from modal.stiffness.static_load import static_velocity
 from modal.waves.signals import Signals
@@ -55,11 +56,7 @@ class LongWaves:
         return self._coherent(record)
 
     def _coherent(self, record: Signals) -> Coherent:
-        case = self.case
-        highest = (0.5 if case.is_crystal else 0.2) * of_contacts(case.network).velocity
-        if case.is_crystal:  # slabs a diameter thick would beat with its layers
-            record = replace(record, layer_displacement=None)
-        return coherent_wave(record, case.network.length, highest=highest / case.diameter)
+        return coherent_of(self.case.network, record, self.case.is_crystal)
 
     @cached_property
     def low_frequency(self) -> float:
@@ -117,6 +114,12 @@ class LongWaves:
     def effective(self) -> tuple[float, float]:
         """V_P, m/s, by effective medium theory: of the contacts, and of the means alone."""
         network = self.case.network
-        radius = 0.5 * self.case.diameter
-        means = of_means(self.void_ratio, self.coordination[0], self.case.stress, radius)
+        means = of_means(
+            self.void_ratio,
+            self.coordination[0],
+            self.case.stress,
+            0.5 * self.case.diameter,
+            moduli_of(network),
+            float(network.mass.sum() / sphere_volume(network.radius).sum()),
+        )
         return of_contacts(network).velocity, means.velocity

@@ -215,13 +215,13 @@ def _who_moves(members: list[Row]) -> str:
 
 
 def chi_high(rows: dict[int, Row]) -> Finding:
-    """Largest chi_z of the chain above 15 kHz, of the modes at hand."""
-    if 6 not in rows or not np.isfinite(rows[6].value("chi_z_above_15_khz")):
-        return absent(missing(rows, [6], "chi_z_above_15_khz"))
-    value = rows[6].value("chi_z_above_15_khz")
-    every = rows[6].value("chi_z_above_15_khz_all")
-    seen = rows[6].texts.get("chi_z_above_15_khz", "")
-    mean, error = (f("chi_z_above_15_khz_mean") for f in (rows[6].value, rows[6].error))
+    """Largest chi_z of the chain at high frequencies, of the modes at hand."""
+    if 6 not in rows or not np.isfinite(rows[6].value("chi_z_high")):
+        return absent(missing(rows, [6], "chi_z_high"))
+    value = rows[6].value("chi_z_high")
+    every = rows[6].value("chi_z_high_all")
+    seen = rows[6].texts.get("chi_z_high", "")
+    mean, error = (f("chi_z_high_mean") for f in (rows[6].value, rows[6].error))
     why = f"of the chain, {seen}; of all particles {every:.3f}: the chain is a small draw of them"
     if np.isfinite(mean):
         why += f"; mean of the chain {mean:.3f} ± {error:.1g}, 1/3 without direction"

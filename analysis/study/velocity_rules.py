@@ -15,7 +15,7 @@ from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.effective_medium import of_contacts, of_means
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.estimators.low_pass import RECORD
+from analysis.estimators.own_wave import RECORD
 from analysis.estimators.resonances import long_wave_velocity
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import first_peak_velocity
@@ -114,7 +114,7 @@ def velocities(rows: list[Row]) -> Table:
         line = [str(row.number or row.name), f"{row.mu_comp:g}", f"{row.stress / 1e3:g}"]
         line.append(f"{row.value('void_ratio'):.4f}")
         for name in shown:
-            line += [_text(row.value(name), ".1f"), _text(row.error(name), ".1g")]
+            line += [_text(row.value(name), ".1f"), _text(row.spread(name), ".1g")]
         static = row.value("v_p_static_m_per_s")
         for name in ("v_p_first_peaks_m_per_s", "v_p_long_waves_linear_m_per_s"):
             line.append(_text(row.value(name) / static, ".4f"))

@@ -1,6 +1,7 @@
 """Report, figures from their CSV, structure factor, effective medium, coherent wave, plateau."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.special import ndtr
 
 from analysis.__main__ import main
 from analysis.estimators.coherent import coherent_wave, longest_waves
-from analysis.estimators.effective_medium import of_contacts, of_means
+from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.structure_factor import (
     read_structure,
@@ -20,6 +21,7 @@ from analysis.figures import FIGURES
 from analysis.figures.picture import Panel, Picture, read_picture, write_picture
 from modal.formats.hdf5 import InputError
 from modal.packing.affine import affine_stiffness, affine_velocity
+from modal.packing.contact_law import Material
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
@@ -139,6 +141,16 @@ def test_mean_field_of_means_has_the_crystals_bulk_scaling():
     """V_P grows as stress^(1/6) at fixed geometry: Hertz."""
     low, high = (of_means(0.55, 6.0, p, 1.27e-3).velocity for p in (1e5, 6.4e6))
     assert high / low == pytest.approx(64 ** (1 / 6), rel=1e-12)
+
+
+@pytest.mark.parametrize("young, poisson", [(60e9, 0.2), (5e6, 0.45)])
+def test_the_material_is_read_off_the_contacts(young, poisson):
+    """Of a crystal by Hertz's and Mindlin's own moduli; of no law where kn does not follow F."""
+    network = fcc(1e3, (2, 2, 4), material=Material(young, poisson, 1100.0))
+    material = Material(young, poisson, 1100.0)
+    assert moduli_of(network) == pytest.approx(material.moduli, rel=1e-9)
+    spoiled = np.where(np.arange(network.n_contacts) % 2, 1.0, 2.0) * network.stiffness_normal
+    assert np.isnan(moduli_of(replace(network, stiffness_normal=spoiled))).all()
 
 
 def test_structure_factor_against_the_modes(packing, tmp_path):

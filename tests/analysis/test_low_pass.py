@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.case import Case
 from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.low_pass import (
@@ -20,7 +21,10 @@ from analysis.estimators.low_pass import (
     spectra,
     threshold_curves,
 )
+from analysis.measures import Measures
+from modal.packing.contact_law import RADIUS
 from modal.packing.examples import fcc
+from modal.packing.network_file import write_network
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 
@@ -164,3 +168,31 @@ def test_columns_of_a_crystal_agree():
     assert np.isnan(band.of_yade[0].value)
     names = [name for name, _ in band.choices()]
     assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("factor", [0.2, 3.0])
+def test_spheres_of_any_size_are_heard(factor, tmp_path):
+    """V of a crystal does not depend on the size of its spheres: all frequencies go as 1 / R."""
+    found = []
+    for name, radius in (("glass", RADIUS), ("scaled", factor * RADIUS)):
+        network = fcc(cells=(1, 1, 120), radius=radius)
+        write_network(tmp_path / f"{name}.network.h5", network)
+        m = Measures(Case(name, tmp_path))
+        exact = LayerLattice.of_network(network).low_pass_frequency
+        assert m.band_edge == pytest.approx(exact, rel=1e-4)  # unbiased on exact signals
+        found.append(m.low_pass[0].value)
+    assert found[1] == pytest.approx(found[0] / factor, rel=1e-6)
+
+
+def test_the_end_of_the_source_is_not_taken_for_the_packings():
+    """A pulse of 100 kHz in a crystal whose band ends at 688 kHz: no answer, and why."""
+    network = fcc(cells=(1, 1, 120), radius=0.2 * RADIUS)
+    lattice = LayerLattice.of_network(network)
+    passage = network.length / lattice.velocity
+    record = lattice_signals(lattice, np.arange(0, passage, 5e-8))
+    band = Passband(network, record, None, velocity=lattice.velocity, crystal=True)
+    for edge in band.edges(record):
+        assert np.isnan(edge.value) and not edge.flat
+        assert "the source sends too little" in edge.why
+    heard = lattice_signals(lattice, record.time, frequency=5e5)
+    assert band.edges(heard)[0].value == pytest.approx(lattice.low_pass_frequency, rel=0.1)

@@ -105,7 +105,7 @@ def test_no_scatter_is_asked_for_that_seeds_do_not_have(folder, monkeypatch):
             except InputError:
                 continue
     own = {name for name in asked if name in rows[0].values}
-    assert own and asked - set(rows[0].values) <= {"chi_z_below_10_khz"}
+    assert own and asked - set(rows[0].values) <= {"chi_z_low"}
 
 
 def test_longest_first_and_in_the_order_that_was_asked_for(tmp_path, monkeypatch):

@@ -1,0 +1,56 @@
+"""The linear wave by which a packing is measured: its pulse, its times, the speed of its long waves.
+
+All follow from the packing: spheres ten times smaller hear the same of a pulse ten times shorter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from analysis.estimators.coherent import PASSAGES, Coherent, coherent_wave
+from analysis.estimators.effective_medium import of_contacts
+from modal.packing.network import Network
+from modal.waves.propagate import propagate
+from modal.waves.signals import Signals
+from modal.waves.source import Pulse
+
+FREQUENCY = 0.33
+"""Of the pulse, in V / D of the affine wave: 100 kHz in the crystal of glass at 100 kPa. A
+crystal's band ends at 0.45, a random packing's long before."""
+INTERVAL = 0.4
+"""Between records, in D / V: two samples at 1.25 V / D, above all modes."""
+RECORD = 1.5 * PASSAGES
+"""Length of the record, in passages from wall to wall of the affine wave."""
+HIGHEST = {True: 0.5, False: 0.2}
+"""Highest frequency of the coherent wave, in V / D, of a crystal or not."""
+
+
+def affine_frequency(network: Network) -> float:
+    """V / D, Hz: V of a wave that strains the packing evenly, D the mean diameter."""
+    return of_contacts(network).velocity / (2 * float(network.radius.mean()))
+
+
+def own_pulse(network: Network) -> Pulse:
+    """The pulse of a packing that no run has one for."""
+    return Pulse(frequency=FREQUENCY * affine_frequency(network))
+
+
+def own_wave(network: Network) -> Signals:
+    """The linear wave of a packing's own pulse, on every particle."""
+    frequency = affine_frequency(network)
+    duration = RECORD * network.length / (2 * float(network.radius.mean())) / frequency
+    return propagate(
+        network,
+        duration,
+        motion=own_pulse(network),
+        interval=INTERVAL / frequency,
+        particles=True,
+    ).signals
+
+
+def coherent_of(network: Network, record: Signals, crystal: bool) -> Coherent:
+    """The coherent wave of a packing's record, to the highest frequency that is looked at."""
+    if crystal:  # slabs a diameter thick would beat with its layers
+        record = replace(record, layer_displacement=None)
+    highest = HIGHEST[crystal] * affine_frequency(network)
+    return coherent_wave(record, network.length, highest=highest)
