@@ -14,7 +14,7 @@ from analysis.estimators.own_wave import INTERVAL, RECORD, affine_frequency, own
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.packings.settled import MARK, why_unsettled
-from analysis.paper import has_its_spheres, matching_case
+from analysis.paper import is_its_specimen, matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli
 from modal.formats.arrays import Floats
@@ -62,8 +62,8 @@ class Case(CaseFiles):
 
     @cached_property
     def paper_case(self) -> int | None:
-        """The paper's case of this kind, stress and friction, of the same spheres; or None."""
-        if not has_its_spheres(self.network):
+        """The paper's case that this packing is one of; None where it is another packing."""
+        if not is_its_specimen(self.network, self.is_crystal):
             return None
         return matching_case(self.is_crystal, self.stress, self.mu_comp)
 

@@ -53,14 +53,15 @@ def scatter_of_samples(row: Row, seeds: Iterable[Row]) -> dict[str, float]:
 
 
 def of_three_packings(rows: Iterable[Row]) -> list[Row]:
-    """The crystals and the packings of the lowest and the highest friction, where all three are.
+    """The crystals and packings of the lowest and the highest friction, where all have f_max.
 
     They are what the paper compares in Fig. 8.
     """
     found = []
     for group in _by_stress(rows).values():
+        known = [row for row in group if np.isfinite(row.value("f_max_khz"))]
         three = [
-            row for row in group if row.crystal or row.mu_comp in (FRICTIONS[0], FRICTIONS[-1])
+            row for row in known if row.crystal or row.mu_comp in (FRICTIONS[0], FRICTIONS[-1])
         ]
         found += three if len(three) == 3 else []
     return found

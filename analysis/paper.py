@@ -94,11 +94,20 @@ SAME_SPHERES = 1e-3
 """Relative difference of radius and mass up to which spheres are those of the paper."""
 
 
-def has_its_spheres(network: Network) -> bool:
-    """Whether all spheres of a packing have the radius and the mass of those of the paper."""
+SPHERES, CRYSTAL_LENGTH, SAME_LENGTH = 35201, (199 * 2**0.5 + 2) * RADIUS, 0.01
+"""Of its random packings, how many spheres; of its crystals of 200 layers the length, m, which the
+overlaps shorten by less than a per cent."""
+
+
+def is_its_specimen(network: Network, crystal: bool) -> bool:
+    """Whether a packing is as large as those of the paper, and of the same spheres."""
     mass, _ = GLASS.sphere(RADIUS)
     given = np.concatenate([network.radius / RADIUS, network.mass / mass])
-    return bool((abs(given - 1) < SAME_SPHERES).all())
+    if crystal:
+        large = abs(network.length / CRYSTAL_LENGTH - 1) < SAME_LENGTH
+    else:
+        large = network.n_particles == SPHERES
+    return bool(large and (abs(given - 1) < SAME_SPHERES).all())
 
 
 def matching_case(crystal: bool, stress: float, mu_comp: float) -> int | None:

@@ -70,7 +70,7 @@ def prepare(case: Case, kinds: Sequence[str] = KINDS) -> list[Path]:
 
 
 def line_width(network: Network) -> float:
-    """`LINE` of the highest frequency, Hz, to three digits: the bound on it comes from an iteration."""
+    """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
     top, _ = bound_of_spectrum(ContactOperator(network, mass_scaled=True))
     return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")
 

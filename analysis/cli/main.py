@@ -24,15 +24,18 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; exit status 0, or 2 with one line on stderr for a user's mistake."""
+    """Run one command; exit status 0, 2 with one line on stderr for a user's mistake.
+
+    And 3 where something asked for is missing, which stderr has named.
+    """
     words = sys.argv[1:] if argv is None else argv
     try:
         check_text(words)
         options = parser().parse_args(words)
         check_files(options)
         options.argv = words
-        options.run(options)
+        status: int | None = options.run(options)
     except InputError as error:
         say(f"error: {error}")
         return 2
-    return 0
+    return status or 0

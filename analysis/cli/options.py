@@ -14,11 +14,16 @@ CASE = "a case of --products by name, as 2; or files: a NETWORK and what was mad
 
 
 def add_command(
-    commands: Any, name: str, text: str, example: str, run: Callable[[argparse.Namespace], None]
+    commands: Any,
+    name: str,
+    text: str,
+    example: str,
+    run: Callable[[argparse.Namespace], int | None],
 ) -> argparse.ArgumentParser:
     """A command: its parser. `example` is what one types behind `python -m analysis`.
 
-    `run` takes the options; `options.argv` are the words of the command line.
+    `run` takes the options; `options.argv` are the words of the command line. It returns the exit
+    status, 3 where something asked for is missing, or None for 0.
     """
     command: argparse.ArgumentParser = commands.add_parser(
         name, help=text, description=text, example=example

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ def add(commands: Any) -> None:
     whole.add_argument("--states", nargs="+", default=["results/samples"], metavar="DIR", help=text)
 
 
-def _study(options: argparse.Namespace) -> None:
+def _study(options: argparse.Namespace) -> int:
     if options.jobs < 1:
         raise InputError(f"-j {options.jobs}: at least one case at a time")
     folder, output = Path(options.products), Path(options.output)
@@ -34,7 +35,7 @@ def _study(options: argparse.Namespace) -> None:
         if not path.is_dir():
             raise InputError(f"{path}: no such folder; give --products DIR")
     try:
-        page = study(
+        page, failed = study(
             folder,
             output,
             ["python", "-m", "analysis", *options.argv],
@@ -45,3 +46,6 @@ def _study(options: argparse.Namespace) -> None:
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
     put(page)
+    for line in failed:
+        print(f"not measured: {line}", file=sys.stderr)
+    return 3 if failed else 0

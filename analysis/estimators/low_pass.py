@@ -72,7 +72,9 @@ class Edge:
 UNKNOWN = Edge(np.nan, np.nan, np.nan)
 
 
-def last_crossing(frequency: np.ndarray, amplitude: np.ndarray, level: np.ndarray) -> np.ndarray:
+def last_crossing(
+    frequency: np.ndarray, amplitude: np.ndarray, level: np.ndarray | float
+) -> np.ndarray:
     """Highest frequency (nc,) Hz at which each column falls through its level, interpolated.
 
     frequency (nf,) Hz, amplitude (nf, nc), level (nc,) or a number. Between two frequencies the

@@ -1,4 +1,4 @@
-"""The linear wave by which a packing is measured: its pulse, its times, the speed of its long waves.
+"""The linear wave by which a packing is measured: its pulse, its times, its coherent part.
 
 All follow from the packing: spheres ten times smaller hear the same of a pulse ten times shorter.
 """

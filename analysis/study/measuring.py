@@ -86,7 +86,7 @@ def measure(packing: Packing) -> Measured:
 def measure_all(
     packings: Sequence[Packing], jobs: int
 ) -> tuple[list[tuple[Packing, Measured]], list[str]]:
-    """Each packing with what was measured of it, and one line for each that cannot be read.
+    """Each packing with what was measured of it, and one line for each that was not.
 
     Where several are measured at once the long ones come first: no core waits for another's.
     """
@@ -98,8 +98,9 @@ def measure_all(
             try:
                 found.append((packing, result()))
                 put(f"{packing.name}{seed}: measured")
-            except InputError as error:
-                failed.append(f"{packing.name}{seed}: {error}")
+            except Exception as error:  # one case must not cost the others
+                kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+                failed.append(f"{packing.name}{seed}: {kind}{error}")
     return found, failed
 
 

@@ -153,12 +153,15 @@ def crystal_exponent(rows: dict[int, Row]) -> Finding:
     """V_P of the crystals by first peaks is the sixth root of the stress, within 0.002."""
     members = [rows[n] for n in CRYSTALS if n in rows]
     name, producer = of_one_producer(members, "v_p_first_peaks")
+    members = [row for row in members if np.isfinite(row.value(name))]
     law = law_of(members, "stress_pa", name)
     if len(members) < 2 or not np.isfinite(law.exponent):
         return absent(missing(rows, CRYSTALS, name))
     off = law.exponent - 1 / 6
     met = abs(off) <= 0.002 and len(members) == len(CRYSTALS)
     why = f"over case {numbers_of(row.number for row in members)}, first peaks, {producer}"
+    if len(members) < len(CRYSTALS):
+        why += "; " + missing(rows, CRYSTALS, name)
     return Finding(law.exponent, law.error, met, why, f"{off:+.4f}")
 
 
@@ -232,6 +235,7 @@ def gain(rows: dict[int, Row]) -> Finding:
     """The largest gain is above 1; its height is the resolution's, which is said."""
     cases = [2, 3, 4, 6, 7, 8]
     seen = {n: rows[n].value("gain_maximum") for n in cases if n in rows}
+    seen = {n: value for n, value in seen.items() if np.isfinite(value)}
     if not seen:
         return absent(missing(rows, cases, "gain_maximum"))
     worst = min(seen, key=lambda n: seen[n])

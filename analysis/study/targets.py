@@ -8,7 +8,7 @@ no number: the target is then not met, and `why` says what is missing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -190,13 +190,6 @@ AT_1_KPA = (
 """Id, as the paper has it, friction, how near: of states that are no case."""
 
 
-TRIED = {
-    "rnd_cn_loose": "38 settings of the compression move Z at 100 kPa by -0.09 to +0.12 "
-    "(results/packings/settings.csv)"
-}
-"""What was tried on numbers that are not met and cannot be read off the cases."""
-
-
 @dataclass(frozen=True)
 class Answer:
     """What was found of a target: its id, the paper's words, our rule, the finding."""
@@ -219,8 +212,6 @@ def answers(rows: Iterable[Row], states: dict[float, Row] | None = None) -> list
     after = 1 + next(k for k, target in enumerate(TARGETS) if target.id == "rnd_e_30")
     for key, stated, friction, within in reversed(AT_1_KPA):
         finding = coordination(friction, within, states or {}, numbered.values())
-        if not finding.met and key in TRIED:
-            finding = replace(finding, why=f"{finding.why}; {TRIED[key]}")
         rule = "contacts a particle of the state at 1 kPa"
         found.insert(after, Answer(key, stated, rule, finding))
     return found

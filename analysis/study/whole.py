@@ -80,9 +80,10 @@ def study(
     jobs: int = 1,
     seeds: list[Path] | None = None,
     states: list[Path] | None = None,
-) -> Path:
+) -> tuple[Path, list[str]]:
     """Measure the study's cases in a folder, and write tables, figures and the page to `output`.
 
+    Returns the page, and a line for each case that could not be measured.
     `seeds` are folders with the same cases of other seeds, `states` those with states at 1 kPa
     beside the folder's own compressions.
     """
@@ -165,7 +166,7 @@ def study(
     path = output / "study.html"
     text = page("Waves in sphere packings: the study", above, sections, contents=True)
     write_text(path, text)
-    return path
+    return path, failed
 
 
 def _has_packing(folder: Path, name: str) -> bool:
