@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.case_files import SHEAR, CaseFiles, case_name
+from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.own_wave import INTERVAL, RECORD, affine_frequency, own_pulse
@@ -180,6 +181,14 @@ class Case(CaseFiles):
             )
         if signals.chain_particle.max() >= self.network.n_particles:
             raise InputError(f"{self.path(kind)}: its chain leaves the network; run it again")
+        if self.is_crystal:
+            layers = layer_distance(signals) / self.lattice.distance
+            if abs(layers - 1) > UNEVEN:
+                raise InputError(
+                    f"{self.path(kind)}: its chain has a particle in every {layers:.3g} layers of "
+                    "the crystal, of which neither band nor wavelength can be read; record one in "
+                    "each"
+                )
         return signals
 
     @cached_property

@@ -30,7 +30,7 @@ def chain_wavenumber(
     `velocity` (m/s) of the long waves bounds the search: 0.6 to 2.5 times its wave number. `part`
     (nc,) bool leaves out particles of the chain. A maximum on the bound is none.
     """
-    depth = (record.chain_position - record.chain_position[0]) / length
+    depth = (record.chain_position - record.chain_position.min()) / length
     used = (depth >= STRETCH[0]) & (depth <= STRETCH[1])
     if part is not None:
         used &= part

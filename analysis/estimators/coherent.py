@@ -74,6 +74,8 @@ def coherent_wave(
     z, u = signals.chain_position, signals.chain_displacement
     if signals.layer_displacement is not None:
         z, u = signals.layer_position, signals.layer_displacement
+    order = np.argsort(z)
+    z, u = z[order], u[:, order]
     depth = (z - z[0]) / length
     part = np.flatnonzero((depth >= STRETCH[0]) & (depth <= STRETCH[1]))
     nan = np.full(points, np.nan)

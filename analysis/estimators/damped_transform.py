@@ -33,6 +33,8 @@ SHORTEST = 10
 """Particles of the shortest chain that is evaluated."""
 UNEVEN = 0.1
 """Deviation of a spacing from their mean; a missing particle doubles one."""
+MOVED = 0.02
+"""Mean displacement of the chain where the record begins, in parts of the largest one."""
 CLIPPED = 3
 """Samples at exactly the largest value that no wave has by chance."""
 
@@ -148,6 +150,11 @@ def _refuse_damaged(signals: Signals) -> None:
     size = abs(u)
     if not size.any():
         raise InputError("the chain does not move: there is no wave in the record")
+    if abs(u[0].mean()) > MOVED * size.max():
+        raise InputError(
+            "the chain is not at rest where the record begins; record the wave from its source's "
+            "first motion on, displacements from where the particles were then"
+        )
     if (size == size.max()).sum() >= CLIPPED:
         raise InputError("the record is clipped: its largest value repeats; record a smaller wave")
 
@@ -170,8 +177,7 @@ def mode_cosine(shape: np.ndarray) -> np.ndarray:
 
 def layer_distance(signals: Signals) -> float:
     """Mean distance of neighbours along the chain, m."""
-    z = signals.chain_position
-    return float((z[-1] - z[0]) / (len(z) - 1))
+    return float(np.ptp(signals.chain_position) / (len(signals.chain_position) - 1))
 
 
 def rms_deviation(

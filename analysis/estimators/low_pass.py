@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from analysis.estimators.source_motion import sets_out
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
@@ -176,12 +177,16 @@ class Passband:
         self._maps: dict[tuple, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def end(self, record: Signals, passages: float = PASSAGES) -> float:
-        """Where a record ends for the rule, s: at so many passages, or as long as it is."""
-        return min(float(record.time[-1]), passages * self.network.length / self.velocity)
+        """Where a record ends for the rule, s: so many passages after the wave has set out.
+
+        Or as long as it is.
+        """
+        passed = passages * self.network.length / self.velocity
+        return min(float(record.time[-1]), sets_out(record) + passed)
 
     def passages(self, record: Signals) -> float:
         """That end in passages of the long waves."""
-        return self.end(record) * self.velocity / self.network.length
+        return (self.end(record) - sets_out(record)) * self.velocity / self.network.length
 
     def map(
         self,

@@ -21,9 +21,11 @@ class PowerLaw:
 
 
 def power_law(x: np.ndarray, y: np.ndarray) -> PowerLaw:
-    """Least squares of the logarithms; NaN from a single x."""
+    """Least squares of the logarithms; NaN from a single x, and of what has no logarithm."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     known = np.isfinite(x) & np.isfinite(y)
+    if (np.minimum(x, y)[known] <= 0).any():
+        return PowerLaw(np.nan, np.nan)
     u, v = np.log(x[known]), np.log(y[known])
     if known.sum() < 2 or np.ptp(u) == 0:
         return PowerLaw(np.nan, np.nan)

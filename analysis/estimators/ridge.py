@@ -75,6 +75,8 @@ def ridge(signals: Signals) -> Ridge:
         return Ridge(kappa, np.full(POINTS, np.nan), np.nan, np.nan)
     long = slice(POINTS // 50, POINTS // 10)
     velocity = 2 * np.pi * float(np.median(abs(whole[long]) / kappa[long]))
+    if velocity == 0:  # nothing turns: no wave is in the record
+        return Ridge(kappa, np.full(POINTS, np.nan), np.nan, np.nan)
     span = float(np.ptp(signals.chain_position))
     cut = _frequencies(signals, kappa, start, start + PASSAGES * span / velocity)
     frequency = whole if cut is None else cut

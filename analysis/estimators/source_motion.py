@@ -40,6 +40,12 @@ def recorded_motion(record: Signals) -> Motion:
     return SampledMotion(fine, np.append(0.0, make_interp_spline(time, d, ORDER)(fine)[1:]))
 
 
+def sets_out(record: Signals) -> float:
+    """The last time, s, at which the source wall of a record has not moved yet."""
+    moved = abs(record.source_displacement) > SAME * abs(record.source_displacement).max()
+    return float(record.time[max(int(np.argmax(moved)) - 1, 0)])
+
+
 def at_rest(record: Signals) -> float:
     """The first time, s, from which on the source wall of a record stands still."""
     d = record.source_displacement

@@ -33,6 +33,8 @@ TRAVELS = DECAY / (0.5 * np.pi * RESOLUTION)
 
 FAINTEST = 2e-3
 """Least receiver stress over source stress of a received wave; a loose packing passes 0.7 %."""
+QUIET = 0.5
+"""Most of the receiver's peak that it may hear in half of the time until then."""
 
 
 @dataclass(frozen=True)
@@ -153,11 +155,15 @@ def wall_velocity(signals: Signals, length: float) -> tuple[np.ndarray, ...] | N
     """`cross_spectrum` of the wall stresses over the sample length; None if not yet received.
 
     The record for dispersion ends about when the wave reaches the receiver; the phase is then
-    meaningless, so the receiver's peak must lie well inside the record.
+    meaningless, so the receiver's peak must lie well inside the record. None, too, where the source
+    does not move in the record, or the receiver hears as much before a wave can have come.
     """
     received = np.abs(signals.receiver_stress)
     if received.max() < FAINTEST * np.abs(signals.source_stress).max():
         return None
-    if np.argmax(received) > 0.9 * len(received):
+    peak = int(np.argmax(received))
+    if peak > 0.9 * len(received) or not np.ptp(signals.source_displacement) > 0:
+        return None
+    if received[: peak // 2].max(initial=0.0) > QUIET * received[peak]:
         return None
     return cross_spectrum(signals.source_stress, signals.receiver_stress, signals.time, length)

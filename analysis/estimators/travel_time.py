@@ -10,11 +10,23 @@ MIDDLE = 0.25, 0.75
 """Part of the length over which times are fitted: off both walls, layers 50 to 149 of 200."""
 LEAST = 5
 """Times that a fit needs."""
+FAINT = 1e-3
+"""Part of the chain's largest motion below which a particle has not been reached."""
+SURE = 0.2
+"""Largest standard error of a velocity, relative: times beyond it are of no wave that passes."""
 
 
 def outward(signals: Signals) -> np.ndarray:
-    """Shape (nt, nc), m: displacements, turned round where the wall first moves backward."""
-    return -signals.chain_displacement if signals.amplitude < 0 else signals.chain_displacement
+    """Shape (nt, nc), m: displacements, turned round where the wall goes backward.
+
+    NaN of particles that the wave has not reached.
+    """
+    wall = signals.source_displacement
+    first = np.argmax(abs(wall) > 0.1 * abs(wall).max())
+    back = wall[first] < 0 if wall.any() else signals.amplitude < 0
+    u = -signals.chain_displacement if back else signals.chain_displacement
+    reached = u.max(axis=0) > FAINT * u.max()
+    return np.where(reached, u, np.nan)
 
 
 def first_peak_times(signals: Signals) -> np.ndarray:
@@ -37,13 +49,13 @@ def first_peak_times(signals: Signals) -> np.ndarray:
 def arrival_times(signals: Signals, level: float = 0.05) -> np.ndarray:
     """Time (nc,) s at which each particle first exceeds `level` of its maximum, interpolated.
 
-    The maximum is that in the wall's own direction.
+    The maximum is that in the wall's own direction; NaN where it is not passed in the record.
     """
     times = np.full(signals.chain_displacement.shape[1], np.nan)
     for n, u in enumerate(outward(signals).T):
         above = u > level * u.max()
         k = int(np.argmax(above))
-        if above.any() and k > 0:
+        if above.any() and k > 0 and np.argmax(u) < len(u) - 1:
             part = (level * u.max() - u[k - 1]) / (u[k] - u[k - 1])
             times[n] = signals.time[k - 1] + part * (signals.time[k] - signals.time[k - 1])
     return times
@@ -60,13 +72,17 @@ def middle(distance: np.ndarray, length: float, part: tuple[float, float] = MIDD
 def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, float]:
     """dL/dt, m/s, of `times` (nc,) s at `distance` (nc,) m, and the standard error of its fit.
 
-    NaN where fewer than `LEAST` times are known.
+    NaN where fewer than `LEAST` times are known, and where they do not rise with the distance by
+    more than their scatter: then no wave goes from the source on.
     """
     known = np.isfinite(times)
     if known.sum() < LEAST:
         return np.nan, np.nan
     (slope, _), spread = np.polyfit(distance[known], times[known], 1, cov=True)
-    return float(1 / slope), float(np.sqrt(spread[0, 0]) / slope**2)
+    error = np.sqrt(spread[0, 0])
+    if not error < SURE * slope:
+        return np.nan, np.nan
+    return float(1 / slope), float(error / slope**2)
 
 
 def first_peak_velocity(
