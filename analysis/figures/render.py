@@ -49,6 +49,10 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
         ax.legend(ncols=panel.legend_columns, **place)
     for axis, scale in ((ax.xaxis, panel.xscale), (ax.yaxis, panel.yscale)):
         if scale == "log":
+            low, high = axis.get_data_interval()
+            if 0 < high <= (1 + 1e-9) * low:  # a single number has no range of its own
+                limits = ax.set_xlim if axis is ax.xaxis else ax.set_ylim
+                limits(low / 2, 2 * high)
             _plain_numbers(axis)
         else:
             few = panel.equal and axis is ax.yaxis

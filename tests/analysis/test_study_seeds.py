@@ -7,16 +7,19 @@ import os
 import numpy as np
 import pytest
 
+from analysis.__main__ import main
 from analysis.case import Case
 from analysis.comparable import of_one_producer, scatter_of_samples
 from analysis.measures import Measures
 from analysis.measures.estimate import Estimate
+from analysis.paper import STRESSES
 from analysis.rows import Row, row_of
 from analysis.study import measuring
 from analysis.study.arrangement import OF_ROWS
 from analysis.study.measuring import Packing, measure, measure_all
 from analysis.study.other_seeds import AT_REST, row_of_seed
 from analysis.study.tables import table_1, table_1_seen
+from analysis.study.target_rules import crystal_exponent, gain, highest_apart
 from analysis.study.targets import answers
 from modal.formats.hdf5 import InputError
 from modal.packing.examples import fcc
@@ -169,3 +172,44 @@ def test_side_by_side_as_one_after_the_other(tmp_path):
         for name, value in alone.row.values.items():
             assert one.row.value(name) == pytest.approx(value.value, rel=1e-9, nan_ok=True)
         assert bool(one.provenance) != packing.other_seed
+
+
+def test_a_case_that_fails_is_named_and_costs_nothing_else(tmp_path, monkeypatch, capsys):
+    """Whatever goes wrong in one case: the others' page is written, status 3 and a line say so."""
+    for case, stress in (("case01", 1e4), ("case02", 1e5)):
+        write_network(tmp_path / f"{case}.network.h5", fcc(stress, (1, 1, 60)))
+
+    def fails(packing):
+        if packing.name == "case01":
+            raise ZeroDivisionError("by nothing")
+        return measure(packing)
+
+    monkeypatch.setattr(measuring, "measure", fails)
+    out = tmp_path / "out"
+    assert main(["study", "--products", str(tmp_path), "-o", str(out)]) == 3
+    assert capsys.readouterr().err == "not measured: case01: ZeroDivisionError: by nothing\n"
+    assert "by nothing" in (out / "study.html").read_text()
+
+
+def test_nothing_is_met_with_a_number_that_is_missing():
+    def row(number, stress, crystal=True, mu=0.0, **values):
+        found = Row(number, "", "", crystal, stress, mu, "yade", "")
+        found.values = {name: Estimate(value) for name, value in values.items()}
+        return found
+
+    name = "v_p_first_peaks_yade_m_per_s"
+    speeds = {1: 1.0, 2: 10 ** (1 / 6), 3: 100 ** (1 / 6), 4: np.nan}
+    rows = {n: row(n, 10.0 ** (3 + n), **{name: v}) for n, v in speeds.items()}
+    found = crystal_exponent(rows)
+    assert found.value == pytest.approx(1 / 6) and not found.met and "case 4" in found.why
+    gains = {n: row(n, 1e5, gain_maximum=g) for n, g in zip((2, 3, 4, 6, 7, 8), [3.0] * 6)}
+    assert gain(gains).met
+    gains[7] = row(7, 1e6, gain_maximum=np.nan)
+    assert not gain(gains).met
+    tops = {}
+    for k, stress in enumerate(STRESSES):
+        for first, mu in ((1, 0.0), (5, 0.0), (29, 0.4)):
+            tops[first + k] = row(first + k, stress, first == 1, mu, f_max_khz=200.0)
+    assert highest_apart(tops).met
+    tops[30].values["f_max_khz"] = Estimate(np.nan)
+    assert not highest_apart(tops).met
