@@ -99,15 +99,20 @@ SPHERES, CRYSTAL_LENGTH, SAME_LENGTH = 35201, (199 * 2**0.5 + 2) * RADIUS, 0.01
 overlaps shorten by less than a per cent."""
 
 
-def is_its_specimen(network: Network, crystal: bool) -> bool:
-    """Whether a packing is as large as those of the paper, and of the same spheres."""
+def has_its_spheres(network: Network) -> bool:
+    """Whether all spheres of a packing have the radius and the mass of those of the paper."""
     mass, _ = GLASS.sphere(RADIUS)
     given = np.concatenate([network.radius / RADIUS, network.mass / mass])
+    return bool((abs(given - 1) < SAME_SPHERES).all())
+
+
+def is_its_specimen(network: Network, crystal: bool) -> bool:
+    """Whether a packing is as large as those of the paper, and of the same spheres."""
     if crystal:
         large = abs(network.length / CRYSTAL_LENGTH - 1) < SAME_LENGTH
     else:
         large = network.n_particles == SPHERES
-    return bool(large and (abs(given - 1) < SAME_SPHERES).all())
+    return bool(large and has_its_spheres(network))
 
 
 def matching_case(crystal: bool, stress: float, mu_comp: float) -> int | None:

@@ -33,7 +33,7 @@ SHORTEST = 10
 """Particles of the shortest chain that is evaluated."""
 UNEVEN = 0.1
 """Deviation of a spacing from their mean; a missing particle doubles one."""
-MOVED = 0.02
+MOVED = 0.15
 """Mean displacement of the chain where the record begins, in parts of the largest one."""
 CLIPPED = 3
 """Samples at exactly the largest value that no wave has by chance."""

@@ -51,8 +51,8 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
         if scale == "log":
             low, high = axis.get_data_interval()
             if 0 < high <= (1 + 1e-9) * low:  # a single number has no range of its own
-                limits = ax.set_xlim if axis is ax.xaxis else ax.set_ylim
-                limits(low / 2, 2 * high)
+                along = {"updatex": axis is ax.xaxis, "updatey": axis is ax.yaxis}
+                ax.update_datalim([(low / 2, low / 2), (2 * high, 2 * high)], **along)
             _plain_numbers(axis)
         else:
             few = panel.equal and axis is ax.yaxis

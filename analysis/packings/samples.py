@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.estimators.layer_lattice import is_fcc
 from analysis.packings.settled import MARK, why_unsettled
-from analysis.paper import COORDINATION_AT_1_KPA, is_its_specimen, matching_case, stated
+from analysis.paper import COORDINATION_AT_1_KPA, has_its_spheres, matching_case, stated
 from analysis.table import Table
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import read_provenance
@@ -67,10 +67,10 @@ def row(path: str | Path) -> list[str]:
     target = float(study.get("stress", np.nan))
     mu = float(study.get("mu_comp", np.nan if "mu_wave" in study else sample.friction))
     name = Path(path).name.removesuffix(".sample.h5")
-    its_own = is_its_specimen(network, is_fcc(network))
-    case = matching_case(is_fcc(network), target, mu) if its_own else None
+    its_spheres = has_its_spheres(network)
+    case = matching_case(is_fcc(network), target, mu) if its_spheres else None
     paper_e = stated("void_ratio", case)
-    paper_z = COORDINATION_AT_1_KPA.get(mu) if its_own and target == 1e3 else None
+    paper_z = COORDINATION_AT_1_KPA.get(mu) if its_spheres and target == 1e3 else None
     state = why_unsettled(network, np.nan if is_fcc(network) else target)
     off = [100 * (value / target - 1) for value in found["stress_pa"] + found["wall_stress_pa"]]
     cells = [

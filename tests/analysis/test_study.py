@@ -59,7 +59,7 @@ def made(tmp_path_factory):
     (folder / "seed_2").mkdir()
     write_network(folder / "seed_2/case06.network.h5", random_network(150, 1e5, seed=4))
     (folder / "case07.network.h5").write_text("no packing at all")
-    assert main(["study", "--products", str(folder), "-o", str(output)]) == 0
+    assert main(["study", "--products", str(folder), "-o", str(output)]) == 3  # of case07
     return output
 
 

@@ -202,7 +202,7 @@ def test_nothing_is_met_with_a_number_that_is_missing():
     rows = {n: row(n, 10.0 ** (3 + n), **{name: v}) for n, v in speeds.items()}
     found = crystal_exponent(rows)
     assert found.value == pytest.approx(1 / 6) and not found.met and "case 4" in found.why
-    gains = {n: row(n, 1e5, gain_maximum=g) for n, g in zip((2, 3, 4, 6, 7, 8), [3.0] * 6)}
+    gains = {n: row(n, 1e5, gain_maximum=3.0) for n in (2, 3, 4, 6, 7, 8)}
     assert gain(gains).met
     gains[7] = row(7, 1e6, gain_maximum=np.nan)
     assert not gain(gains).met
