@@ -113,8 +113,8 @@ def nearest(branch: Floats, cell: Cell) -> tuple[Floats, Ints]:
     return branch + shift * period, shift
 
 
-def touching_pairs(spheres: Spheres, cell: Cell) -> Contacts:
-    """Contacts by overlap alone, through all periods, and with the walls, for any radii."""
+def touching_pairs(spheres: Spheres, cell: Cell, least: float = 0.0) -> Contacts:
+    """Contacts by overlap of more than `least`, m, alone, through all periods, and with walls."""
     from scipy.spatial import cKDTree  # half a second, and not needed where contacts are listed
 
     size = cell.high - cell.low
@@ -125,12 +125,12 @@ def touching_pairs(spheres: Spheres, cell: Cell) -> Contacts:
     pairs = tree.query_pairs(2 * float(spheres.radius.max()), output_type="ndarray")
     i, j = pairs.T
     branch, _ = nearest(spheres.position[j] - spheres.position[i], cell)
-    reach = spheres.radius[i] + spheres.radius[j]
+    reach = spheres.radius[i] + spheres.radius[j] - least
     near = (branch**2).sum(axis=1) < reach**2
     ends = [(i[near], j[near])]
     z = spheres.position[:, 2]
     for code, wall, side in ((SOURCE_WALL, cell.walls[0], 1), (RECEIVER_WALL, cell.walls[1], -1)):
-        (at,) = np.nonzero(side * (z - wall) < spheres.radius)  # NaN: no wall, none
+        (at,) = np.nonzero(side * (z - wall) < spheres.radius - least)  # NaN: no wall, none
         ends.append((at, np.full(len(at), code)))
     i, j = (np.concatenate(column) for column in zip(*ends, strict=True))
     order = np.lexsort((j, i))

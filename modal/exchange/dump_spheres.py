@@ -18,8 +18,8 @@ def cell_of(frame: Frame, units: Units) -> Cell:
     return Cell(units.length * frame.low, units.length * frame.high, frame.periodic)
 
 
-def spheres_of(frame: Frame, units: Units) -> Spheres:
-    """The spheres of a dump, in the order of their numbers."""
+def spheres_of(frame: Frame, units: Units, *, typed: bool) -> Spheres:
+    """The spheres of a dump, in the order of their numbers; `typed` if the law asks for types."""
     rows = frame.rows
     if not rows.has("id"):
         _missing(frame, "id", "dump ... custom N FILE id type x y z radius mass")
@@ -34,6 +34,8 @@ def spheres_of(frame: Frame, units: Units) -> Spheres:
     heavy = next((name for name in ("mass", "rmass", "density") if rows.has(name)), None)
     if heavy is None:
         _missing(frame, "mass", "add mass to the dump")
+    if typed and not rows.has("type"):
+        _missing(frame, "type", "add type to the dump: the law is not the same for all types")
     wanted = ["id", *names, size, heavy] + ["type"] * rows.has("type")
     table = rows.read(*wanted)
     for column in ("id", "type"):
@@ -57,8 +59,11 @@ def spheres_of(frame: Frame, units: Units) -> Spheres:
     if heavy == "density":
         mass = units.density * table[:, 5] * 4 / 3 * np.pi * radius**3
     digits = rows.digits(*names)
-    if frame.rounding > step:
-        step, digits = frame.rounding, min(digits, ROUNDED[0])
+    # Radii count in overlaps as positions do; those that few digits hold are exact.
+    rounded = last_step(radius / units.length, rows.digits(size))
+    coarse = max(frame.rounding, rounded * (rows.digits(size) in ROUNDED))
+    if coarse > step:
+        step, digits = coarse, min(digits, ROUNDED[0])
     return Spheres(
         number=number[order],
         position=units.length * position,

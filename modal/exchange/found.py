@@ -26,6 +26,7 @@ from modal.exchange.listed import (
     refuse_apart,
     refuse_drowned,
     refuse_one_place,
+    unlisted,
 )
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
 from modal.formats.arrays import Bools, Floats, Ints
@@ -126,6 +127,8 @@ def network_of(
     pairs, reach, effective, overlap = pairs.cut(kept), reach[kept], effective[kept], overlap[kept]
 
     error = spheres.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
+    if contacts is not None and laws:
+        remarks += unlisted(given, spheres, cell)
     force = pairs.force
     how = "positions"
     if not laws:

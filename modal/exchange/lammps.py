@@ -60,14 +60,24 @@ def import_lammps(
     def law_of(a: int, b: int) -> ProgramLaw:
         return of_pairs(a, b) if a >= 0 else law_of_wall(walls, a, said)
 
-    spheres = spheres_of(frame, units)
+    models = {tuple(words) for _, _, *words in script.pair}
+    spheres = spheres_of(frame, units, typed=len(models) > 1)
     cell = replace(cell_of(frame, units), walls=planes_of(walls))
     check_spheres(spheres, cell, str(atoms))
+    for name, group in script.groups.items():
+        if contacts is None and wall is None and group != "all":
+            do = "give the contacts that it has (--contacts), or type the walls (--wall)"
+            raise InputError(f"{log}: fix {name} pushes the group {group} alone; {do}")
     touching, more = contacts_of(
         frame, spheres, contacts, script.computes, units, walls, wall_fixes
     )
     found = network_of(spheres, cell, touching, law_of, str(atoms))
     found.told["assumed"] = assumed + more
+    if frame.step <= script.changed and frame.step not in script.since:
+        found.remarks.append(
+            f"{log} changes the law or the walls after step {frame.step}: those of its end are "
+            "taken; type what held (--pair, --wall), or cut the log off there"
+        )
     printed = script.thermo.get(frame.step) if log else None
     if printed and all(name in printed for name in STRESS):
         found.told["printed_stress_pa"] = [units.pressure * float(printed[name]) for name in STRESS]

@@ -134,13 +134,18 @@ def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coe
     return Coefficients(law)
 
 
+def without_suffix(style: str) -> str:
+    """A style without that of an accelerated variant, such as /omp."""
+    for suffix in ("/omp", "/kk", "/intel", "/opt", "/gpu"):
+        style = style.removesuffix(suffix)
+    return style
+
+
 def coefficients(
     style: str, words: Sequence[str], where: str, units: Units = SI, *, wall: bool = False
 ) -> Coefficients:
-    """The law that a style and its words say; `style` without suffixes such as /omp."""
-    base = style
-    for suffix in ("/omp", "/kk", "/intel", "/opt", "/gpu"):
-        base = base.removesuffix(suffix)
+    """The law that a style and its words say."""
+    base = without_suffix(style)
     if base == "granular":
         return granular(words, where, (RADIUS, RADIUS if wall else MIDDLE), units)
     if wall and base in ("hooke", "hooke/history", "hertz/history"):

@@ -80,6 +80,10 @@ def _walls(name: str, words: Sequence[str], units: Units) -> Walls:
     if "zplane" not in words or len(words) < words.index("zplane") + 3:
         raise InputError(f"{where}: give its law and then zplane LOW HIGH (or NULL)")
     at = words.index("zplane")
+    if "wiggle" in words[at:]:
+        raise InputError(
+            f"{where}: it wiggles, and where it was at a step is not told; type where ({TYPED})"
+        )
     law = coefficients(words[0], words[1:at], where, units, wall=True).law
     planes = [np.nan, np.nan]
     for side, word in enumerate(words[at + 1 : at + 3]):

@@ -59,7 +59,11 @@ def import_liggghts(
     units = units_of(frame, units, script.units if log else "", script.where)
     planes, of_wall = walls_of(wall, script, units)
     law_of = law_of_types(script, units, of_wall)
-    spheres, cell = spheres_of(frame, units), replace(cell_of(frame, units), walls=planes)
+    typed = any(len(values) > 1 for values in script.properties.values())
+    spheres, cell = (
+        spheres_of(frame, units, typed=typed),
+        replace(cell_of(frame, units), walls=planes),
+    )
     check_spheres(spheres, cell, str(atoms))
     touching, remarks = None, []
     if contacts is not None:

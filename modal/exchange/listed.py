@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.exchange.bodies import Contacts, Spheres
+from modal.exchange.bodies import Cell, Contacts, Spheres, touching_pairs
 from modal.exchange.rows import fault
-from modal.formats.arrays import Bools, Floats
+from modal.formats.arrays import Bools, Floats, Ints
 from modal.formats.hdf5 import InputError
 
 DROWNED = 1e-3
@@ -56,6 +56,19 @@ def refuse_apart(given: Contacts, spheres: Spheres, apart: Bools, gap: Floats) -
         "write spheres and contacts at the same step, in one unit of length",
         rows.line + row,
     )
+
+
+def unlisted(given: Contacts, spheres: Spheres, cell: Cell) -> list[str]:
+    """A remark on spheres that overlap, by more than rounding, and on which no row tells."""
+    near = touching_pairs(spheres, cell, spheres.step)
+    n = len(spheres.position) + 2  # with both walls, whose codes are -1 and -2
+
+    def key(contacts: Contacts) -> Ints:
+        ends = np.sort(np.column_stack([contacts.i, contacts.j]).astype(np.int64) % n, axis=1)
+        return ends[:, 0] * n + ends[:, 1]
+
+    lost = int((~np.isin(key(near), key(given))).sum())
+    return [f"{lost} contacts that overlap are not listed: of a group alone, or lost?"] * (lost > 0)
 
 
 def refuse_drowned(spheres: Spheres, error: float, overlap: Floats, name: str) -> None:

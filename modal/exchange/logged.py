@@ -16,7 +16,7 @@ from modal.exchange.rows import fault, read_lines
 VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
 QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
 """Variables in quotes stay as they are; a line of such a kind counts for nothing here."""
-COMMANDS = ("units", "pair_style", "pair_coeff", "unfix")
+COMMANDS = ("units", "dimension", "pair_style", "pair_coeff", "bond_style", "unfix")
 
 
 def logged_lines(path: str | Path, styles: Collection[str]) -> Iterator[tuple[int, list[str]]]:

@@ -238,3 +238,95 @@ def test_the_same_pair_style_once_more_keeps_its_coefficients(tmp_path):
     log.write_text(log.read_text() + "pair_style granular\n")
     twice = import_lammps(atoms, None, log, *[None] * 4).network
     np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("dimension 2", "line 10: dimension 2; a network has spheres that move in space"),
+        ("bond_style bpm/spring", "bond_style bpm/spring: bonds are no contacts"),
+        ("fix f all freeze", "fix freeze: frozen spheres"),
+        ("fix h all wall/harmonic zlo EDGE 1 1 1", "fix wall/harmonic: walls of this kind are not"),
+        (
+            "fix h all wall/gran/kk granular hertz 4e10 0 zplane 0 1",
+            "fix h wall/gran: a second wall",
+        ),
+        (
+            "fix w all wall/gran granular hertz 4e10 0 zplane 0 1 wiggle z 1 1",
+            "fix w .*it wiggles,",
+        ),
+        ("clear", "no law of contact is known"),
+    ],
+)
+def test_commands_that_change_the_meaning_are_heard(tmp_path, capsys, line, said):
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    log.write_text(f"{log.read_text()}{line}\n")
+    given = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    error = refused(capsys, *given)
+    assert re.search(said, error), error
+    if line.startswith("fix f"):  # and no longer after its unfix
+        log.write_text(f"{log.read_text()}unfix f\n")
+        program_files.imported(capsys, *given)
+
+
+def test_what_a_log_prints_is_no_command(tmp_path):
+    atoms, log = three_types(tmp_path, f"* * {A}")
+    once = import_lammps(atoms, None, log, *[None] * 4).network
+    log.write_text(f'{log.read_text()}print "pair_coeff * * ${{B}}"\npair_coeff * * {B}\n')
+    twice = import_lammps(atoms, None, log, *[None] * 4).network
+    np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
+
+
+def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(tmp_path, capsys):
+    atoms, log = three_types(tmp_path, f"* * {A}", f"2 2 {B}")
+    atoms.write_text(atoms.read_text().replace("id type", "id other"))
+    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
+    assert "column type: no column type among id other x" in error
+
+
+def test_a_wall_for_a_group_needs_the_contacts(tmp_path, capsys):
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    log.write_text(log.read_text().replace("fix w all", "fix w few"))
+    given = ("--log", log, "-o", tmp_path / FILE)
+    program_files.imported(capsys, atoms, "--contacts", contacts, *given)
+    error = refused(capsys, atoms, *given)
+    assert "fix w pushes the group few alone; give the contacts" in error
+
+
+def test_radii_of_few_digits_blur_overlaps_as_positions_do(tmp_path, capsys):
+    """Positions of 17 digits beside radii of 6, as `%g` writes them: 1e-9 m of the overlaps."""
+    atoms, _, log = program_files.lammps(program_files.packing(True), tmp_path)
+    told = program_files.imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
+    assert told["overlap_over_error_of_digits"] > 1e6
+    lines = atoms.read_text().splitlines()
+    for k, line in enumerate(lines[9:], 9):
+        *words, radius, mass = line.split()
+        lines[k] = " ".join([*words, f"{float(radius):.6g}", mass])
+    atoms.write_text("\n".join(lines) + "\n")
+    told = program_files.imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
+    assert told["overlap_over_error_of_digits"] < 1e5
+
+
+@pytest.mark.parametrize(("step", "remarked"), [(5, 1), (10, 1), (20, 0), (15, 0)])
+def test_a_law_that_changed_after_the_step_of_the_dump_is_remarked_on(tmp_path, step, remarked):
+    """Steps of 0 to 10 have the first law, 10 to 20 another one; 15 is printed."""
+    atoms, log = three_types(tmp_path, f"* * {A}")
+    text = atoms.read_text().replace("TIMESTEP\n7\n", f"TIMESTEP\n{step}\n")
+    atoms.write_text(text)
+    told = "Step Pxx\n0 1\n10 1\n" + f"pair_coeff * * {B}\n" + "Step Pxx\n15 1\n20 1\n"
+    log.write_text(log.read_text() + told)
+    remarks = import_lammps(atoms, None, log, *[None] * 4).remarks
+    assert sum("changes the law or the walls after step" in line for line in remarks) == remarked
+
+
+def test_contacts_that_are_not_listed_are_counted(tmp_path, capsys):
+    """Three rows less, as of a compute for a group: the spheres still overlap there."""
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    given = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
+    whole = program_files.imported(capsys, *given)
+    assert not any("not listed" in line for line in whole["remarks"])
+    lines = contacts.read_text().splitlines()
+    count = int(lines[3]) - 3
+    contacts.write_text("\n".join([*lines[:3], str(count), *lines[4:-3]]) + "\n")
+    told = program_files.imported(capsys, *given)
+    assert any(line.startswith("3 contacts that overlap are not") for line in told["remarks"])
