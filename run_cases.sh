@@ -33,7 +33,8 @@ numbers() { awk '$1 ~ /^[0-9]+$/ {print $1 + 0}' "${@/%/.table}"; }
 mapfile -t crystals < <(numbers cases/fcc)
 mapfile -t known < <(numbers cases/fcc cases/random)
 stages=(state sample highest wave linear modes response density structure shear moduli split analysis)
-cases=() stage=analysis jobs='' options=() products=products seed='' slurm='' only=''
+products=$(sed -n 's/^products: *\([^ ]*\).*/\1/p' workflow/study.yaml)
+cases=() stage=analysis jobs='' options=() seed='' slurm='' only=''
 while [ $# -gt 0 ]; do
     case "$1" in
         --case) shift; [[ "${1:-}" =~ ^[0-9]+$ ]] || fail "--case needs a number, for example --case 2"
@@ -49,7 +50,7 @@ while [ $# -gt 0 ]; do
             stage=$1 ;;
         -j) shift; number -j "${1:-}" 2; jobs=$1 ;;
         --from-scratch) options+=(from_scratch=True) ;;
-        --spheres) shift; number --spheres "${1:-}" 1000; products=products/${1}_spheres
+        --spheres) shift; number --spheres "${1:-}" 1000; products+=/${1}_spheres
             options+=("spheres=$1" preparation=modal crystal_layers=40) ;;
         --seed) shift; number --seed "${1:-}" 2; seed=$1 ;;
         --slurm) slurm=slurm ;;
@@ -63,6 +64,7 @@ done
     fail "the study runs on Linux, with YADE; on $(uname) \`pip install .\` gives granular-modes"
 [ ${#cases[@]} -gt 0 ] || cases=(2)
 # nproc takes OMP_NUM_THREADS for the number of cores.
+[ "$seed" != 1 ] || fail "--seed 1: that is the study's own; another, for example --seed 2, tells how much samples differ"
 [ -z "$seed" ] || { products+=/seed_$seed; options+=("seed=$seed"); }
 [ -n "$jobs" ] || jobs=$([ -n "$slurm" ] && echo 20 || env -u OMP_NUM_THREADS nproc)
 ./setup.sh --extra "${slurm:-workflow}" --without-yade

@@ -40,7 +40,7 @@ def scatter_of_samples(row: Row, seeds: Iterable[Row]) -> dict[str, float]:
 
     The numbers of its record are compared by one producer. Empty without another packing.
     """
-    twins = [row, *(other for other in seeds if other.number == row.number)]
+    twins = [row, *(other for other in seeds if other.name == row.name)]
     columns = {name: name for name in row.values}
     columns |= {f"{q}_{unit}": of_one_producer(twins, q)[0] for q, unit in UNITS.items()}
     found = {}

@@ -78,6 +78,7 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
         (["--case", "two"], "--case needs a number"),
         (["--stage", "lunch"], "--stage is one of"),
         (["-j", "0"], "-j needs a number"),
+        (["--seed", "1"], "--seed 1: that is the study's own"),
         (["--spheres", "few"], "--spheres needs a number"),
         (["--colour"], "unknown option --colour"),
     ],
@@ -111,6 +112,8 @@ def door(tmp_path, monkeypatch) -> Path:
     """The front door in a folder that has a second name; its programs note what they are asked."""
     folder = tmp_path / "home/study"
     shutil.copytree(ROOT / "cases", folder / "cases")
+    (folder / "workflow").mkdir()
+    shutil.copy(ROOT / "workflow/study.yaml", folder / "workflow")
     shutil.copy(ROOT / "run_cases.sh", folder)
     (folder / "modal").symlink_to(ROOT / "modal")
     for name, text in PROGRAMS.items():
@@ -173,6 +176,17 @@ def test_in_an_allocation_its_memory_counts_not_the_nodes(granted, most, door, m
     assert opened("--case", "2").returncode == 0
     (given,) = set(re.findall(r"mem_mb=(\d+)", (door / "asked").read_text()))
     assert int(given) == most
+
+
+def test_products_go_where_the_settings_say(door):
+    settings = door / "workflow/study.yaml"
+    settings.write_text(settings.read_text().replace("products: products ", "products: elsewhere "))
+    assert opened("--case", "2").returncode == 0
+    assert opened("--case", "30", "--spheres", "1000", "--seed", "2").returncode == 0
+    asked = (door / "asked").read_text()
+    for folder in ("elsewhere", "elsewhere/1000_spheres/seed_2"):
+        assert f"products={folder} " in asked and (door / folder).is_dir()
+    assert not (door / "products").exists()
 
 
 def test_a_case_is_a_line_of_its_table(door):

@@ -10,14 +10,14 @@ from places import ROOT
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 
-OWN = ["mu_comp=0.4", "spheres=120", "width=4.2", "seed=1", "sizes=lognormal 0.2"]
+OWN = ["mu_comp=0.4", "spheres=120", "width=4.2", "seed=1", "sizes=lognormal 0.2", "densities=7800"]
 
 
 @pytest.fixture
 def walked(tmp_path):
     """A walk's folder with one state."""
     study = {"mu_comp": 0.4, "spheres": 120, "width": 4.2, "seed": 1, "stress": 1e5}
-    study |= {"sizes": "lognormal 0.2"}
+    study |= {"sizes": "lognormal 0.2", "densities": "7800"}
     sample = replace(random_sample(120, 1e5, aspect=2.0), study=study)
     folder = tmp_path / "walks/compression_mu0.4"
     folder.mkdir(parents=True)

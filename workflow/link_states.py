@@ -15,13 +15,13 @@ from analysis.batch_table import value
 from modal.packing.sample import read_sample
 
 
-def main(folder: Path, wanted: dict[str, float | str], outputs: list[Path]) -> int:
+def main(folder: Path, wanted: dict[str, str], outputs: list[Path]) -> int:
     """Link all; the exit status."""
     states = {}
     for path in sorted(folder.rglob("*Pa.sample.h5")):
         study = read_sample(path).study
         for name, own in wanted.items():
-            if study.get(name) != own:
+            if study.get(name) not in (own, value(own)):
                 print(
                     f"{path}: made with {name} {study.get(name)}, not {own}; move {folder} away",
                     file=sys.stderr,
@@ -42,4 +42,4 @@ def main(folder: Path, wanted: dict[str, float | str], outputs: list[Path]) -> i
 if __name__ == "__main__":
     given = dict(text.split("=") for text in sys.argv[2:] if not text.endswith(".h5"))
     files = [Path(text) for text in sys.argv[2:] if text.endswith(".h5")]
-    sys.exit(main(Path(sys.argv[1]), {name: value(text) for name, text in given.items()}, files))
+    sys.exit(main(Path(sys.argv[1]), given, files))

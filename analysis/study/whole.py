@@ -107,7 +107,7 @@ def study(
     at_1_kpa = states_at_1_kpa([folder, *(states or [])])
     for row in rows:
         row.samples = scatter_of_samples(row, others)
-        row.packings += sum(other.number == row.number for other in others)
+        row.packings += sum(other.name == row.name for other in others)
         if not row.crystal and row.mu_comp in at_1_kpa:
             row.values["void_ratio_at_1_kpa"] = at_1_kpa[row.mu_comp].values["void_ratio"]
             row.texts["unsettled_at_1_kpa"] = at_1_kpa[row.mu_comp].unsettled

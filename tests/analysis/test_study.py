@@ -217,6 +217,17 @@ def test_scatter_of_seeds_is_the_standard_deviation():
     assert "void_ratio_sample_error" not in table_1([made_up(6, 0.0, 1e5, void_ratio=0.5)]).header
 
 
+def test_scatter_of_a_case_beyond_the_papers_is_that_of_its_own_seeds():
+    """Neither has a number there: not every case without one is another packing of the first."""
+    row, twin, another = (
+        made_up(n, 0.4, 1e5, void_ratio=e) for n, e in ((33, 0.6), (33, 0.604), (34, 0.7))
+    )
+    for one in (row, twin, another):
+        one.number = None
+    found = scatter_of_samples(row, [twin, another])
+    assert found["void_ratio"] == pytest.approx(0.004 / 2**0.5)
+
+
 def test_scatter_of_seeds_never_mixes_the_run_with_the_linear_wave():
     """The case has a run, its twin has none: their linear waves differ by 3, whatever YADE says."""
     names = "v_p_first_peaks_linear_m_per_s", "v_p_first_peaks_yade_m_per_s"
