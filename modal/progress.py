@@ -5,6 +5,7 @@ Both go to standard error, so that results can be read from standard output.
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -15,22 +16,49 @@ BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
 """Seconds between two drawings of the bar, and between two lines of a log."""
 
 
+class Minute:
+    """When a loop is to say what it is at: a minute after any loop of this run has said something.
+
+    Loops that follow each other within a minute are one run, so that many short ones tell as well.
+    """
+
+    _asked = _said = -math.inf
+
+    def __init__(self) -> None:
+        now = time.monotonic()
+        if now - Minute._asked > LOG_INTERVAL:
+            Minute._said = now
+
+    def passed(self, interval: float | None = None) -> bool:
+        """Whether a minute, or the `interval`, s, has gone since something was said last."""
+        now = Minute._asked = time.monotonic()
+        if now - Minute._said <= (LOG_INTERVAL if interval is None else interval):
+            return False
+        Minute._said = now
+        return True
+
+    @staticmethod
+    def tell(state: str) -> None:
+        """A line on standard error about where the loop is."""
+        print(state, file=sys.stderr, flush=True)
+
+
 def progress(count: int, label: str) -> Iterator[int]:
     """The numbers 0 ... count - 1, while standard error shows how far they have come.
 
-    A loop that ends within a minute leaves nothing in a log.
+    A run that ends within a minute leaves nothing in a log.
     """
     terminal = sys.stderr.isatty()
     interval = BAR_INTERVAL if terminal else LOG_INTERVAL
-    start = last = time.monotonic()
+    start, minute = time.monotonic(), Minute()
     try:
         for k in range(count):
             yield k
-            now = time.monotonic()
-            if now - last <= interval:
+            if not minute.passed(interval):
                 continue
-            last, part = now, (k + 1) / count
-            told = f"{100 * part:3.0f} %, {time_left((now - start) * (1 / part - 1))} left"
+            part = (k + 1) / count
+            left = (time.monotonic() - start) * (1 / part - 1)
+            told = f"{100 * part:3.0f} %, {time_left(left)} left"
             if terminal:
                 sys.stderr.write(f"\r{label} [{'#' * int(WIDTH * part):<{WIDTH}}] {told} ")
             else:

@@ -20,7 +20,6 @@ import pytest
 import modal
 from modal.__main__ import main
 from modal.packing.network_file import write_network
-from modal.packing.sample import read_sample
 
 ROOT = Path(__file__).resolve().parents[1]
 OFFERED = {
@@ -32,7 +31,7 @@ OFFERED = {
 @pytest.fixture(scope="module")
 def packing(tmp_path_factory):
     """A packing of 100 spheres with some rattlers, in memory and as a file."""
-    network = modal.random_packing(spheres=100, seed=3)
+    network = modal.random_packing(spheres=100, seed=3, aspect=2.5)
     path = tmp_path_factory.mktemp("packing") / "random.network.h5"
     write_network(path, network)
     return network, str(path)
@@ -114,13 +113,28 @@ def test_numbers_as_the_command_line_prints_them(packing, printed):
     assert printed("lattice", "--stress", "3e5")["f_low_pass_hz"] == crystal.low_pass_frequency
 
 
-def test_random_packings_as_the_command_line_packs_them(tmp_path, packing, printed):
-    network, _ = packing
-    command = ["pack", "--spheres", "100", "--seed", "3", "--aspect", "2.5", "--tolerance", "1e-4"]
-    files = printed(*command, "--stress", "1e5", "-o", str(tmp_path))["samples"]
-    (path,) = [path for path, stress in files.items() if stress == 1e5]
-    assert (modal.read(path).position == network.position).all()
-    assert read_sample(path).friction == 0
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"spheres": 100, "seed": 3},
+        {"spheres": 100, "stress": 2e5, "seed": 2, "aspect": 1.3, "friction": 0.4},
+        {"spheres": 120, "sizes": ["two", 2, 0.5], "densities": [2230, 7800]},
+    ],
+)
+def test_random_packings_as_the_command_line_packs_them(given, tmp_path, printed):
+    """Bit by bit, with the shear forces of the history and what the file notes of it."""
+    network = modal.random_packing(**given)
+    words = [
+        word
+        for name, value in ({"stress": 1e5} | given).items()
+        for word in (f"--{name}", *(value if isinstance(value, list) else [value]))
+    ]
+    files = printed("pack", *map(str, words), "-o", str(tmp_path))["samples"]
+    packed = modal.read([path for path, at in files.items() if at == given.get("stress", 1e5)][0])
+    for name in ("position", "particle_i", "force_normal", "force_tangential"):
+        assert (getattr(packed, name) == getattr(network, name)).all()
+    untimed = [name for name in packed.study if not name.startswith("seconds")]
+    assert all(np.all(packed.study[name] == network.study[name]) for name in untimed)
 
 
 def test_a_packing_says_what_it_is(packing, printed):

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from modal.cli.options import add_command, say, typed
 from modal.cli.terminal import COST, Groups
 from modal.formats.hdf5 import InputError
+from modal.packing.plausibility import WIDE, read_remarked
 from modal.packing.sample import read_sample
-from modal.preparation import compress
-from modal.preparation.packings import width_of
-from modal.preparation.protocol import STRESSES, Study
-from modal.preparation.random_packing import ASPECT, PEAK, WALK, check_stress, cloud, walk
+from modal.preparation.packings import pack as packed
+from modal.preparation.protocol import Study
+from modal.preparation.random_packing import ASPECT, PEAK, TOLERANCE, WALK
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
 
 WITH_FRICTION = {
@@ -39,9 +38,9 @@ def add(commands: Any) -> None:
     pack.add_argument(
         "--aspect",
         type=float,
-        default=ASPECT,
         metavar="A",
-        help=f"length over width (default {ASPECT:g})",
+        help=f"length over width (default {ASPECT:g}, or less so that the width is {WIDE:g} "
+        "diameters, at least 1)",
     )
     pack.add_argument(
         "--seed", type=int, default=1, metavar="S", help="of the random cloud (default 1)"
@@ -88,55 +87,36 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run or continue a compression; names of the files that hold its states."""
-    for stress in options.stress or ():
-        check_stress(stress)
     unused = ("tolerance", "peak") if options.friction != 0 else ("width", *WITH_FRICTION)
     for name in unused:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
             raise InputError(f"{typed(name)}: has no meaning {kind} friction; leave it out")
-    if options.friction != 0:
-        study = _study_of(options)
-        folder, stresses = Path(options.output), options.stress or STRESSES
-        files = compress.walk(folder, study, stresses, "python -m modal pack", say)
-        settled = {str(path): bool(read_sample(path).study["settled"]) for _, path in files}
-        return {"samples": {str(path): stress for stress, path in files}, "settled": settled}
-    tolerance = 1e-3 if options.tolerance is None else options.tolerance
-    if not 0 < tolerance < 1:
-        raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; 1e-3 is usual")
-    peak = PEAK if options.peak is None else options.peak
-    if not max(options.stress or WALK) <= peak <= 10 * PEAK:
+    tolerance, peak = options.tolerance, options.peak
+    if tolerance is not None and not 0 < tolerance < 1:
+        raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; {TOLERANCE:g} is usual")
+    if peak is not None and not max(options.stress or WALK) <= peak <= 10 * PEAK:
         raise InputError(
             f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * PEAK:g} Pa; "
             f"{PEAK:g} is usual"
         )
-    mixture = {name: getattr(options, name) for name in MIXTURE if getattr(options, name)}
-    start = cloud(options.spheres, options.aspect, options.seed, **mixture)
-    words = {name: " ".join(given) for name, given in mixture.items()}
-    start = replace(
-        start,
-        study={"spheres": options.spheres, "aspect": options.aspect, "seed": options.seed} | words,
-        provenance={"seed": options.seed},
+    given = ("aspect", "width", "tolerance", "peak", *MIXTURE, *WITH_FRICTION)
+    files = packed(
+        Path(options.output),
+        say,
+        options.spheres,
+        options.stress or (),
+        options.friction,
+        options.seed,
+        **{name: value for name in given if (value := getattr(options, name)) is not None},
     )
-    files = walk(Path(options.output), start, options.stress or list(WALK), tolerance, say, peak)
-    return {"samples": {str(path): stress for stress, path in files}}
-
-
-def _study_of(options: argparse.Namespace) -> Study:
-    """A compression with friction; its width follows from the aspect if none is given."""
-    width = options.width
-    if width is None:
-        width = width_of(options.spheres, options.aspect)
-    given = {name: getattr(options, name) for name in WITH_FRICTION}
-    mixture: dict[str, Any] = {name: " ".join(getattr(options, name) or ()) for name in MIXTURE}
-    return Study(
-        mu_comp=options.friction,
-        spheres=options.spheres,
-        width=width,
-        seed=options.seed,
-        **mixture,
-        **{name: value for name, value in given.items() if value is not None},
-    )
+    result: dict[str, Any] = {"samples": {str(path): stress for stress, path in files}}
+    for _, path in files[-len(options.stress or WALK) :]:
+        read_remarked(path, options.remarks.append)
+    if options.friction != 0:
+        settled = {str(path): bool(read_sample(path).study["settled"]) for _, path in files}
+        result["settled"] = settled
+    return result
 
 
 def shown(result: dict[str, Any]) -> Groups:

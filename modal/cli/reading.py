@@ -19,6 +19,10 @@ def add_sliding(command: argparse.ArgumentParser) -> None:
     )
 
 
-def packing_of(options: argparse.Namespace) -> Network:
-    """The packing of the command's file, remarks on it told, with the springs that it asks for."""
-    return with_sliding(read_remarked(options.network, options.remarks.append), options.sliding)
+def packing_of(options: argparse.Namespace, *, waves: bool = False) -> Network:
+    """The packing of the command's file, remarks on it told, with the springs that it asks for.
+
+    `waves` says that waves along z will be read, which need some length.
+    """
+    network = read_remarked(options.network, options.remarks.append, waves=waves)
+    return with_sliding(network, options.sliding)

@@ -12,7 +12,8 @@ from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
-from modal.preparation.relax import TOLERANCE, Balance, relax
+from modal.preparation.relax import MAX_STEPS, TOLERANCE, Balance, relax
+from modal.progress import Minute
 
 read_product = read_sample
 
@@ -60,14 +61,15 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             f"--tolerance {options.tolerance:g}: must be positive; {TOLERANCE:g} is usual"
         )
     history: list[Balance] = []
+    minute = Minute()
 
     def watch(state: Balance) -> None:
         history.append(replace(state))
-        if state.steps % 1000:
+        if state.steps % 1000 and not minute.passed():
             return
         say(
-            f"step {state.steps}: residual {state.residual:.1e}, {state.contacts} contacts, "
-            f"{state.sliding} sliding"
+            f"step {state.steps} of at most {MAX_STEPS}: residual {state.residual:.1e}, at rest at "
+            f"{options.tolerance:.1e}; {state.contacts} contacts, {state.sliding} sliding"
         )
 
     rested, state = relax(sample, tolerance=options.tolerance, watch=watch)

@@ -28,6 +28,7 @@ UNITS = {
 LABELS = {
     "products_with_k": "products with K",
     "f_low_pass": "low-pass frequency",
+    "relative_error": "relative error of the solver",
     "largest_off_diagonal_stress": "largest off-diagonal stress",
     "particles_with_0_1_2_contacts": "particles with 0, 1, 2 contacts",
     "mu_comp": "friction of the compression",

@@ -135,7 +135,7 @@ def _motion(options: argparse.Namespace) -> Motion:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source wall sends, and how exact it is."""
-    network = packing_of(options)
+    network = packing_of(options, waves=True)
     if options.plane is not None:
         return _from_plane(options, network)
     if network.cell_periodic[2]:

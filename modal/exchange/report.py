@@ -11,7 +11,7 @@ from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
 from modal.exchange.worth import worth
 from modal.packing.consistency import density_of
 from modal.packing.network import Network
-from modal.packing.plausibility import of_densities
+from modal.packing.plausibility import of_densities, of_shape
 from modal.packing.state import net_forces, stress_tensor
 
 UNBALANCED = 1e-2
@@ -24,7 +24,7 @@ def summary_of(found: Found) -> dict[str, Any]:
     `remarks` of `found` grow by what a reader should know.
     """
     network, remarks = found.network, found.remarks
-    remarks += of_densities(density_of(network))
+    remarks += of_densities(density_of(network)) + of_shape(network)
     told: dict[str, Any] = {
         "spheres": network.n_particles,
         "contacts": network.n_contacts,

@@ -18,7 +18,8 @@ from modal.packing.consistency import branches, density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
 from modal.packing.reading import is_sample, read_packing
-from modal.packing.state import net_forces
+from modal.packing.state import net_forces, profile
+from modal.packing.summary import crystalline_shares
 
 LAWS = {"Hertz": 2 / 3, "linear": 1.0}
 """Force over stiffness times overlap."""
@@ -30,6 +31,13 @@ UNIFORM = 1e-2
 """Relative spread up to which densities, or ratios of stiffnesses, count as one."""
 BALANCE = 0.05
 """Largest net over mean contact force: 1e-8 to 1e-6 at rest, with permuted forces 1 or more."""
+SETTLED = 2e-3
+"""Mean net over mean contact force: twice what a compression leaves that has settled."""
+CRYSTALLINE, CRYSTAL = 0.05, 0.99
+"""Share of the bulk from which order is remarked on, and of all that a lattice has."""
+WIDE, LONG = 8.0, 50.0
+"""Diameters: periods from which a packing hardly feels its own images (of friction 0.4 the
+coordination number is then 0.05 off), and lengths from which a wave has a plateau to be read."""
 TOUCH = 0.1
 """Of the mean overlap: what two descriptions of it may differ by."""
 SIMILAR = 5.0
@@ -38,18 +46,19 @@ SOLIDS = (100.0, 25_000.0)
 """kg/m^3, of a median sphere: foam to osmium."""
 
 
-def plausibility(network: Network, *, sought: bool = False) -> dict[str, Any]:
+def plausibility(network: Network, *, sought: bool = False, waves: bool = False) -> dict[str, Any]:
     """Numbers that show whether a network is plausible, and remarks on what is unusual.
 
     The numbers: which data are absent, how many contacts pull, the contact law, the balance of
     forces, the densities. A list of three numbers holds the least, the median and the largest
     value. Numbers whose data are absent are left out; the balance needs shear forces. `remarks` is
     a list of texts, one for each unusual observation. `sought` says that the contacts were sought
-    among the positions just now, as those of a sample are: then they are not sought once more.
+    among the positions just now, as those of a sample are: then they are not sought once more;
+    `waves` that waves will be read along z.
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
-    remarks = of_densities(density)
+    remarks = of_densities(density) + of_shape(network, waves)
     if network.n_contacts:
         if not sought:
             _touching(network, remarks)
@@ -69,10 +78,43 @@ def of_densities(density: Floats) -> list[str]:
     return remarks
 
 
-def read_remarked(path: str | Path, say: Callable[[str], None]) -> Network:
+def of_shape(network: Network, waves: bool = False) -> list[str]:
+    """Remarks on crystalline order, and on a cell that is too narrow, or for `waves` too short.
+
+    A lattice, all of whose contacts are alike, may be of any width: its periods are its own.
+    """
+    remarks, diameter = [], 2 * float(network.radius.mean())
+    share, lattice = 0.0, False
+    if network.length > 0 and network.cell_size[:2].all():
+        shares = crystalline_shares(network, profile(network))
+        whole = shares.get("crystalline_share", 0.0)
+        springs = network.stiffness_normal[~network.with_wall]
+        share = shares.get("crystalline_share_of_bulk", whole)
+        lattice = whole > CRYSTAL and bool(springs.std() <= UNIFORM * springs.mean())
+    if share > CRYSTALLINE and not lattice:
+        remarks.append(
+            f"crystalline share of the bulk {100 * share:.0f} %: of a random packing it is below "
+            f"{100 * CRYSTALLINE:.0f} %; take a wider cell, more spheres or another seed"
+        )
+    width = float(network.cell_size[network.cell_periodic].min(initial=np.inf)) / diameter
+    if width < WIDE and not lattice:
+        remarks.append(
+            f"{width:.1f} diameters wide: below {WIDE:g} its own images order it; take more "
+            "spheres or a smaller length over width"
+        )
+    length = network.length / diameter
+    if waves and length < LONG and not network.cell_periodic[2]:
+        remarks.append(
+            f"{length:.1f} diameters long: below {LONG:g} a velocity or a low-pass frequency "
+            "depends on where along the packing it is read; take more spheres"
+        )
+    return remarks
+
+
+def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool = False) -> Network:
     """The packing of a file, as `modal.packing.reading.read_packing`; `say` is told each remark."""
     network = read_packing(path)
-    for remark in plausibility(network, sought=is_sample(path))["remarks"]:
+    for remark in plausibility(network, sought=is_sample(path), waves=waves)["remarks"]:
         say(f"{path}: {remark}")
     return network
 
@@ -161,9 +203,29 @@ def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
         net = _size(net_forces(network)[:, :3]) / mean
         told["net_force_over_contact_force"] = float(net.mean())
         told["largest_net_force_over_contact_force"] = float(net.max())
-        if net.max() > BALANCE:
-            remarks.append("particles not in balance under their contacts: weight, or motion?")
-    if network.sliding is not None and network.sliding.any():
+        if net.max() > BALANCE or net.mean() > SETTLED:
+            remarks.append(
+                "particles not in balance under their contacts: net forces are "
+                f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; weight, or "
+                "motion?"
+            )
+    return told | _sliding(network, across, remarks)
+
+
+def _sliding(network: Network, across: Floats, remarks: list[str]) -> dict[str, Any]:
+    """What springs along sliding contacts mean, and whether shares of friction fit."""
+    told: dict[str, Any] = {}
+    force, stiff = network.force_normal, network.stiffness_normal > 0
+    if network.sliding is None or force is None:
+        return told
+    ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
+    if network.sliding.any() and ratio.any():
+        told["springs_of_sliding_contacts"] = (
+            f"tangential too, {np.median(ratio):.3g} of the normal ones: modes, moduli and waves "
+            "take a friction of the wave that holds these contacts, whatever that of the packing "
+            "was; --sliding slip leaves these springs out"
+        )
+    if network.sliding.any():
         share = across / np.where(force > 0, force, np.inf)
         sliding, others = share[network.sliding], share[~network.sliding]
         if np.ptp(sliding) > UNIFORM * sliding.max() or others.max(initial=0.0) > sliding.max():

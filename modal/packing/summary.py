@@ -12,6 +12,7 @@ from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.order import crystalline
 from modal.packing.state import (
+    Profile,
     contacts_per_particle,
     coordination_by_size,
     coordination_without_rattlers,
@@ -105,17 +106,27 @@ def _range(values: np.ndarray, unit: str) -> str:
     return quantity(high, unit) if same else f"{quantity(low, unit)} to {quantity(high, unit)}"
 
 
+def crystalline_shares(network: Network, layers: Profile) -> dict[str, float]:
+    """The share of crystalline spheres, of all and of the bulk if there is one.
+
+    Empty but for equal spheres in a cell with periods along x and y.
+    """
+    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
+    if not periodic or np.ptp(network.radius) > 1e-9 * network.radius.mean():
+        return {}
+    ordered, edges = crystalline(network), layers.edges
+    shares = {"crystalline_share": float(ordered.mean())}
+    if layers.bulk.any():
+        z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
+        inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
+        shares["crystalline_share_of_bulk"] = float(ordered[inside].mean())
+    return shares
+
+
 def _along_z(network: Network) -> dict[str, Any]:
     """The share of crystalline spheres, and how the bulk differs along z."""
-    layers, result = profile(network), dict[str, Any]()
-    periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
-    if periodic and np.ptp(network.radius) <= 1e-9 * network.radius.mean():
-        ordered, edges = crystalline(network), layers.edges
-        result["crystalline_share"] = float(ordered.mean())
-        if layers.bulk.any():
-            z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
-            inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
-            result["crystalline_share_of_bulk"] = float(ordered[inside].mean())
+    layers = profile(network)
+    result: dict[str, Any] = dict(crystalline_shares(network, layers))
     if layers.bulk.any():
         density = 1 / (1 + layers.void_ratio[layers.bulk])
         result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)

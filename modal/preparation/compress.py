@@ -20,6 +20,7 @@ from modal.preparation.protocol import Stage, Study
 from modal.preparation.strain_control import ConstantRate, Servo
 from modal.preparation.walk import cost
 from modal.preparation.walk import walk as walk_by
+from modal.progress import Minute, progress, time_left
 
 
 class Pace:
@@ -48,7 +49,9 @@ def compacted(study: Study) -> Sample:
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
     steps = int(growth / protocol.COMPACTION_RATE / dt)
     interval = study.duration(protocol.CONTROL, REFERENCE)
-    pace.walk(steps, dt, steps_of(interval, dt))
+    every = steps_of(interval, dt)
+    for _ in progress(steps, f"friction {study.mu_comp:g}, cloud"):
+        pace.walk(1, dt, every)
     sample = motion.sample(moving=False)
     spent = {"steps": steps, "seconds": time.perf_counter() - started}
     sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
@@ -62,6 +65,7 @@ def leg(sample: Sample, study: Study, say: Callable[[str], None]) -> tuple[Sampl
     stage, motion = Stage(before["stage"], study), Dynamics(sample)
     stage.control.stress, motion.damping = motion.stress(), stage.damping
     pace, seconds, ended = Pace(motion, stage.control), float(before["stage_time"]), False
+    begun, minute = seconds, Minute()
     for _ in range(protocol.LEG):
         dt = stage.time_step()
         count = steps_of(stage.check, dt)
@@ -71,6 +75,9 @@ def leg(sample: Sample, study: Study, say: Callable[[str], None]) -> tuple[Sampl
         ended = settled or stage.impatient(seconds)
         if ended:
             break
+        if minute.passed():
+            pace_of_stage = (time.perf_counter() - started) / (seconds - begun)
+            say(f"{_at(study, stage, motion)}; {_to_go(stage, seconds, pace_of_stage)}")
     reached: dict[str, Any] = {
         "stage_time": seconds,
         "unbalanced": motion.unbalanced(),
@@ -85,13 +92,27 @@ def leg(sample: Sample, study: Study, say: Callable[[str], None]) -> tuple[Sampl
     spent = {"steps": pace.steps, "seconds": time.perf_counter() - started}
     so_far = cost(before, stage.name, **spent, contacts=motion.contacts.touching)
     after.study = before | reached | so_far
-    say(
-        f"friction {study.mu_comp:g}, {stage.name}: {pace.steps} steps, "
-        f"stress {stage.control.stress.mean():.4g} Pa, e {reached['void_ratio']:.4f}, "
-        f"Z {reached['coordination_number']:.3f}, unbalanced {reached['unbalanced']:.1e}, "
-        f"{so_far['seconds']:.0f} s"
-    )
+    say(f"{_at(study, stage, motion)}, {pace.steps} steps, {so_far['seconds']:.0f} s")
     return after, ended
+
+
+def _at(study: Study, stage: Stage, motion: Dynamics) -> str:
+    return (
+        f"friction {study.mu_comp:g}, {stage.name}: stress {stage.control.stress.mean():.4g} Pa, "
+        f"e {motion.void_ratio():.4f}, Z {motion.coordination_number():.3f}, "
+        f"unbalanced {motion.unbalanced():.1e}"
+    )
+
+
+def _to_go(stage: Stage, seconds: float, pace: float) -> str:
+    """Where the stage ends, `seconds` after its start at `pace`, seconds of ours for one of it."""
+    if math.isinf(stage.patience):
+        return f"ends at {stage.study.hot_stress:.4g} Pa"
+    most = time_left((stage.patience - seconds) * pace)
+    error, residual = stage.limits
+    if math.isinf(residual):
+        return f"{most} left"
+    return f"ends at unbalanced {residual:.1e} and stresses off by {error:.1e}, at most {most} left"
 
 
 def walk(
@@ -101,13 +122,20 @@ def walk(
     command: str,
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
-    """Walk to each stress, Pa, in modal's own motion; as `modal.preparation.walk.walk` says."""
-    return walk_by(
+    """Walk to each stress, Pa, in modal's own motion; as `modal.preparation.walk.walk` says.
+
+    Stresses on the way, so that no two are more than ten times apart, have their states as well.
+    """
+    way = [protocol.JAMMING_STRESS]
+    for stress in stresses:
+        way += protocol.by_tens(way[-1], stress)
+    files = walk_by(
         folder,
         study,
-        stresses,
+        way[1:],
         study.provenance(command),
         lambda: compacted(study),
         lambda sample: leg(sample, study, say),
         say,
     )
+    return [(stress, path) for stress, path in files if stress in stresses]

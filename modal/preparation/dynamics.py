@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
 from modal.packing.sample import Sample, void_ratio
@@ -109,7 +110,7 @@ class Dynamics:
         self.rates = np.zeros(3) if sample.strain_rate is None else sample.strain_rate.copy()
         self.masses = np.column_stack(sample.masses)
         self._stretch = np.ones(3)
-        self._far = False
+        self._far, self._moved = False, 0.0
         self._note_sought()
 
     def step(self, dt: float, control: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
@@ -133,7 +134,7 @@ class Dynamics:
         )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
-        moved = np.sqrt(largest)
+        moved = float(np.sqrt(largest))
         # Both are ways since the list was made: by their difference the farthest one has grown.
         if not moved - self._moved < contacts.smallest:
             raise InputError(
@@ -156,8 +157,9 @@ class Dynamics:
         contacts.touch(self.velocity, dt, gained)
 
     def _note_sought(self) -> None:
-        self._age, self._moved = 0, 0.0
-        self._sought_at, self._far = self.contacts.position.copy(), False
+        self._age, self._far = 0, False
+        self._moved = 0.0
+        self._sought_at: Floats = self.contacts.position.copy()
         self._stretch[:] = 1.0
 
     def stress(self) -> np.ndarray:

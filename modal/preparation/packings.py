@@ -1,24 +1,44 @@
-"""Random packings in memory, with friction and without: what `modal pack` writes."""
+"""Random packings, with friction and without: one way for `modal pack` and `random_packing`."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from modal.arguments import checked
+from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
+from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
 from modal.preparation import compress
 from modal.preparation.protocol import NOMINAL_FRACTION, STRESSES, Study
-from modal.preparation.random_packing import check_stress, random_sample
-from modal.preparation.sizes import MIXTURE
+from modal.preparation.random_packing import (
+    ASPECT,
+    PEAK,
+    TOLERANCE,
+    WALK,
+    check_stress,
+    cloud,
+    walk,
+)
 
-SMALL_ASPECT = 2.5
-"""Length over width of a packing of some hundred spheres."""
+SHRINKS = 1.08
+"""Width at the nominal solid fraction over that of a packing without friction at 10 MPa."""
+COMMAND = "python -m modal pack"
+"""What makes the same packing again, whoever has called."""
+
+
+def sound_aspect(spheres: int) -> float:
+    """Length over width where none is given: the study's, or what leaves the cell `WIDE` diameters.
+
+    Of so few spheres that a cube is no wider, that of a cube.
+    """
+    return min(max((width_of(spheres, 1.0) / (SHRINKS * WIDE)) ** 3, 1.0), ASPECT)
 
 
 def width_of(spheres: int, aspect: float) -> float:
@@ -31,6 +51,57 @@ def width_of(spheres: int, aspect: float) -> float:
     return float((spheres * math.pi / 6 / NOMINAL_FRACTION / aspect) ** (1 / 3))
 
 
+def pack(
+    folder: Path,
+    say: Callable[[str], None],
+    spheres: int,
+    stresses: Sequence[float],
+    friction: float,
+    seed: int,
+    *,
+    aspect: float | None = None,
+    width: float | None = None,
+    tolerance: float = TOLERANCE,
+    peak: float = PEAK,
+    sizes: Sequence[str | float] | None = None,
+    densities: Sequence[str | float] | None = None,
+    walls: Sequence[str | float] | None = None,
+    **protocol: Any,
+) -> list[tuple[float, Path]]:
+    """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
+
+    Without stresses those of the study. `width`, in diameters, in place of `aspect`, and numbers of
+    the `protocol` by their names in `Study` are for packings with friction, `tolerance` and `peak`
+    for those without. `say` is told how it goes.
+    """
+    for stress in stresses:
+        check_stress(stress)
+    if seed < 0:
+        raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
+    shape, aspect = aspect or width, sound_aspect(spheres) if aspect is None else aspect
+    mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
+    words = {name: " ".join(map(str, given)) for name, given in mixture.items() if given}
+    if friction != 0:
+        width = width_of(spheres, aspect) if width is None else width
+        study = Study(friction, spheres, width, seed, **(protocol | words))
+        if shape is None:
+            say(_shape(spheres, aspect))
+        return compress.walk(folder, study, stresses or STRESSES, COMMAND, say)
+    start = replace(
+        cloud(spheres, aspect, seed, **mixture),
+        study={"spheres": spheres, "aspect": aspect, "seed": seed} | words,
+        provenance={"seed": seed},
+    )
+    if shape is None:
+        say(_shape(spheres, aspect))
+    return walk(folder, start, stresses or WALK, tolerance, say, peak)
+
+
+def _shape(spheres: int, aspect: float) -> str:
+    wide = width_of(spheres, aspect)
+    return f"{spheres} spheres: length over width {aspect:.3g}, some {wide:.3g} diameters wide"
+
+
 @checked
 def random_packing(
     spheres: int = 500,
@@ -38,7 +109,7 @@ def random_packing(
     friction: float = 0.0,
     seed: int = 1,
     *,
-    aspect: float = SMALL_ASPECT,
+    aspect: float | None = None,
     sizes: Sequence[str | float] | None = None,
     densities: Sequence[float] | None = None,
     walls: Sequence[float] | None = None,
@@ -46,8 +117,10 @@ def random_packing(
     """A random packing of glass spheres between two flat walls, at rest under a pressure.
 
     `stress`, Pa, is the same along all axes; x and y are periodic, and `aspect` is the length over
-    the width. Without `friction` the energy is minimised, a second for 500 spheres; with it, up to
-    1, a cloud is compressed as `modal.preparation.protocol` says, some minutes. Equal numbers give
+    the width: by default such that the cell is 8 diameters wide, at least that of a cube (up to 740
+    spheres) and at most 10.05 (from 7,400 on). It is the packing that `modal pack` makes of these
+    numbers. Without `friction` the energy is minimised, a second for 500 spheres; with it, up to 1,
+    a cloud is compressed as `modal.preparation.protocol` says, some minutes. Equal numbers give
     equal packings, to the bit where the installed packages are equal as well: without numba sums
     are rounded otherwise, and from some hundred spheres on a contact that opens for that makes
     another packing of the same kind (e of 500 then differs by 2e-4). Spheres are equal unless
@@ -62,22 +135,20 @@ def random_packing(
     >>> net.n_particles, net.study["void_ratio"] < 0.7
     (100, True)
     """
-    if friction == 0:
-        mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
-        return random_sample(spheres, stress, seed, aspect, **mixture).network()
-    check_stress(stress)
-    width = width_of(spheres, aspect)
-    words = (" ".join(map(str, given or ())) for given in (sizes, densities, walls))
-    said: dict[str, Any] = dict(zip(MIXTURE, words, strict=True))
-    study = Study(friction, spheres, width, seed, **said)
-    walk = [lower for lower in STRESSES if lower < stress] + [stress]
+    mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
     with TemporaryDirectory() as folder:
-        files = compress.walk(Path(folder), study, walk, "modal.random_packing", lambda text: None)
+        files = pack(
+            Path(folder), _unheard, spheres, [stress], friction, seed, aspect=aspect, **mixture
+        )
         sample = read_sample(files[-1][1])
-    if not sample.study["settled"]:
+    if not sample.study.get("settled", True):
         warnings.warn(
             f"the packing has not settled: stresses are off by {sample.study['stress_error']:.1e}, "
             f"residual {sample.study['unbalanced']:.1e}",
             stacklevel=2,
         )
     return sample.network()
+
+
+def _unheard(text: str) -> None:
+    """What `pack` says, to somebody who has no use for it."""

@@ -35,6 +35,8 @@ PATIENCE = 30.5
 """After which a packing that does not settle is taken as it is, and marked; 12,000 such steps. At
 1 kPa these are 6.6 of its own times, at 10 MPa 142."""
 
+CHECKPOINT = "checkpoint.h5"
+"""Name of the state under way, which is none of the `*.sample.h5` that are finished."""
 END = "end"
 """Name of the stage after the last."""
 PREPARATION = "approach", "cool", "jam"
@@ -66,6 +68,19 @@ NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 ABOVE = 1.5
 """Stress that the time step allows for, over the present mean."""
+
+
+def by_tens(before: float, stress: float) -> list[float]:
+    """The way from one stress, Pa, to another: each at most ten times the one before, or a tenth.
+
+    >>> by_tens(1e4, 1e5), by_tens(2e8, 1e6), by_tens(1e4, 5e5)
+    ([100000.0], [20000000.0, 2000000.0, 1000000.0], [100000.0, 500000.0])
+    """
+    way = []
+    while not 1 / 10 <= (ratio := stress / before) <= 10:
+        before = before * 10 if ratio > 1 else before / 10
+        way.append(before)
+    return [*way, stress]
 
 
 @dataclass

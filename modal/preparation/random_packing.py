@@ -7,10 +7,10 @@ pressure of a walk: unloading from 200 MPa gives the study's void ratios.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from modal.packing.contact_law import RADIUS
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
 from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
+from modal.preparation.protocol import CHECKPOINT, by_tens
 from modal.preparation.sizes import densities_of, radii_of, wall_material
+from modal.progress import Minute
 
 PEAK = 2e8
 """Pressure, Pa, under which the cloud is packed before it is unloaded."""
@@ -32,9 +34,8 @@ ASPECT = 10.05
 """Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
 CLOUD_FRACTION = 0.5
 """Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
-CHECKPOINT_SECONDS = 120.0
-SMALL_STEPS = 50_000
-"""Steps allowed for each pressure of a small packing."""
+TOLERANCE = 1e-3
+"""Residual at each pressure of the walk, where no other is asked for."""
 
 
 def cloud(
@@ -87,33 +88,19 @@ def random_sample(
     densities: Sequence[str | float] | None = None,
     walls: Sequence[str | float] | None = None,
 ) -> Sample:
-    """A small frictionless packing at `stress`, Pa, in memory; the same for equal seeds.
+    """A small frictionless packing at `stress`, Pa, in memory, for tests: the state of a `walk`.
 
     `sizes`, `densities` and `walls` as in `cloud`.
 
     Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
     hundred spheres but for a contact that opens for it and what then moves.
 
-    InputError where it does not come to rest at the peak pressure, or at this stress.
+    Its notes are left out. InputError where it does not come to rest.
     """
-    check_stress(stress)
     start = cloud(spheres, aspect, seed, sizes, densities, walls)
-    sample, _ = minimise(start, None, tolerance=0.1, max_steps=500)
-    for pressure, limit in ((PEAK, PEAK_TOLERANCE), (stress, tolerance)):
-        sample, rest = minimise(sample, pressure, tolerance=limit, max_steps=SMALL_STEPS)
-        if not rest.converged:
-            raise InputError(
-                f"{_short_of_rest(pressure, limit, rest)}; take another seed or a larger tolerance"
-            )
-    return sample
-
-
-def _short_of_rest(pressure: float, tolerance: float, rest: Rest) -> str:
-    return (
-        f"no rest at {pressure:g} Pa after {rest.steps} steps: residual {rest.residual:.1e} "
-        f"({tolerance:g} was asked for), stresses off by {rest.stress_error:.1e} "
-        f"({STRESS_TOLERANCE:g} allowed)"
-    )
+    with TemporaryDirectory() as folder:
+        files = walk(Path(folder), start, [stress], tolerance, lambda text: None)
+        return replace(read_sample(files[-1][1]), study={}, provenance={})
 
 
 def random_network(
@@ -139,6 +126,7 @@ def walk(
 ) -> list[tuple[float, Path]]:
     """Pack `start` at the `peak`, then at each stress, Pa; one sample file for each in `folder`.
 
+    From one to the next it goes by way of stresses at most ten times apart, which settle faster.
     States that are there already are kept, or brought nearer to rest where their residual exceeds
     the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
     killed walk is continued by the same call. States that came from another one are stale: that is
@@ -146,8 +134,8 @@ def walk(
     best one met is then the checkpoint. Returns each stress with its file.
     """
     files = []
-    checkpoint = folder / "checkpoint.sample.h5"
-    sample = start
+    checkpoint = folder / CHECKPOINT
+    sample, watch = start, _Checkpoints(checkpoint, report)
     for number, stress in enumerate((peak, *stresses)):
         path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
         files.append((stress, path))
@@ -166,15 +154,23 @@ def walk(
             sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
         study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0}
         sample = replace(sample, study=study, provenance=start.provenance | made.attributes())
-        watch = _Checkpoints(checkpoint, f"{stress / 1e3:g} kPa", spent, report)
-        sample, rest = minimise(sample, stress, tolerance=limit, watch=watch)
+        # The cloud goes to the peak at once, and a state under way where it was heading.
+        way = [stress] if under_way or number == 0 else by_tens(files[-2][0], stress)
+        for target in way:
+            watch.stress, watch.tolerance, watch.before = target, limit, spent
+            sample, rest = minimise(sample, target, tolerance=limit, watch=watch)
+            spent = watch.spent(rest)
+            if not rest.converged:
+                break
         study |= {"residual": rest.residual, "stresses": rest.stress}
-        sample = replace(sample, study=study | watch.spent(rest))
+        sample = replace(sample, study=study | spent)
         if not rest.converged:
             write_sample(checkpoint, sample)
             raise InputError(
-                f"{_short_of_rest(stress, limit, rest)}; the same command goes on from there, or "
-                "take a larger tolerance"
+                f"no rest at {target:g} Pa after {rest.steps} steps: residual {rest.residual:.1e} "
+                f"({limit:g} was asked for), stresses off by {rest.stress_error:.1e} "
+                f"({STRESS_TOLERANCE:g} allowed); a walk in the same folder goes on from there, or "
+                "take another seed or a larger tolerance"
             )
         write_sample(path, sample)
         checkpoint.unlink(missing_ok=True)
@@ -182,14 +178,19 @@ def walk(
     return files
 
 
+@dataclass
 class _Checkpoints:
-    """Writes the state under way every two minutes, and says how it goes."""
+    """Writes the state under way every minute, and says how far from rest it is.
 
-    def __init__(
-        self, path: Path, label: str, before: dict[str, float], report: Callable[[str], None]
-    ) -> None:
-        self.path, self.label, self.before, self.report = path, label, before, report
-        self.last = time.monotonic()
+    stress, Pa, and tolerance are those aimed at; before, what the state has cost already.
+    """
+
+    path: Path
+    report: Callable[[str], None]
+    stress: float = 0.0
+    tolerance: float = 0.0
+    before: dict[str, float] = field(default_factory=dict)
+    minute: Minute = field(default_factory=Minute)
 
     def spent(self, rest: Rest) -> dict[str, float]:
         """Steps and seconds of this state, those before an interruption included."""
@@ -199,11 +200,13 @@ class _Checkpoints:
         }
 
     def __call__(self, sample: Sample, rest: Rest) -> None:
-        if time.monotonic() - self.last > CHECKPOINT_SECONDS:
+        if self.minute.passed():
             study = sample.study | self.spent(rest)
             write_sample(self.path, replace(sample, study=study))
-            self.last = time.monotonic()
-            self.report(f"{self.label}: {_line(sample, rest)}")
+            self.report(
+                f"{self.stress / 1e3:g} kPa: {_line(sample, rest)}; at rest below a stress error "
+                f"of {STRESS_TOLERANCE:g} and a residual of {self.tolerance:g}"
+            )
 
 
 def _line(sample: Sample, rest: Rest) -> str:

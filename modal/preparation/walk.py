@@ -16,7 +16,7 @@ from typing import Any
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation.protocol import END, PREPARATION, Study
+from modal.preparation.protocol import CHECKPOINT, END, PREPARATION, Study
 
 
 def walk(
@@ -39,7 +39,7 @@ def walk(
             f"stresses {', '.join(f'{stress:g}' for stress in stresses)} Pa: the walk only loads; "
             "give them in rising order"
         )
-    checkpoint = folder / "checkpoint.sample.h5"
+    checkpoint = folder / CHECKPOINT
     names = [f"{stress:g}" for stress in stresses]
     stages = [*PREPARATION, *names, END]
     files = {name: folder / f"{name}Pa.sample.h5" for name in names}

@@ -16,6 +16,7 @@ import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
+from modal.progress import Minute
 
 SHARE = 0.25
 """Of the steps: where hundreds are needed, some tens may gain little before others gain more."""
@@ -64,6 +65,7 @@ def conjugate_gradients(
     step = eased.copy()
     size = np.einsum("ik,ik->k", rest, eased)
     gains, energy = np.empty((most_products, load.shape[1])), np.zeros(load.shape[1])
+    minute = Minute()
     for products in range(1, most_products + 1):
         stretched = resist(step)
         curvature = np.einsum("ik,ik->k", step, stretched)
@@ -78,6 +80,12 @@ def conjugate_gradients(
         error, bound = gains[max(products - back, 0) : products].sum(axis=0), allowed(energy)
         if products >= back and (error <= bound).all():
             return Solution(motion, load - resist(motion), error, products + 1)
+        if minute.passed():
+            worst = float((error / bound).max())
+            minute.tell(
+                f"balance of springs: {products} products with K of at most {most_products}, "
+                f"squared error {worst:.1e} times what is asked"
+            )
         eased = ease(rest)
         before, size = size, np.einsum("ik,ik->k", rest, eased)
         step *= np.where(before > 0, size / np.where(before > 0, before, 1), 0.0)

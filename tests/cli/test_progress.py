@@ -2,6 +2,7 @@
 
 import doctest
 import io
+import math
 import re
 import subprocess
 import sys
@@ -27,13 +28,15 @@ class Screen(io.StringIO):
 def said(monkeypatch):
     """What a loop of 40 steps says, each of so many seconds."""
 
-    def run(terminal, seconds, count=40):
+    def run(terminal, seconds, count=40, loops=1):
         screen, now = Screen(terminal), [0.0]
         monkeypatch.setattr(module.sys, "stderr", screen)
         monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
-        for k in module.progress(count, "wave"):
-            assert k < count
-            now[0] += seconds
+        monkeypatch.setattr(module.Minute, "_asked", -math.inf)
+        for _ in range(loops):
+            for k in module.progress(count, "wave"):
+                assert k < count
+                now[0] += seconds
         return screen.getvalue()
 
     return run
@@ -51,6 +54,11 @@ def test_a_log_has_a_line_a_minute_with_step_and_time_to_go(said):
 
 def test_a_short_loop_leaves_nothing_in_a_log(said):
     assert said(terminal=False, seconds=1.4) == ""
+
+
+def test_many_short_loops_leave_a_line_a_minute(said):
+    """Twenty loops of 19 s: 380 s, a line whenever more than a minute has gone."""
+    assert said(terminal=False, seconds=1.9, count=10, loops=20).count("\n") == 380 // 61
 
 
 def test_a_terminal_has_a_bar_that_is_wiped_away(said):

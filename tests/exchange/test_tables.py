@@ -21,7 +21,7 @@ FILE = "out.network.h5"
 @pytest.fixture(scope="module")
 def mixture():
     """200 spheres of two sizes at 100 kPa, overlaps some 4e-4 of a radius."""
-    return modal.random_packing(200, 1e5, seed=2, aspect=1.5, sizes=("two", 2, 0.5))
+    return modal.random_packing(200, 1e5, seed=5, aspect=1.5, sizes=("two", 2, 0.5))
 
 
 def rewritten(path, change, first=1):
@@ -76,7 +76,8 @@ def test_three_digits_are_refused(tmp_path, capsys, mixture):
 
 
 def test_whole_digits_are_not_remarked_on(tmp_path, capsys, mixture):
-    assert imported(capsys, *tables(mixture, tmp_path))["remarks"] == []
+    (shape,) = imported(capsys, *tables(mixture, tmp_path))["remarks"]
+    assert "diameters wide" in shape
 
 
 def test_column_whose_spheres_just_touch(tmp_path, capsys):

@@ -2,16 +2,19 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from places import ROOT
 
+from modal import progress
 from modal.__main__ import main
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
@@ -29,7 +32,7 @@ def pack(folder, *more):
 
 @pytest.fixture(scope="module")
 def walked(tmp_path_factory):
-    """Folder of a walk to 10 and 100 kPa; what the command said."""
+    """Folder of a walk to 10 and 100 kPa."""
     folder = tmp_path_factory.mktemp("walk")
     assert pack(folder, "--stress", "1e4", "1e5", "--json") == 0
     return folder
@@ -59,7 +62,7 @@ def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, capsys):
     study = Study(spheres=100, width=4.5, sizes="lognormal 0.2")
     sample = compress.compacted(study)
     assert np.ptp(sample.radii) > 0 and sample.study["sizes"] == "lognormal 0.2"
-    write_sample(tmp_path / "checkpoint.sample.h5", sample)
+    write_sample(tmp_path / "checkpoint.h5", sample)
     command = [*SMALL[:5], "--width", "4.5", "-o", str(tmp_path), "--stress", "1e4"]
     for sizes in ([], ["--sizes", "two", "2", "0.5"]):
         assert main([*command, *sizes]) == 2
@@ -115,7 +118,7 @@ def test_killed_walk_goes_on_and_ends_the_same(walked, tmp_path):
     """kill -9 in the middle of legs, at whatever step; the same bits in the end."""
     command = [sys.executable, "-m", "modal", *SMALL, "--stress", "1e4", "1e5"]
     environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
-    checkpoint = tmp_path / "checkpoint.sample.h5"
+    checkpoint = tmp_path / "checkpoint.h5"
     for kill in range(2):
         job = subprocess.Popen(
             [*command, "-o", str(tmp_path)],
@@ -172,8 +175,12 @@ def test_two_threads_compact_to_the_same_bits():
 
 
 def test_unsettled_state_is_marked(tmp_path, monkeypatch, capsys):
-    """With hardly any patience; it is written, with what it has reached, and said."""
-    monkeypatch.setattr(protocol, "PATIENCE", protocol.CHECK)
+    """With hardly any patience; it is written, with what it has reached, and said.
+
+    A line a minute, here at every look, says what it does and what ends it.
+    """
+    monkeypatch.setattr(protocol, "PATIENCE", 2 * protocol.CHECK)
+    monkeypatch.setattr(progress, "LOG_INTERVAL", 0.0)
     assert pack(tmp_path, "--stress", "1e5", "--json") == 0
     shown = capsys.readouterr()
     path = tmp_path / "100000Pa.sample.h5"
@@ -182,6 +189,17 @@ def test_unsettled_state_is_marked(tmp_path, monkeypatch, capsys):
     assert study["unbalanced"] > protocol.SETTLED[1] or study["stress_error"] > protocol.SETTLED[0]
     assert json.loads(shown.out)["settled"] == {str(path): False}
     assert "not settled" in shown.err
+    told = ("cloud: step 1 of", "cool: .* left")
+    told += ("jam: .*ends at unbalanced 1.0e-02 and stresses off by 1.0e-01, at most .* left",)
+    assert all(re.search(words, shown.err) for words in told)
+
+
+def test_far_stress_is_walked_to_by_way_of_others():
+    """Each at most ten times the last, from the stress at which the packing jams; the asked ones
+    alone are given back."""
+    assert protocol.by_tens(1e4, 1e5) == [1e5]
+    walked = [protocol.JAMMING_STRESS, *protocol.by_tens(protocol.JAMMING_STRESS, 3e7)]
+    assert all(1 < high / low <= 10 for low, high in pairwise(walked)) and walked[-1] == 3e7
 
 
 @pytest.mark.parametrize(
@@ -229,9 +247,9 @@ def test_checkpoint_of_another_walk_is_kept(wrong, said, walked, capsys):
 
 
 def test_walk_on_its_way_elsewhere_is_not_diverted(walked, tmp_path, capsys):
-    sample = read_sample(walked / "checkpoint.sample.h5")
+    sample = read_sample(walked / "checkpoint.h5")
     sample.study |= {"stage": "500000", "stage_time": 1e-5}
-    write_sample(tmp_path / "checkpoint.sample.h5", sample)
+    write_sample(tmp_path / "checkpoint.h5", sample)
     for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):
         (tmp_path / name).write_bytes((walked / name).read_bytes())
     # Neither a stress beyond it nor one on the way, which would never be written.
@@ -257,9 +275,9 @@ def test_unstable_step_is_one_line_and_loses_nothing(walked, tmp_path, monkeypat
     """A step far beyond the limit: the motion explodes, the checkpoint before it stays."""
     whole = protocol.time_step
     monkeypatch.setattr(protocol, "time_step", lambda *given: 20 * whole(*given))
-    sample = read_sample(walked / "checkpoint.sample.h5")
+    sample = read_sample(walked / "checkpoint.h5")
     sample.study |= {"stage": "1e+06", "stage_time": 0.0}
-    path = tmp_path / "checkpoint.sample.h5"
+    path = tmp_path / "checkpoint.h5"
     write_sample(path, replace(sample, strain_rate=np.full(3, -10.0)))
     before = path.read_bytes()
     for name in ("10000Pa.sample.h5", "100000Pa.sample.h5"):

@@ -9,11 +9,13 @@ import sys
 import time
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from places import ROOT
 
+from modal import progress
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError, sha256
 from modal.formats.provenance import read_provenance
@@ -27,6 +29,7 @@ from modal.preparation import central_forces, random_packing
 from modal.preparation.central_forces import CentralForces, NearContacts
 from modal.preparation.contact_forces import forces_by_arrays, forces_by_loop
 from modal.preparation.frictionless import minimise
+from modal.preparation.packings import sound_aspect
 from modal.preparation.random_packing import cloud, random_network, random_sample
 from modal.preparation.sizes import radii_of
 
@@ -199,7 +202,7 @@ def test_impossible_peak_is_refused(tmp_path, capsys, given, said):
 
 def test_packing_short_of_rest_is_said(monkeypatch):
     """So few steps that neither forces nor stresses are there: once 7e8 Pa came back for 1e5."""
-    monkeypatch.setattr(random_packing, "SMALL_STEPS", 50)
+    monkeypatch.setattr(random_packing, "minimise", partial(minimise, max_steps=50))
     with pytest.raises(InputError, match="no rest at 2e[+]08 Pa after 50 steps: .* off by"):
         random_sample(60, 1e5, aspect=1.0)
 
@@ -210,7 +213,7 @@ def test_walk_short_of_rest_leaves_a_checkpoint_that_the_next_call_takes_up(
     monkeypatch.setattr(random_packing, "minimise", partial(minimise, max_steps=50))
     assert main(_pack(tmp_path)) == 2
     assert "goes on from there" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.sample.h5"]
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.h5"]
     monkeypatch.setattr(random_packing, "minimise", minimise)
     assert main(_pack(tmp_path)) == 0
     study = read_sample(tmp_path / "00_200000kPa.sample.h5").study
@@ -264,7 +267,7 @@ def test_walk_starts_from_its_checkpoint(tmp_path):
     peak = tmp_path / "00_200000kPa.sample.h5"
     assert main(_pack(tmp_path)) == 0
     packed = read_sample(peak)
-    peak.rename(tmp_path / "checkpoint.sample.h5")
+    peak.rename(tmp_path / "checkpoint.h5")
     assert main(_pack(tmp_path)) == 0
     # At rest already: no step was needed.
     assert read_sample(peak).study["steps"] == packed.study["steps"]
@@ -299,11 +302,9 @@ def test_state_is_stale_where_the_walk_before_it_was_another(tmp_path, capsys):
 def test_checkpoint_of_another_stress_is_not_gone_on_from(tmp_path, capsys):
     """State 2 under way to 10 MPa is no beginning of state 2 at 1 MPa."""
     assert main(_pack(tmp_path, "--stress", "1e7", "2e7")) == 0
-    (tmp_path / "02_20000kPa.sample.h5").rename(tmp_path / "checkpoint.sample.h5")
+    (tmp_path / "02_20000kPa.sample.h5").rename(tmp_path / "checkpoint.h5")
     assert main(_pack(tmp_path)) == 0
-    assert "checkpoint.sample.h5: stale, stress was 20000000.0, is 1000000.0" in (
-        capsys.readouterr().err
-    )
+    assert "checkpoint.h5: stale, stress was 20000000.0, is 1000000.0" in (capsys.readouterr().err)
     again = tmp_path / "again"
     assert main(_pack(again)) == 0
     found, undisturbed = (read_sample(f / "02_1000kPa.sample.h5") for f in (tmp_path, again))
@@ -319,6 +320,7 @@ def test_checkpoint_of_another_stress_is_not_gone_on_from(tmp_path, capsys):
         ["--stress", "-5"],
         ["--stress", "1e12"],
         ["--tolerance", "2"],
+        ["--seed", "-1"],
     ],
 )
 def test_impossible_packings_are_refused_in_one_line(wrong, tmp_path, capsys):
@@ -333,6 +335,39 @@ def test_folder_of_another_study_is_refused(tmp_path, capsys):
     )
     assert main(_pack(tmp_path)) == 2
     assert "seed" in capsys.readouterr().err
+
+
+def test_far_stress_is_reached_by_way_of_others_and_each_minute_tells(
+    tmp_path, capsys, monkeypatch
+):
+    """From 200 MPa to 1 kPa in factors of ten at most; a line tells residual and target."""
+    met = []
+
+    def noted(sample, pressure, **options):
+        if pressure is not None and (not met or met[-1] != pressure):
+            met.append(pressure)
+        return minimise(sample, pressure, **options)
+
+    monkeypatch.setattr(random_packing, "minimise", noted)
+    monkeypatch.setattr(progress, "LOG_INTERVAL", 0.0)
+    assert main(_pack(tmp_path, "--stress", "1e3")) == 0
+    assert met[0] == 2e8 and met[-1] == 1e3
+    assert all(0.1 <= lower / higher < 1 for higher, lower in pairwise(met))
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("20 kPa: ")]
+    assert told and "residual" in told[0] and "at rest below" in told[0]
+    # The state is that of its own stress, with the steps of the whole way.
+    study = read_sample(tmp_path / "01_1kPa.sample.h5").study
+    assert study["stresses"] == pytest.approx([1e3] * 3, rel=1.001e-3)
+    assert study["steps"] >= 25 * len(told)
+
+
+@pytest.mark.parametrize("spheres", [300, 2000, 20_000, 35_201])
+def test_default_shape_is_sound_for_any_number(spheres):
+    """8 diameters wide even as dense as random spheres get, 0.64; a cube or the study's at ends."""
+    aspect = sound_aspect(spheres)
+    width = (spheres * np.pi / 6 / 0.64 / aspect) ** (1 / 3)
+    assert width >= 8 or aspect == 1
+    assert aspect == pytest.approx(10.05) if spheres > 7500 else width < 8.5
 
 
 @pytest.mark.parametrize("sizes", [("lognormal", 0.3), ("two", 2, 0.5)])

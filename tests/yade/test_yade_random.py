@@ -188,7 +188,7 @@ def test_energy_books_close_where_contacts_slide(products, tmp_path):
 def test_killed_compression_goes_on_and_ends_the_same(tmp_path, products):
     """Every leg starts from its file: one killed in a leg repeats that leg, bit by bit."""
     job = start("compress", TABLE, tmp_path)
-    checkpoint = tmp_path / "compression_mu0.4" / "checkpoint.sample.h5"
+    checkpoint = tmp_path / "compression_mu0.4" / "checkpoint.h5"
     deadline = time.monotonic() + 120
     while not checkpoint.exists() and time.monotonic() < deadline:
         time.sleep(0.1)
