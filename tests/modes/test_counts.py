@@ -17,7 +17,7 @@ from modal.modes.counts import count_below, count_negative, layers_of_contacts
 from modal.modes.lowest import lowest_modes
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
-from modal.solvers.factor import available, factorise
+from modal.solvers.factor import _certain, available, factorise
 from modal.stiffness.matrices import stiffness_matrix
 
 
@@ -72,6 +72,13 @@ def test_a_matrix_with_an_empty_diagonal_is_counted():
             factor = factorise(matrix, definite=False, solver=solver)
             assert factor.negative in (3, None)
             assert factor.solve(np.eye(6)) == pytest.approx(matrix.toarray(), abs=1e-12)
+
+
+def test_a_factor_off_by_more_than_counts_promise_gives_none():
+    """Off by 1e-10 of the largest eigenvalue it has another sign than an eigenvalue of 5e-11."""
+    exact, off = np.diag([1.0, 5e-11]), np.diag([1.0, -5e-11])
+    assert _certain(1, lambda rhs: np.linalg.solve(off, rhs), sp.csr_matrix(exact)) is None
+    assert _certain(0, lambda rhs: np.linalg.solve(exact, rhs), sp.csr_matrix(exact)) == 0
 
 
 def test_growth_of_the_factor_is_no_exact_count():

@@ -1,5 +1,9 @@
 """Products of matrices in blocks, against the product at once."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -38,3 +42,24 @@ def test_blocks_are_small_enough_for_one_thread(depth):
     found = same_bits_product(a, np.ones((depth, 700)))
     assert (found == depth).all()
     assert max(sizes) <= 2**18 and max(sizes) > 0.8 * min(2**18, 700**2 * depth)
+
+
+def test_bits_do_not_depend_on_the_threads_of_blas():
+    """One and four, each in its own process: of blocks four times as large the bits differ."""
+    program = (
+        "import hashlib, numpy as np; from modal.solvers.same_bits import same_bits_product\n"
+        "r = np.random.default_rng(1); done = hashlib.sha256()\n"
+        "for t, k, n in ((700, 100, 700), (41, 1030, 23), (300, 2000, 300), (3000, 7, 40)):\n"
+        "    a, b = r.standard_normal((t, k)), r.standard_normal((k, n))\n"
+        "    done.update(same_bits_product(a, b))\n"
+        "print(done.hexdigest())"
+    )
+    found = set()
+    for threads in "1", "4":
+        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+        environment = os.environ | dict.fromkeys(names, threads)
+        run = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, check=True
+        )
+        found.add(run.stdout)
+    assert len(found) == 1
