@@ -12,7 +12,7 @@ import numpy as np
 import modal
 
 net = modal.fcc(stress=1e5, cells=(1, 1, 200))
-print(net)
+print(modal.describe(net))
 
 # %%
 # **Theory** has the dispersion in closed form, and its highest point.

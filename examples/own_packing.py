@@ -62,7 +62,7 @@ with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "cubic.network.h5"
     write_network(path, net)
     net = modal.read(path)
-print(net)
+print(modal.describe(net))
 
 # %%
 # Its plane P-waves are those of a chain of c masses between fixed ends.

@@ -11,7 +11,7 @@ import numpy as np
 import modal
 
 net = modal.random_packing(spheres=300, stress=1e5, seed=2)
-print(net)
+print(modal.describe(net))
 
 # %%
 # The floppy modes are those of rattlers; they are counted, and not in the list. That no other mode

@@ -18,6 +18,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from modal.description import describe
     from modal.elasticity.moduli import elastic_moduli
     from modal.formats.hdf5 import InputError
     from modal.modes.counts import count_modes
@@ -38,6 +39,7 @@ __all__ = [
     "Network",
     "count_modes",
     "density_of_states",
+    "describe",
     "eigenmodes",
     "elastic_moduli",
     "fcc",
@@ -52,6 +54,7 @@ _HOME = {
     "Network": ("modal.packing.network", "Network"),
     "count_modes": ("modal.modes.counts", "count_modes"),
     "density_of_states": ("modal.modes.density", "density_of_states"),
+    "describe": ("modal.description", "describe"),
     "eigenmodes": ("modal.modes.eigenmodes", "eigenmodes"),
     "elastic_moduli": ("modal.elasticity.moduli", "elastic_moduli"),
     "fcc": ("modal.packing.examples", "fcc"),
@@ -67,7 +70,6 @@ if not TYPE_CHECKING:  # a type checker follows the imports above and reports ot
     def __getattr__(name: str) -> Any:
         if name not in _HOME:
             raise AttributeError(f"module 'modal' has no attribute {name!r}")
-        importlib.import_module("modal.description")  # adds to what print(network) says
         module, attribute = _HOME[name]
         return getattr(importlib.import_module(module), attribute)
 

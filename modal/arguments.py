@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, wraps
 from inspect import signature
 from numbers import Real
 from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from modal.formats.hdf5 import InputError
 
 P = ParamSpec("P")
 R = TypeVar("R")
-WORDS = {float: "a number", int: "a number", str: "a text", type(None): "None"}
+WORDS = {
+    float: "a number",
+    int: "a number",
+    bool: "True or False",
+    str: "a text",
+    Sequence: "a list",
+    type(None): "None",
+}
 """What a kind of argument is called; others by the name of their class."""
 MAKES = {
     "Network": "; modal.read makes one from a file",
@@ -25,6 +34,8 @@ MAKES = {
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """The function, which raises InputError where an argument is not of its annotated kind.
 
+    Whole numbers of all kinds arrive as Python's own, which do not overflow.
+
     >>> import modal
     >>> modal.eigenmodes("mine.network.h5")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
@@ -35,11 +46,15 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            given = signature(function).bind(*args, **kwargs).arguments
+            bound = signature(function).bind(*args, **kwargs)
         except TypeError:  # missing or unknown: Python's own message names the function
-            given = {}
+            return function(*args, **kwargs)
+        given = bound.arguments
         refuse_other_kinds(function, function.__name__, given)
-        return function(*args, **kwargs)
+        for name, kind in _kinds(function).items():
+            if int in _alternatives(kind) and given.get(name) is not None and given[name] % 1 == 0:
+                given[name] = int(given[name])
+        return function(*bound.args, **bound.kwargs)
 
     return call
 
@@ -72,7 +87,7 @@ def _alternatives(kind: Any) -> tuple[Any, ...]:
 def _words(kind: Any) -> str:
     if get_origin(kind) is tuple:
         return f"{len(get_args(kind))} numbers"
-    return WORDS.get(kind) or f"a {kind.__name__}"
+    return WORDS.get(get_origin(kind) or kind) or f"a {kind.__name__}"
 
 
 def _fits(value: object, kind: Any) -> bool:
@@ -80,12 +95,15 @@ def _fits(value: object, kind: Any) -> bool:
     parts = _alternatives(kind)
     if len(parts) > 1:
         return any(_fits(value, part) for part in parts)
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
     if kind in (float, int):
-        return isinstance(value, Real)
-    if get_origin(kind) is tuple:
+        return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+    if get_origin(kind) in (tuple, Sequence):
+        each = float if get_origin(kind) is tuple else get_args(kind)[0]
         text = isinstance(value, str | bytes)
-        return isinstance(value, Iterable) and not text and all(_fits(x, float) for x in value)
-    if not isinstance(kind, type) or kind is bool:
+        return isinstance(value, Iterable) and not text and all(_fits(x, each) for x in value)
+    if not isinstance(kind, type):
         return True
     if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
         return True

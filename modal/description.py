@@ -1,26 +1,49 @@
-"""The line of `print(network)` that stands on the rooms above packing: motions without energy."""
+"""A packing in a few lines for people: stresses, voids, rattlers, motions without energy."""
 
 from __future__ import annotations
 
+from modal.arguments import checked
+from modal.display import quantity, table
 from modal.formats.hdf5 import InputError
+from modal.modes.collective import easily_known_floppy
+from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
-from modal.packing.summary import FURTHER
+from modal.packing.summary import summary
 
 
-def floppy_modes(network: Network) -> list[tuple[str, str]]:
-    """Their number and kinds; nothing where there is no scipy to find them, as inside YADE."""
-    try:
-        from modal.modes.collective import easily_known_floppy
-        from modal.modes.problem import Eigenproblem
-    except ModuleNotFoundError:
-        return []
+@checked
+def describe(network: Network) -> str:
+    """What `print(network)` says, with stresses, void ratio, rattlers and floppy modes.
+
+    >>> import modal
+    >>> print(modal.describe(modal.fcc(cells=(2, 2, 20))))
+    spheres              80, diameters 2.54 mm
+    cell                 5.079 mm x 5.079 mm x 36.66 mm, walls 36.66 mm apart
+    contacts             472, 8 of them with the walls
+    coordination number  11.700
+    stress xx, yy, zz    95.52 kPa, 95.52 kPa, 100 kPa
+    stress on walls      100 kPa, 100 kPa
+    void ratio           0.3778
+    floppy modes         0
+    """
+    told, rows = summary(network), network.facts()
+    for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
+        if name in told:
+            rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))
+    if "void_ratio" in told:
+        rows.append(("void ratio", f"{told['void_ratio']:.4f}"))
+    if told["rattlers"]:
+        without = told["coordination_number_without_rattlers"]
+        rows.append(("rattlers", f"{told['rattlers']}; coordination number {without:.3f} without"))
+    return table([*rows, ("floppy modes", _floppy(network))])
+
+
+def _floppy(network: Network) -> str:
+    """Their number and kinds, or why it is not known."""
     try:
         floppy = easily_known_floppy(Eigenproblem.of(network))
     except InputError as error:
-        return [("floppy modes", str(error))]
+        return str(error)
     kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)
     least = "" if floppy.counted else "at least "
-    return [("floppy modes", f"{least}{floppy.total}" + f" ({kinds})" * bool(kinds))]
-
-
-FURTHER.append(floppy_modes)
+    return f"{least}{floppy.total}" + f" ({kinds})" * bool(kinds)

@@ -29,9 +29,9 @@ from yade import O, config
 
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
+from modal.packing.checks import named
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.network_file import write_network
-from modal.packing.validation import validate
 from yade_scripts.export import spheres, springs
 
 WALLS = ("Wall", "Facet", "Box")
@@ -43,8 +43,8 @@ FLAT = 1e-6
 
 def export_scene(path):
     """Write the network of the present scene; InputError for what a network does not know."""
-    network = network_of_scene()
-    validate(network, str(path))
+    with named(path):
+        network = network_of_scene()
     write_network(path, network)
     pulling = int((network.force_normal < 0).sum())
     print(

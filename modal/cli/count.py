@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import network_command, numbers
+from modal.cli.options import network_command, numbers, remark_on_ends
 from modal.cli.reading import add_sliding, packing_of
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
@@ -35,9 +35,12 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Counts by the frequencies as they were typed."""
     network = packing_of(options)
     problem = Eigenproblem.of(network, solver=options.solver)
-    counts = counts_below(problem, numbers(options.at))
+    at = numbers(options.at)
+    counts, at_zero = counts_below(problem, at), summary_at_zero(problem)
+    for f, count in zip(at, counts, strict=True):
+        remark_on_ends(options, float(f), f > 0 and count <= at_zero["floppy_modes"], count == problem.size)
     return {
         "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
-        **summary_at_zero(problem),
+        **at_zero,
         "degrees_of_freedom": problem.size,
     }

@@ -7,7 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import add_if_stale, add_output, network_command, numbers
+from modal.cli.options import (
+    add_if_stale,
+    add_output,
+    network_command,
+    numbers,
+    remark_on_ends,
+)
 from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
@@ -55,6 +61,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     below = states.count_below(frequency)[0]
     size = 6 * network.n_particles
     value, error = states.count_below(at)
+    for f in at:
+        remark_on_ends(options, float(f), False, f > states.highest)
     return {
         "resolution_hz": states.resolution,
         "random_vectors": states.random_vectors,

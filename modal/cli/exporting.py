@@ -61,6 +61,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         raise InputError(f"-o {path}: give a name that ends in .vtu (ParaView) or .xyz (OVITO)")
     if options.frames is not None and not 1 <= options.frames <= 10_000:
         raise InputError(f"--frames {options.frames}: give 1 to 10000")
+    if options.scale is not None and not np.isfinite(options.scale):
+        raise InputError(f"--scale {options.scale}: give a number")
     network = read_remarked(options.network, options.remarks.append)
     fields = sphere_fields(network)
     frames: Iterable[Frame] | None = None
@@ -70,8 +72,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             options.remarks.append(note)
         more, frames = _of_product(options, network)
         fields |= more
-    elif options.modes or options.frames:
-        raise InputError("--modes and --frames need a file of modes or signals")
+    elif options.modes or options.frames or options.scale is not None:
+        raise InputError("--modes, --frames and --scale need a file of modes or signals")
     path.parent.mkdir(parents=True, exist_ok=True)
     if frames is None:
         written = _still(path, network, fields)

@@ -17,7 +17,6 @@ from modal.exchange.report import summary_of
 from modal.exchange.rows import fault, open_bytes
 from modal.formats.hdf5 import InputError
 from modal.packing.network_file import read_network, write_network
-from modal.packing.validation import validate
 
 read_product = read_network
 
@@ -55,7 +54,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if not options.output.endswith(".network.h5"):
         raise InputError(f"-o {options.output}: a network's name ends in .network.h5")
     found = _found(options)
-    validate(found.network, options.file)
     told = summary_of(found)
     provenance = options.made.attributes() if options.made else {}
     write_network(options.output, replace(found.network, provenance=provenance))

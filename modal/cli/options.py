@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from modal.display import quantity
 from modal.formats.hdf5 import InputError, refuse_unwritable
 
 SHORT = 3
@@ -134,9 +135,19 @@ def json_text(result: Any) -> str:
 def numbers(at: list[str]) -> np.ndarray:
     """Shape (k,), Hz: the frequencies of --at, whose texts are the names of results."""
     try:
-        return np.array([float(text) for text in at])
+        found = np.array([float(text) for text in at])
     except ValueError:
-        raise InputError(f"--at {' '.join(at)}: give frequencies in Hz, as numbers") from None
+        found = np.array([np.nan])
+    if not (np.isfinite(found) & (found >= 0)).all():
+        raise InputError(f"--at {' '.join(at)}: give frequencies in Hz, as numbers from 0 on")
+    return found
+
+
+def remark_on_ends(options: argparse.Namespace, frequency: float, below: bool, above: bool) -> None:
+    """Remark on a frequency, Hz, `below` the first or `above` the highest mode: perhaps in kHz."""
+    if below or above:
+        where = "below the first" if below else "above the highest"
+        options.remarks.append(f"{quantity(frequency, 'Hz')} lies {where} mode: is it in Hz?")
 
 
 def typed(name: str) -> str:

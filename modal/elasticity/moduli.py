@@ -260,6 +260,11 @@ def elastic_moduli(
     if not network.length > 0:
         raise InputError("the cell has no volume; give walls/position, its bounds along z")
     volume = network.area * network.length
+    density = float(network.mass[force_bearing(network)].sum()) / volume
+    if network.with_wall.all() or density == 0:
+        raise InputError(
+            "no sphere bears a force from another one: the packing is no solid, which has moduli"
+        )
     contacts = StrainedContacts.of(network)
     affine = contacts.energy()
     stored = np.diag(affine)
@@ -274,7 +279,6 @@ def elastic_moduli(
     motion = found.motion
     whole = (affine - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2
-    density = float(network.mass[force_bearing(network)].sum()) / volume
     region = "slab with walls" if walls else "cell"
     in_bulk = bulk_stiffness(network, bulk, contacts, motion) if bulk else None
     if bulk and in_bulk is not None:

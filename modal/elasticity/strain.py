@@ -66,14 +66,6 @@ def has_walls(network: Network) -> bool:
     return True
 
 
-def branches(network: Network) -> Floats:
-    """Shape (m, 3), m: from centre to centre of a contact, or straight to the plane of a wall."""
-    branch = network.lever_i - network.lever_j
-    to_plane = np.zeros_like(branch)
-    to_plane[:, 2] = network.wall_distance
-    return np.where(network.with_wall[:, None], to_plane, branch)
-
-
 @dataclass(frozen=True)
 class StrainedContacts:
     """The contacts under six unit strains that all spheres follow.
@@ -90,7 +82,7 @@ class StrainedContacts:
     @classmethod
     def of(cls, network: Network) -> StrainedContacts:
         """Those of a network."""
-        branch, springs = branches(network), contact_springs(network)
+        branch, springs = network.branch, contact_springs(network)
         arms = network.lever_i - network.lever_j
         stretch = np.stack([branch @ G.T - np.cross(turn(G), arms) for G in gradients()])
         return cls(branch, springs, stretch, np.einsum("cij,scj->sci", springs, stretch))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.elasticity.moduli import ElasticModuli
-from modal.elasticity.strain import branches, has_walls, turn
+from modal.elasticity.strain import has_walls, turn
 from modal.elasticity.waves import INDEX, unit_vector
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
@@ -46,7 +46,7 @@ def stressed_stiffness(network: Network, moduli: ElasticModuli, pre_stress: str)
     change = np.zeros((9, 9))
     for first in range(0, network.n_contacts, AT_ONCE):
         rows = np.arange(first, min(first + AT_ONCE, network.n_contacts))
-        some = network.with_contacts(rows)
+        some = network.some(rows)
         dk = tangent_of(some, pre_stress) - tangent_of(some, "none")
         q = _ends(some, moduli.non_affine)
         change += np.einsum("aci,cij,bcj->ab", q, dk, q, optimize=True)
@@ -58,7 +58,7 @@ def stressed_stiffness(network: Network, moduli: ElasticModuli, pre_stress: str)
 def _ends(network: Network, non_affine: Floats) -> Floats:
     """Shape (9, m, 12): motions of both spheres of each contact, centre of i at rest but for u."""
     q = np.zeros((9, network.n_contacts, 12))
-    branch = branches(network)
+    branch = network.branch
     for moved in range(3):
         for along in range(3):
             gradient = np.zeros((3, 3))

@@ -19,7 +19,10 @@ INDEX = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 def unit_vector(direction: ArrayLike) -> Floats:
     """Shape (3,): the direction as a unit vector; InputError where it is none."""
-    vector = np.asarray(direction, float)
+    try:
+        vector = np.asarray(direction, float)
+    except (TypeError, ValueError):
+        vector = np.zeros(3)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise InputError(f"direction {direction!r}: give three numbers that are not all zero")
     return vector / np.linalg.norm(vector)

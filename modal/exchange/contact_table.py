@@ -18,7 +18,7 @@ from modal.exchange.rows import Rows, fault, last_step
 from modal.exchange.table_head import cell_of, table_of
 from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
-from modal.packing.consistency import check_force_ratio, force_ratio
+from modal.packing.checks import check_force_ratio, named
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 
 SPHERES = ("id", "x", "y", "z", "radius", "mass")
@@ -39,7 +39,8 @@ def import_table(path: str | Path, contacts: str | Path | None, units: Units) ->
     touching = _contacts(contacts, spheres, cell, units)
     found = network_of(spheres, cell, touching, None, str(path))
     if found.told["overlap_over_error_of_digits"] > 1:
-        check_force_ratio(force_ratio(found.network), str(contacts))
+        with named(contacts):
+            check_force_ratio(found.network)
     if touching.force is not None and not touching.force.all():
         idle, listed = int((touching.force == 0).sum()), len(touching.force)
         of = "all" if idle == listed else f"{idle} of {listed}"

@@ -31,7 +31,7 @@ from modal.exchange.listed import (
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
 from modal.formats.arrays import Bools, Floats, Ints
 from modal.formats.hdf5 import InputError
-from modal.packing.consistency import WIDEST
+from modal.packing.checks import WIDEST, named
 from modal.packing.network import SOURCE_WALL, Network
 
 BLURRED = 1e-6
@@ -159,7 +159,8 @@ def network_of(
             of = pairs.law == number
             pairs.along[of], pairs.across[of] = one.stiffnesses(overlap[of], effective[of])
     stiffness = pairs.along, pairs.across
-    network = _whole(spheres, cell, walls, position, pairs, overlap, force, stiffness, laws)
+    with named(name):
+        network = _whole(spheres, cell, walls, position, pairs, overlap, force, stiffness, laws)
     return Found(network, laws, pairs.law, told, remarks)
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import InputError
-from modal.packing.consistency import branches
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle
 
@@ -84,7 +82,7 @@ def contact_lines(network: Network) -> Lines:
         data = getattr(network, name)
         if data is not None:
             fields[name] = data.astype(np.int32) if name == "sliding" else data
-    return Lines(np.stack([start, start + branches(network)], axis=1), fields)
+    return Lines(np.stack([start, start + network.branch], axis=1), fields)
 
 
 def mode_frames(shape: Floats, frequency: float, count: int) -> Iterator[Frame]:
@@ -107,7 +105,5 @@ def wave_frames(time: Floats, moved: Floats, axis: int, count: int) -> Iterator[
 def scale_of(network: Network, largest: float, scale: float | None) -> float:
     """Factor on displacements: the one that is given, or one that makes the largest visible."""
     if scale is not None:
-        if not np.isfinite(scale):
-            raise InputError(f"--scale {scale}: give a number")
         return scale
     return VISIBLE * float(network.radius.mean()) / largest if largest > 0 else 1.0

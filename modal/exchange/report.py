@@ -9,7 +9,7 @@ import numpy as np
 from modal.exchange.found import Found
 from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
 from modal.exchange.worth import worth
-from modal.packing.consistency import density_of
+from modal.packing.checks import density_of
 from modal.packing.network import Network
 from modal.packing.plausibility import of_densities, of_shape
 from modal.packing.state import net_forces, stress_tensor
@@ -32,7 +32,7 @@ def summary_of(found: Found) -> dict[str, Any]:
     }
     told |= _forces(network, remarks) | found.told
     if "printed_stress_pa" in told and network.with_wall.any() and "stress_pa" in told:
-        pairs = network.with_contacts(~network.with_wall)
+        pairs = network.some(~network.with_wall)
         # The program leaves walls out, and divides by the volume of its box.
         of_box = network.length / float(network.cell_size[2])
         told["stress_of_spheres_alone_pa"] = (np.diag(stress_tensor(pairs)) * of_box).tolist()

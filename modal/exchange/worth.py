@@ -24,7 +24,7 @@ def worth(network: Network) -> dict[str, float]:
     """
     m = network.n_contacts
     if m > WEIGHED:
-        network = network.with_contacts(np.arange(0, m, -(-m // WEIGHED)))
+        network = network.some(np.arange(0, m, -(-m // WEIGHED)))
     arc = np.array([1.0] * 3 + [1 / float(network.radius.mean())] * 3)
     scale = np.tile(arc, 2)
     springs = law_tangent(network, ()) * scale[:, None] * scale

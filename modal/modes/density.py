@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from modal.arguments import checked
@@ -25,7 +26,7 @@ from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.modes.collective import every_floppy
-from modal.modes.problem import Eigenproblem
+from modal.modes.problem import Eigenproblem, frequencies
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
@@ -96,10 +97,11 @@ class DensityOfStates:
         ax.legend()
         return ax
 
-    def density(self, frequency: Floats) -> tuple[Floats, Floats]:
+    def density(self, frequency: ArrayLike) -> tuple[Floats, Floats]:
         """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.
 
-        Returns values and standard errors (nf, 7): the six components, then their sum.
+        Returns values and standard errors (nf, 7): the six components, then their sum; of a single
+        frequency (7,). Zero above `highest`. InputError for what is no frequency.
         """
         weight = self._jackson()
         weight[1:] *= 2
@@ -108,9 +110,12 @@ class DensityOfStates:
             wave = np.cos(2 * theta[:, None] * np.arange(len(weight))) * weight
             return wave * (2 / (np.pi * self.highest * np.sin(theta)))[:, None]
 
-        return self._mean_and_error(frequency, terms)
+        value, error = self._mean_and_error(frequency, terms)
+        above = np.asarray(frequency) > self.highest
+        value[above] = error[above] = 0.0
+        return value, error
 
-    def reduced(self, frequency: Floats) -> tuple[Floats, Floats]:
+    def reduced(self, frequency: ArrayLike) -> tuple[Floats, Floats]:
         """Modes per Hz over f^2, 1/Hz^3, and its standard error, each (nf,); f above zero.
 
         Waves of a solid make it level at low frequency, at its `debye_level` times the volume
@@ -118,9 +123,9 @@ class DensityOfStates:
         """
         value, error = self.density(frequency)
         square = np.asarray(frequency, float) ** 2
-        return value[:, 6] / square, error[:, 6] / square
+        return value[..., 6] / square, error[..., 6] / square
 
-    def count_below(self, frequency: Floats) -> tuple[Floats, Floats]:
+    def count_below(self, frequency: ArrayLike) -> tuple[Floats, Floats]:
         """Number of modes below frequencies (nf,) in Hz, zero modes included: the integral.
 
         Returns values and standard errors (nf, 7), as `density`.
@@ -148,10 +153,11 @@ class DensityOfStates:
         return turn / (orders + 1)
 
     def _mean_and_error(
-        self, frequency: Floats, terms: Callable[[Floats], Floats]
+        self, frequency: ArrayLike, terms: Callable[[Floats], Floats]
     ) -> tuple[Floats, Floats]:
         """Values and errors (nf, 7) of the series with `terms` (nf, N) at angles theta (nf,)."""
-        theta = np.arccos(np.clip(np.asarray(frequency, float) / self.highest, 0, 1 - 1e-12))
+        asked = frequencies(frequency)
+        theta = np.arccos(np.minimum(asked.ravel() / self.highest, 1 - 1e-12))
         with_sum = np.concatenate([self.moments, self.moments.sum(axis=1, keepdims=True)], axis=1)
         value, error = np.zeros((2, len(theta), 7))
         for first in range(0, len(theta), CHUNK):
@@ -160,7 +166,8 @@ class DensityOfStates:
             value[part] = each.mean(axis=0)
             if self.random_vectors:
                 error[part] = each.std(axis=0, ddof=1) / np.sqrt(len(each))
-        return value, error
+        shape = (*asked.shape, 7)
+        return value.reshape(shape), error.reshape(shape)
 
 
 @checked
@@ -192,6 +199,8 @@ def density_of_states(
     """
     if not 0 < resolution < np.inf:
         raise InputError(f"resolution {resolution:g} Hz: give a positive number of Hz")
+    if seed < 0 or seed % 1 != 0:
+        raise InputError(f"seed {seed}: give a whole number from 0 on")
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
     problem = Eigenproblem.of(with_sliding(network, sliding))

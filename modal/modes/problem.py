@@ -8,12 +8,14 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from modal.formats.arrays import Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.modes.zero_modes import FloppyModes, floppy_modes
-from modal.packing.network import Made, Network
+from modal.packing.columns import Made
+from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS
 from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
@@ -177,6 +179,18 @@ class Eigenproblem:
 def frequency_of(square: Floats) -> Floats:
     """f = omega / 2 pi in Hz; negative omega^2 (unstable or round-off) gives negative f."""
     return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)
+
+
+def frequencies(given: ArrayLike) -> Floats:
+    """The frequencies as an array, Hz; InputError where one is no number from 0 on."""
+    try:
+        asked = np.asarray(given, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"frequency is {given!r}, not numbers of Hz") from error
+    wrong = ~(np.isfinite(asked) & (asked >= 0))
+    if wrong.any():
+        raise InputError(f"{asked[wrong][0]:g} Hz is no frequency; give a number from 0 Hz on")
+    return asked
 
 
 def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None:

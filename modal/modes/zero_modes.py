@@ -164,7 +164,7 @@ def _stiffness_among(network: Network, spheres: Ints, mass: Floats, dof: int) ->
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _degrees_of_freedom(spheres, dof)
-    K = stiffness_matrix(network.with_contacts(near), translations_only=dof == 3)[rows][:, rows]
+    K = stiffness_matrix(network.some(near), translations_only=dof == 3)[rows][:, rows]
     scale = sp.diags(1 / np.sqrt(mass[rows]))
     return (scale @ K @ scale).tocsr()
 

@@ -19,7 +19,7 @@ def affine_stiffness(network: Network) -> Floats:
     out.
     """
     pair = ~network.with_wall
-    branch = (network.lever_i - network.lever_j)[pair]
+    branch = network.branch[pair]
     nz2 = network.normal[pair, 2] ** 2
     kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
     stiffness: Floats = (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)

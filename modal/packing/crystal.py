@@ -12,17 +12,16 @@ from math import sqrt
 
 from modal.arguments import refuse_other_kinds
 from modal.formats.hdf5 import InputError
+from modal.packing.checks import DEEPEST
 from modal.packing.contact_law import (
     GLASS,
     RADIUS,
     Material,
+    normal_force,
     overlap_of_force,
     stiffness_normal,
     stiffness_tangential,
 )
-
-LARGEST = 1e9
-"""Pa: under more, overlaps of glass are no longer small."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +34,21 @@ class FccPacking:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
-        if not 0 < self.stress < LARGEST:
-            raise InputError(f"stress {self.stress:g} Pa: outside 0 to {LARGEST:g}; give it in Pa")
+        deepest = DEEPEST * self.radius
+        force = float(normal_force(deepest, self.radius / 2, self.material))
+        largest = 2 * sqrt(2) * force / (2 * self.radius - deepest) ** 2
+        if not 0 < self.stress < largest:
+            raise InputError(
+                f"stress {self.stress:g} Pa: outside 0 to {largest:.3g} Pa, where spheres of this "
+                f"material overlap by {DEEPEST:g} of the radius; give it in Pa"
+            )
 
     @property
     def overlap(self) -> float:
         """Overlap of two spheres, m, that balances the stress with spacing d = 2R - overlap.
 
         Isotropic stress = 2 sqrt(2) F / d^2; the spacing depends on the overlap, so a fixed
-        point (contraction factor about 2 overlap / d) is iterated to machine precision.
+        point (contraction factor 4/3 overlap / d) is iterated to machine precision.
         """
         overlap, last = 0.0, -1.0
         while abs(overlap - last) > 1e-15 * self.radius:

@@ -10,12 +10,17 @@ import numpy as np
 from modal.arguments import checked
 from modal.formats.arrays import Bools, Floats
 from modal.formats.hdf5 import InputError
+from modal.packing.checks import DEEPEST
 from modal.packing.contact_law import GLASS, RADIUS, Material, overlap_of_force
 from modal.packing.crystal import FccPacking
 from modal.packing.equal_spheres import network_of
 from modal.packing.neighbours import Touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import void_ratio
+from modal.workload import refuse_above_memory
+
+SPHERE_BYTES = 4000.0
+"""Memory for each sphere of a crystal while its contacts are listed, measured."""
 
 Row = tuple[int, int, tuple[float, float, float], float, tuple[int, int, int]]
 """A contact: i, j, normal, overlap (m), periods that are added to j."""
@@ -67,12 +72,22 @@ def fcc(
     >>> net.n_particles, net.n_contacts
     (80, 472)
     """
-    if len(cells) != 3 or any(number < 1 or number != int(number) for number in cells):
+    if len(cells) != 3 or any(number < 1 or number % 1 != 0 for number in cells):
         raise InputError(f"cells {cells}: give three whole numbers, along x and y, and layers")
     nx, ny, layers = (int(number) for number in cells)
     if periodic_z and layers % 2:
         raise InputError(f"{layers} layers: a crystal periodic along z has an even number of them")
+    refuse_above_memory(
+        SPHERE_BYTES * nx * ny * layers,
+        f"a crystal of {nx} x {ny} x {layers} spheres",
+        "take fewer; `tile` repeats a packing",
+    )
     crystal = FccPacking(stress, radius, material)
+    if not periodic_z and crystal.wall_overlap > DEEPEST * radius:
+        raise InputError(
+            f"stress {stress:g} Pa: spheres of this material overlap with the walls by more than "
+            f"{DEEPEST:g} of the radius; take less"
+        )
     d, l_z = crystal.spacing, crystal.layer_distance
     z0 = l_z / 2 if periodic_z else radius - crystal.wall_overlap
     layer, y, x = np.meshgrid(np.arange(layers), np.arange(ny), np.arange(nx), indexing="ij")

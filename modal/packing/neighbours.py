@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.formats.arrays import Floats, Ints
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.columns import RECEIVER_WALL, SOURCE_WALL
+from modal.workload import refuse_above_memory
+
+SPHERE_BYTES, PAIR_BYTES = 800.0, 150.0
+"""Memory for each sphere, and for each pair that is looked at, while contacts are found and
+checked, measured."""
 
 
 @dataclass
@@ -41,6 +46,15 @@ def canonical_order(i: Ints, j: Ints, shift: Ints) -> Ints:
     return np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
 
 
+def refuse_more_than_fit(spheres: int, pairs: float = 0.0) -> None:
+    """InputError where finding the contacts of so many would take more than the free memory."""
+    refuse_above_memory(
+        SPHERE_BYTES * spheres + PAIR_BYTES * pairs,
+        f"finding the contacts of {spheres} spheres",
+        "take a machine with more, fewer spheres, or less unequal ones",
+    )
+
+
 def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Ints, Ints, Ints]:
     """Pairs (i, j, shift) of points at most `distance` apart, each pair of images once.
 
@@ -51,6 +65,8 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
 
     low = position[:, 2].min(initial=np.inf)
     lengths = np.array([*side, max(position[:, 2].max(initial=low) - low, distance)])
+    near = 4 / 3 * np.pi * distance**3 / lengths.prod()  # the share of all spheres about each
+    refuse_more_than_fit(len(position), len(position) ** 2 / 2 * near)
     if suit_cells(len(position), lengths, distance):
         ends, period = pairs_by_cells(position - [0.0, 0.0, low], lengths, distance)
         shift = np.zeros((len(ends), 3), np.int8)

@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 
 from modal.formats.hdf5 import atomic_h5, get, open_h5, put
-from modal.packing.network import CONTACTS, OPTIONAL, PARTICLES, Network, handed_over
-from modal.packing.validation import validate
+from modal.packing.checks import named
+from modal.packing.columns import CONTACTS, OPTIONAL, PARTICLES
+from modal.packing.network import Network, handed_over
 
 SCHEMA = "granular-contact-network"
 VERSION = 1
@@ -54,9 +55,8 @@ def read_network(path: str | Path) -> Network:
         columns["wall_position"] = get(file, "walls/position", "f", (2,))
         study = _attributes(file, "study")
         provenance = _attributes(file, "provenance")
-    network = Network(**handed_over(**columns), study=study, provenance=provenance)
-    validate(network, str(path))
-    return network
+    with named(path):
+        return Network(**handed_over(**columns), study=study, provenance=provenance)
 
 
 def _attributes(file: h5py.File, group: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from modal.formats.arrays import Floats
-from modal.packing.consistency import branches, density_of, force_ratio
+from modal.packing.checks import density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
 from modal.packing.reading import is_sample, read_packing
@@ -122,7 +122,7 @@ def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool =
 def _touching(network: Network, remarks: list[str]) -> None:
     """Compare overlaps, levers and the list of contacts with positions and radii."""
     i, j, pair = network.particle_i, network.partner, ~network.with_wall
-    branch = branches(network)
+    branch = network.branch
     reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
     overlap = reach - _size(branch)
     # Spheres that just touch have overlaps of the round-off of their positions.

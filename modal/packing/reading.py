@@ -5,14 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from modal.arguments import checked
+from modal.packing.checks import named
 from modal.packing.network import Network
 from modal.packing.network_file import read_network
 from modal.packing.sample import read_sample
-from modal.packing.validation import validate
-from modal.workload import refuse_above_memory
-
-CONTACTS_BYTES = 1200.0
-"""Memory for each sphere while the contacts of a sample are found and checked, measured."""
 
 
 def is_sample(path: str | Path) -> bool:
@@ -37,12 +33,5 @@ def read_packing(path: str | Path) -> Network:
     if not is_sample(path):
         return read_network(path)
     sample = read_sample(path)
-    refuse_above_memory(
-        CONTACTS_BYTES * len(sample.position),
-        f"{path}: finding its contacts",
-        "take a machine with more, or a smaller sample",
-    )
-    network = sample.network()
-    # What follows from the positions agrees with them; spheres may still overlap beyond reason.
-    validate(network, str(path))
-    return network
+    with named(path):
+        return sample.network()

@@ -9,13 +9,14 @@ sphere and every contact on another one; and then again one of what is left.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
 
 from modal.formats.arrays import Array, Floats, Ints
-from modal.packing.network import CONTACTS, RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.columns import CONTACTS, RECEIVER_WALL, SOURCE_WALL
+from modal.packing.network import Network
 
 SAME = 1e-9
 """Largest `difference` that round-off explains. Of the crystals of the study it is
@@ -117,11 +118,10 @@ def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
     for _ in range(prime - 1):
         here = contact[here]
         lowest = np.minimum(lowest, here)
-    kept = network.with_contacts(lowest == np.arange(len(lowest)))
+    kept = network.some(lowest == np.arange(len(lowest)))
     first, size = rows[:, 0], kept.cell_size.copy()
     size[axis] /= prime
-    part = replace(
-        kept,
+    part = kept.unchecked(
         **{name: getattr(kept, name)[first] for name in ("position", "radius", "mass", "inertia")},
         particle_i=member[kept.particle_i],
         particle_j=np.where(kept.with_wall, kept.particle_j, member[kept.partner]),

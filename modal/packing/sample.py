@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError, atomic_h5, complete, get, open_h5, put
-from modal.packing.consistency import density_of
+from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
 from modal.packing.equal_spheres import constants, network_of
 from modal.packing.neighbours import Touching, tangents, touching

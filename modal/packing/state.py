@@ -56,9 +56,7 @@ def _virials(network: Network) -> tuple[Floats, Floats]:
 
     A wall's branch ends on the wall's plane, so that the walls' work is counted to the last bit.
     """
-    branch = network.lever_i - network.lever_j
-    wall = network.with_wall
-    branch[wall, 2] = network.wall_distance[wall]
+    branch = network.branch
     along, across = (network.known(name, "stress") for name in FORCES)
     on_j = along[:, None] * network.normal - across
     return on_j[:, :, None] * branch[:, None, :], branch[:, 2]

@@ -1,19 +1,16 @@
-"""A packing in plain numbers by name, and in a few lines: what `modal.packing.state` measures."""
+"""A packing in plain numbers by name: what `modal.packing.state` measures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from modal.display import quantity
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.order import crystalline
 from modal.packing.state import (
     Profile,
-    contacts_per_particle,
     coordination_by_size,
     coordination_without_rattlers,
     fabric_tensor,
@@ -25,9 +22,6 @@ from modal.packing.state import (
     volume_between_walls,
     wall_stress,
 )
-
-FURTHER: list[Callable[[Network], list[tuple[str, str]]]] = []
-"""What other rooms add to the lines of `described`: names and texts."""
 
 
 def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
@@ -55,7 +49,7 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
             result["wall_stress_pa"] = wall_stress(network).tolist()
         result["void_ratio"] = void_ratio(network)
     result |= {
-        "coordination_number": float(contacts_per_particle(network).mean()),
+        "coordination_number": network.coordination_number,
         "coordination_number_without_rattlers": bearing,
         "rattlers": rattlers,
         "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
@@ -71,39 +65,6 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
         result["largest_share_of_friction"] = float(friction_used(network, friction).max())
     return result if volume is None else result | _along_z(network)
-
-
-def described(network: Network) -> list[tuple[str, str]]:
-    """The packing in a few lines, names and texts: sizes, stresses, voids, contacts a sphere."""
-    wall = int(network.with_wall.sum())
-    told = summary(network)
-    size = " x ".join(quantity(side, "m") for side in network.cell_size)
-    rows = [
-        ("spheres", f"{network.n_particles}, diameters {_range(2 * network.radius, 'm')}"),
-        ("cell", f"{size}, {_ends(network)}"),
-        ("contacts", f"{network.n_contacts}, {wall} of them with the walls"),
-    ]
-    for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
-        if name in told:
-            rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))
-    if "void_ratio" in told:
-        rows.append(("void ratio", f"{told['void_ratio']:.4f}"))
-    bearing, rattlers = told["coordination_number_without_rattlers"], told["rattlers"]
-    without = f", {bearing:.3f} without {rattlers} rattlers" if rattlers else ""
-    rows.append(("coordination number", f"{told['coordination_number']:.3f}{without}"))
-    return rows + [row for more in FURTHER for row in more(network)]
-
-
-def _ends(network: Network) -> str:
-    if network.cell_periodic[2]:
-        return "periodic along z"
-    return f"walls {quantity(network.length, 'm')} apart"
-
-
-def _range(values: np.ndarray, unit: str) -> str:
-    low, high = float(values.min()), float(values.max())
-    same = high - low <= 1e-9 * high
-    return quantity(high, unit) if same else f"{quantity(low, unit)} to {quantity(high, unit)}"
 
 
 def crystalline_shares(network: Network, layers: Profile) -> dict[str, float]:

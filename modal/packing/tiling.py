@@ -52,9 +52,8 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
     order = order_along_z(network.position)
     i, j, shift, row = _copied_contacts(network, order, times_x, times_y)
     source, copy = tiled(order, copies)
-    contacts = network.with_contacts(row)
     return replace(
-        contacts,
+        network.some(row),
         position=network.position[source] + cell[copy] * network.cell_size,
         radius=network.radius[source],
         mass=network.mass[source],

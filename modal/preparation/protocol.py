@@ -21,6 +21,7 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
+from modal.packing.neighbours import refuse_more_than_fit
 from modal.preparation.durations import STABILITY, duration, own_time, time_step
 from modal.preparation.sizes import MIXTURE, densities_of, radii_of, wall_material
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
@@ -119,6 +120,7 @@ class Study:
                 "compression needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least "
                 "4 diameters (which a smaller aspect, length over width, has of as many spheres)"
             )
+        refuse_more_than_fit(self.spheres)
         _ = self.material, self.wall_material, self.smallest  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(

@@ -17,6 +17,7 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import STATE, Provenance, Source, is_current
 from modal.packing.contact_law import RADIUS
+from modal.packing.neighbours import refuse_more_than_fit
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
 from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
@@ -55,6 +56,7 @@ def cloud(
         raise InputError(
             f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
         )
+    refuse_more_than_fit(spheres)
     radii = None if sizes is None else radii_of(spheres, sizes, seed)
     diameter = 2 * (RADIUS if radii is None else float(radii.max()))
     cubes = spheres * (2 * RADIUS) ** 3 if radii is None else float(((2 * radii) ** 3).sum())

@@ -8,7 +8,7 @@ and T. Ishida, Powder Technology 71, 239, 1992; in YADE betan and betas).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,8 +53,7 @@ class ContactDamping:
         """
         m_i, m_j = network.mass[network.particle_i], network.mass[network.partner]
         mass = np.where(network.with_wall, m_i, m_i * m_j / (m_i + m_j))
-        return replace(
-            network,
+        return network.unchecked(
             stiffness_normal=2 * self.normal * np.sqrt(network.stiffness_normal * mass),
             stiffness_tangential=2 * self.tangential * np.sqrt(network.stiffness_tangential * mass),
         )

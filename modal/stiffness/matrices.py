@@ -72,9 +72,9 @@ def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> 
     own_image = network.particle_i == network.particle_j
     if own_image.any():
         # Both sides of the contact are on one block, with what couples them: leave it to K.
-        images = network.with_contacts(own_image)
+        images = network.some(own_image)
         part = stiffness_matrix(images, translations_only=translations_only).diagonal()
-        others = network.with_contacts(~own_image)
+        others = network.some(~own_image)
         return part + stiffness_diagonal(others, translations_only=translations_only)
     pair = ~network.with_wall
     diagonal = np.zeros((network.n_particles, 3 if translations_only else 6))

@@ -13,7 +13,8 @@ import numpy as np
 
 from modal.formats.arrays import Floats, Ints
 from modal.loops import slabs_of
-from modal.packing.network import PART, Network
+from modal.packing.columns import PART
+from modal.packing.network import Network
 from modal.stiffness.pre_stress import centre_distance, forces_of
 
 ACROSS = 64

@@ -20,7 +20,7 @@ def wall_pattern(
     displacement, with all particles at rest, N/m. Pattern and row are equal where the tangent is
     symmetric.
     """
-    touching = network.with_contacts(network.particle_j == wall)
+    touching = network.some(network.particle_j == wall)
     local = tangent_of(touching, pre_stress)
     pattern, row = np.zeros((2, network.n_particles, 6))
     # Only the motion of a particle relative to the wall counts: the wall up is the particle down.

@@ -25,7 +25,6 @@ from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.network_file import write_network
-from modal.packing.validation import validate
 from modal.preparation.random_packing import random_network
 from modal.stiffness import contact_loops
 from modal.stiffness.matrices import stiffness_matrix
@@ -193,7 +192,6 @@ def test_lower_part_keeps_its_stiffness():
     """K is the block of K of the whole without the contacts that were cut, but for its top."""
     whole = random_network(60, 1e5, seed=3, aspect=2.5)
     part = resized(whole, 25)
-    validate(part)
     kept = (whole.particle_i < 25) & (whole.particle_j < 25)
     wanted = stiffness_matrix(whole.with_contacts(kept))[:150, :150]
     differs = abs(stiffness_matrix(part) - wanted).toarray() > 1e-12 * abs(wanted).max()
@@ -309,7 +307,6 @@ def test_numbering_changes_no_packing(packing):
     network = packing[0]
     old = np.random.default_rng(4).permutation(network.n_particles)
     other = contact_loop.numbered(network, old)
-    validate(other)
     u = np.random.default_rng(5).standard_normal((network.n_particles, 6))
     force, same = (
         (stiffness_matrix(of) @ motion.ravel()).reshape(-1, 6)

@@ -15,7 +15,6 @@ from modal.__main__ import main
 from modal.exchange.extended_xyz import read_frames, write_frames
 from modal.exchange.picture import contact_lines, sphere_stress
 from modal.modes.mode_set import read_modes
-from modal.packing.consistency import branches
 from modal.packing.network_file import write_network
 from modal.packing.state import contacts_per_particle, stress_tensor
 from modal.waves.signals import read_signals
@@ -82,7 +81,7 @@ def test_packing_and_modes_in_vtk_read_back_equal(packing, reader):
     ends = points[cells].reshape(-1, 2, 3)
     # Lines lead through the periods: they are as long as the branches, never as the cell.
     np.testing.assert_array_equal(ends, contact_lines(network).ends)
-    np.testing.assert_allclose(ends[:, 1] - ends[:, 0], branches(network), atol=1e-17)
+    np.testing.assert_allclose(ends[:, 1] - ends[:, 0], network.branch, atol=1e-17)
     np.testing.assert_array_equal(fields["force_normal"], network.force_normal)
     on_i = network.force_tangential - network.force_normal[:, None] * network.normal
     np.testing.assert_array_equal(fields["force"], on_i)

@@ -12,11 +12,10 @@ import pytest
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
-from modal.packing.consistency import _check_pairs
+from modal.packing.checks import _check_pairs
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
-from modal.packing.validation import validate
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 8))
 
@@ -113,11 +112,7 @@ WRONG = {
         {"cell_periodic": lambda _: np.array([True, True, False])},
         "not periodic",
     ),
-    "negative width": (
-        replace(gallery.column(3), cell_size=np.array([-1.0, 0, 0])),
-        {},
-        "cell/size",
-    ),
+    "negative width": (gallery.column(3), {"cell_size": lambda _: np.array([-1.0, 0, 0])}, "size"),
     "overlaps in mm": (PLAIN, {"overlap": times(1e3)}, "overlap"),
     "stiffness in N/mm": (PLAIN, {"stiffness_normal": times(1e-3)}, "force over stiffness"),
     "force in kN": (PLAIN, {"force_normal": times(1e-3)}, "force over stiffness"),
@@ -146,24 +141,128 @@ def _turned(normal: np.ndarray, angle: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", WRONG)
 def test_contradictions_are_refused(name, tmp_path):
+    """As the network is made, in memory as from a file, whose name is then said."""
     network, columns, says = WRONG[name]
-    path = tmp_path / "x.network.h5"
-    write_network(path, changed(network, **columns))
+    wrong = {name: f(getattr(network, name)) for name, f in columns.items()}
     with pytest.raises(InputError, match=says) as refusal:
-        read_network(path)
+        replace(network, **wrong)
     assert "\n" not in str(refusal.value)
+    path = tmp_path / "x.network.h5"
+    write_network(path, network.unchecked(**wrong))
+    with pytest.raises(InputError) as of_file:
+        read_network(path)
+    assert str(of_file.value) == f"{path}: {refusal.value}"
+
+
+def part_of(length: int):
+    return lambda data: data[:length]
+
+
+NO_NETWORK = {
+    # What is no table of numbers, or no number that a packing can have: a column, what is done.
+    "lists of unequal lengths": ("position", lambda x: [[0.0], *x.tolist()[1:]]),
+    "a text": ("position", lambda x: "positions"),
+    "nothing": ("position", lambda x: None),
+    "no spheres": ("position", part_of(0)),
+    "a sphere too few": ("position", part_of(-1)),
+    "a radius too few": ("radius", part_of(-1)),
+    "one radius for all": ("radius", lambda x: 1e-3),
+    "positions in a plane": ("position", lambda x: x[:, :2]),
+    "positions on their side": ("position", lambda x: x.T),
+    "complex positions": ("position", lambda x: x + 0j),
+    "a place that is no number": ("position", first([0, np.nan, 0])),
+    "a mass that is no number": ("mass", first(np.nan)),
+    "a mass of zero": ("mass", first(0.0)),
+    "a negative mass": ("mass", times(-1)),
+    "an inertia of zero": ("inertia", times(0)),
+    "an infinite radius": ("radius", first(np.inf)),
+    "a negative radius": ("radius", first(-1e-3)),
+    "indices with a point": ("particle_i", lambda x: x + 0.0),
+    "indices of halves": ("particle_j", lambda x: x + 0.5),
+    "indices that are yes or no": ("particle_i", lambda x: x > 0),
+    "indices of one more": ("particle_i", lambda x: x + 1),
+    "a third wall": ("particle_j", first(-3)),
+    "a partner beyond the last": ("particle_j", first(30_000)),
+    "a negative particle": ("particle_i", first(-1)),
+    "a contact too few": ("particle_j", part_of(-1)),
+    "no contacts but their normals": ("particle_i", part_of(0)),
+    "itself without a period": ("particle_j", lambda x: PLAIN.particle_i),
+    "normals of length 2": ("normal", times(2)),
+    "normals of length 0": ("normal", times(0)),
+    "a normal that is no number": ("normal", first([np.nan, 0, 1])),
+    "normals too few": ("normal", part_of(-1)),
+    "a lever that is no number": ("lever_i", first([0, 0, np.nan])),
+    "levers that are numbers": ("lever_i", lambda x: x[:, 0]),
+    "negative stiffness": ("stiffness_normal", first(-1.0)),
+    "all stiffnesses negative": ("stiffness_normal", times(-1)),
+    "no stiffness": ("stiffness_normal", times(0)),
+    "infinite stiffness": ("stiffness_normal", first(np.inf)),
+    "negative tangential stiffness": ("stiffness_tangential", times(-1)),
+    "tangential stiffness of no number": ("stiffness_tangential", first(np.nan)),
+    "stiffness of the first alone": ("stiffness_tangential", part_of(1)),
+    "a force that is no number": ("force_normal", first(np.nan)),
+    "a shear force that is a number": ("force_tangential", lambda x: x[:, 0]),
+    "an overlap that is no number": ("overlap", first(np.nan)),
+    "sliding as shares": ("sliding", lambda x: 0.3 * x),
+    "sliding of the first alone": ("sliding", part_of(1)),
+    "halves of periods": ("cell_shift", lambda x: x / 2),
+    "periods of two axes": ("cell_shift", lambda x: x[:, :2]),
+    "a growth of no number": ("shear_growth", lambda x: np.full(PLAIN.n_contacts, np.nan)),
+    "a cell of two widths": ("cell_size", part_of(2)),
+    "an infinite cell": ("cell_size", lambda x: x + np.inf),
+    "periods that are numbers": ("cell_periodic", lambda x: x * 1.0),
+    "no say about periods": ("cell_periodic", lambda x: None),
+    "one wall": ("wall_position", part_of(1)),
+    "a wall that is nowhere": ("wall_position", first(np.nan)),
+    "notes that are a text": ("study", lambda x: "glass"),
+    "no provenance": ("provenance", lambda x: None),
+}
+
+
+@pytest.mark.parametrize("name", NO_NETWORK)
+def test_what_is_no_network_is_refused_when_it_is_made(name):
+    """In one line: nothing raw, and nothing that computes with it."""
+    column, change = NO_NETWORK[name]
+    with pytest.raises(InputError, match="; ") as refusal:
+        replace(PLAIN, **{column: change(getattr(PLAIN, column))})
+    assert "\n" not in str(refusal.value)
+
+
+def test_numbers_of_other_widths_are_the_same_network():
+    """Lists, 2 bytes, unsigned indices of spheres: what follows does not see how it was given."""
+    made = replace(
+        PLAIN,
+        position=PLAIN.position.tolist(),
+        radius=PLAIN.radius.astype(">f8"),
+        particle_i=PLAIN.particle_i.astype(np.uint16),
+        particle_j=PLAIN.particle_j.astype(np.int16),
+        cell_periodic=[1, 1, 0],
+    )
+    assert made.position.dtype == made.radius.dtype == np.float64
+    assert made.particle_i.dtype.kind == "i" and made.cell_periodic.dtype == bool
+    np.testing.assert_array_equal(made.branch, PLAIN.branch)
+
+
+def test_arrays_that_others_can_write_to_are_copied():
+    """Also a locked view of what is not locked."""
+    whole = PLAIN.mass.copy()
+    view = whole.view()
+    view.flags.writeable = False
+    made = replace(PLAIN, mass=view)
+    whole[:] = 0
+    np.testing.assert_array_equal(made.mass, PLAIN.mass)
 
 
 def test_a_contact_listed_twice_is_refused():
     """In the same or the other direction; a pair that touches through two periods is sound."""
     m = CRYSTAL.n_contacts
-    validate(CRYSTAL)
-    twice = CRYSTAL.with_contacts(np.append(np.arange(m), 3))
+    rows = np.append(np.arange(m), 3)
     with pytest.raises(InputError, match=f"contacts 3 and {m} are the same"):
-        validate(twice)
+        replace(CRYSTAL.some(rows))
+    with pytest.raises(InputError, match="selected twice"):
+        CRYSTAL.with_contacts(rows)
     pair = ~CRYSTAL.with_wall
-    other = replace(
-        CRYSTAL,
+    other = CRYSTAL.unchecked(
         particle_i=CRYSTAL.particle_j,
         particle_j=CRYSTAL.particle_i,
         normal=-CRYSTAL.normal,
@@ -171,17 +270,17 @@ def test_a_contact_listed_twice_is_refused():
         lever_j=CRYSTAL.lever_i,
         cell_shift=-CRYSTAL.cell_shift,
         force_tangential=-CRYSTAL.force_tangential,
-    ).with_contacts(pair)
-    validate(other)
+    ).some(pair)
+    other = replace(other)
     columns = ("particle_i", "particle_j", "normal", "lever_i", "lever_j", "cell_shift")
     columns += ("stiffness_normal", "stiffness_tangential", "overlap", "sliding")
     columns += ("force_normal", "force_tangential")
     both = {
         name: np.concatenate([getattr(CRYSTAL, name), getattr(other, name)]) for name in columns
     }
-    for network in (replace(CRYSTAL, **both), replace(CRYSTAL, **both | {"cell_shift": None})):
+    for columns in (both, both | {"cell_shift": None}):
         with pytest.raises(InputError, match="are the same"):
-            validate(network)
+            replace(CRYSTAL, **columns)
 
 
 def test_pairs_of_a_hundred_thousand_spheres_are_told_apart():
@@ -190,15 +289,14 @@ def test_pairs_of_a_hundred_thousand_spheres_are_told_apart():
     position = np.zeros((n, 3))
     position[70_000, 0] = 2 * CRYSTAL.radius[0]
     position[2**15, 1] = 0.5 * CRYSTAL.radius[0]
-    many = replace(
-        CRYSTAL.with_contacts(row),
+    many = CRYSTAL.some(row).unchecked(
         position=position,
         radius=np.full(n, CRYSTAL.radius[0]),
         particle_i=np.array([0, 2**15], np.int32),
         particle_j=np.array([70_000, 70_000], np.int32),
         cell_shift=np.zeros((2, 3), np.int8),
     )
-    _check_pairs(many, "many")
+    _check_pairs(many)
 
 
 def test_info_tells_of_what_no_check_can():
@@ -308,4 +406,4 @@ def test_every_command_passes_the_remarks_on(command, tmp_path, capsys):
 
 
 def test_a_column_without_a_cell_has_no_width():
-    validate(replace(gallery.column(3), cell_size=np.zeros(3)))
+    assert replace(gallery.column(3), cell_size=np.zeros(3)).n_contacts == 4

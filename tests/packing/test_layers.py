@@ -27,7 +27,7 @@ def test_means_equal_a_loop():
     network = gallery.fcc(cells=(3, 3, 20))
     position = network.position.copy()
     position[:, 2] += np.random.default_rng(0).uniform(-1e-4, 1e-4, network.n_particles)
-    network = replace(network, position=position)
+    network = network.unchecked(position=position)
     layers = Layers(network)
     values = np.random.default_rng(1).standard_normal(network.n_particles)
     for k, (z, mean) in enumerate(zip(layers.position, layers.means(values), strict=True)):
@@ -93,7 +93,7 @@ def test_centres_told_in_another_period_are_in_their_layers():
     cell = gallery.fcc(cells=(2, 2, 6), periodic_z=True)
     away = np.random.default_rng(2).integers(-2, 3, cell.n_particles)
     position = cell.position + away[:, None] * [0, 0, cell.length]
-    layers, moved = Layers(cell), Layers(replace(cell, position=position))
+    layers, moved = Layers(cell), Layers(cell.unchecked(position=position))
     assert len(layers.position) == round(cell.length / (2 * cell.radius[0]))
     np.testing.assert_array_equal(moved.layer, layers.layer)
     np.testing.assert_allclose(moved.position, layers.position, rtol=1e-12)

@@ -22,15 +22,18 @@ from modal.packing.state import (
     wall_stress,
 )
 from modal.packing.summary import summary
-from modal.preparation.random_packing import random_network
+from modal.preparation.random_packing import random_network, random_sample
 from modal.theory.fcc import FccLattice
 
 
 def overlapping(seed: int = 1, n: int = 120) -> Sample:
-    """Random points with overlaps, far from balance, in a cell of 4 x 5 x 6 diameters."""
-    lengths = 2 * RADIUS * np.array([4.0, 5.0, 6.0])
-    position = np.random.default_rng(seed).random((n, 3)) * lengths
-    return Sample(position, lengths[:2], np.array([0, lengths[2]]), friction=0.0)
+    """A packing squeezed to overlaps of a tenth of the radius and shaken: far from balance."""
+    packed = random_sample(n, 1e6, seed, aspect=1.5)
+    shake = np.random.default_rng(seed).uniform(-0.03, 0.03, (n, 3)) * RADIUS
+    side, walls = 0.95 * packed.side, 0.95 * packed.walls
+    position = 0.95 * packed.position + shake
+    position[:, :2] %= side
+    return replace(packed, position=position, side=side, walls=walls)
 
 
 def sheared(network: Network, seed: int = 2) -> Network:
@@ -38,7 +41,7 @@ def sheared(network: Network, seed: int = 2) -> Network:
     size = 0.1 * network.force_normal[:, None]
     force = size * np.random.default_rng(seed).standard_normal(network.normal.shape)
     along = (force * network.normal).sum(axis=1)[:, None] * network.normal
-    return replace(network, force_tangential=force - along)
+    return network.unchecked(force_tangential=force - along)
 
 
 def elastic_energy(sample: Sample, stretch: np.ndarray) -> float:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal import workload
+from modal import pairs, workload
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import packing_of, require_same_packing
@@ -125,8 +125,8 @@ def test_a_sample_beyond_the_memory_is_refused_before_it_starts(sample, tmp_path
     path = tmp_path / "a.sample.h5"
     write_sample(path, sample)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: 1e4)
-    monkeypatch.setattr(Sample, "network", None)
-    with pytest.raises(InputError, match="contacts takes .* memory"):
+    monkeypatch.setattr(pairs, "pairs_by_cells", None)
+    with pytest.raises(InputError, match="a.sample.h5: finding .* takes .* memory"):
         read_packing(path)
 
 

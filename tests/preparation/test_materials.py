@@ -12,7 +12,7 @@ import modal
 from analysis.agreement import Agreement, compare
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
-from modal.packing.consistency import density_of
+from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample, sample_of_network, write_sample
