@@ -19,7 +19,10 @@ import pytest
 
 import modal
 from modal.__main__ import main
+from modal.modes.damped import decay_rates
+from modal.modes.mode_set import read_modes, write_modes
 from modal.packing.network_file import write_network
+from modal.stiffness.damping import ContactDamping
 
 ROOT = Path(__file__).resolve().parents[1]
 OFFERED = {
@@ -159,6 +162,27 @@ def test_a_packing_says_what_it_is(packing, printed):
     assert len(starts) == 1, "not aligned"
 
 
+def test_what_a_network_prints_does_not_depend_on_what_was_asked_before(packing):
+    network = packing[0]
+    before = str(network), modal.describe(network)
+    modal.eigenmodes(network, all=True)
+    assert (str(network), modal.describe(network)) == before
+
+
+def test_products_of_another_packing_are_refused(packing, tmp_path):
+    """As many spheres, of the same masses, in other places; files tell it too."""
+    network, other = packing[0], modal.random_packing(spheres=100, seed=4)
+    modes, path = modal.eigenmodes(network, lowest=3), tmp_path / "a.modes.h5"
+    write_modes(path, modes)
+    for found in (modes, read_modes(path)):
+        for wrong in (other, modal.fcc(cells=(1, 1, 8))):
+            with pytest.raises(modal.InputError, match="another packing"):
+                found.participation(wrong)
+            with pytest.raises(modal.InputError, match="another packing"):
+                decay_rates(found, wrong, ContactDamping(0.1, 0.1))
+        assert found.participation(replace(network)).shape == (3,)
+
+
 def test_pictures_show_the_numbers_and_draw_where_they_are_told(packing):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
@@ -197,6 +221,14 @@ def test_what_is_wrong_is_said_without_the_command_line(packing):
         (lambda: modal.fcc(cells=(2, 2, 0)), "three whole numbers"),
         (lambda: modal.fcc(stress=-1.0), "stress -1 Pa"),
         (lambda: modal.FccLattice(stress=np.nan), "stress nan Pa"),
+        (lambda: modal.fcc(cells=(1, 1, 10**9)), "1000000000 spheres takes 4 TB of memory"),
+        (lambda: modal.fcc(cells=(1, 1, np.inf)), "three whole numbers"),
+        (lambda: modal.fcc(periodic_z="no"), "periodic_z is 'no', not True or False"),
+        (lambda: modal.eigenmodes(network, all="no"), "all is 'no', not True or False"),
+        (lambda: modal.eigenmodes(network, below=np.inf), "without an end"),
+        (lambda: modal.random_packing(sizes="two"), "sizes is 'two', not a list"),
+        (lambda: modal.random_packing(10**9), "1000000000 spheres takes .* of memory"),
+        (lambda: modal.random_packing(10**9, friction=0.3), "1000000000 spheres takes .* memory"),
         (lambda: modal.random_packing(spheres=3), "3 spheres"),
         (lambda: modal.random_packing(friction=2.0), "mu_comp 2"),
     ):
@@ -304,6 +336,7 @@ def test_numbers_of_any_kind_are_numbers():
     network = modal.fcc(np.float32(1e5), cells=np.array([1, 1, 6]))
     assert modal.count_modes(network, np.float64(1e9)) == 36
     assert len(modal.eigenmodes(network, lowest=np.int64(2)).frequency) == 2
+    assert len(modal.eigenmodes(network, highest=np.int8(3)).frequency) == 3  # of 36: 36 - 127 < 0
     assert len(modal.eigenmodes(network, between=[1e3, 1e5]).frequency) > 0
     with pytest.raises(TypeError, match="propagate.. missing 1 required positional argument"):
         modal.propagate(network)

@@ -45,7 +45,7 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     z = np.sort(network.position[bearing, 2])
     inside = (z > low) & (z < high)
     pair = ~network.with_wall
-    branch = (network.lever_i - network.lever_j)[pair]
+    branch = network.branch[pair]
     start = network.position[network.particle_i[pair], 2]
     ends = np.sort(np.column_stack([start, start + branch[:, 2]]), axis=1)
     span = np.maximum(ends[:, 1] - ends[:, 0], 1e-12 * network.radius.mean())

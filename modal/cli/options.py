@@ -69,6 +69,12 @@ def add_if_stale(command: argparse.ArgumentParser) -> None:
     )
 
 
+PACKINGS = ".network.h5", ".sample.h5"
+"""How the names of packings end."""
+MAKE_PACKINGS = "import", "relax", "tile"
+"""Commands that write one under a given name."""
+
+
 class NewFile(str):
     """A name that was given for a file to be written: the type of such an option."""
 
@@ -96,6 +102,8 @@ def check_files(options: argparse.Namespace) -> None:
     written = [text for text in texts if isinstance(text, NewFile)]
     for number, path in enumerate(written):
         refuse_unwritable(path)
+        if path.endswith(PACKINGS) and options.command not in MAKE_PACKINGS:
+            raise InputError(f"{path}: the name of a packing, which this is none; give another")
         if any(_same_file(path, other) for other in read):
             raise InputError(
                 f"{path}: it is read, and would be written over; give another name to write to"

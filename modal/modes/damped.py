@@ -182,9 +182,9 @@ def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Fl
 
     First order in the damping, for modes that it does not mix: of equal frequencies the modes may
     be listed in another mixture than the damping would have, but their sum is right. InputError
-    where the mode shapes were not kept.
+    where the mode shapes were not kept, or are of another packing.
     """
-    shape = modes.shapes().reshape(len(modes.frequency), -1).T
+    shape = modes.shapes(network).reshape(len(modes.frequency), -1).T
     dashpots = ContactOperator(damping.dashpots(network))
     return np.einsum("ik,ik->k", shape, dashpots.apply(np.ascontiguousarray(shape))) / 2
 

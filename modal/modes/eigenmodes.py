@@ -90,4 +90,5 @@ def eigenmodes(
         modes = lowest_modes(problem, few if lowest is None else lowest)
     if "floppy_modes" not in modes.attributes:
         modes.attributes["floppy_modes"] = every_floppy(problem).total
+    modes.attributes["packing"] = network.fingerprint
     return modes

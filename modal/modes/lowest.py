@@ -114,6 +114,8 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
     with more than `SLICE` modes are cut into slices, each with its own factorisation and its own
     certificate.
     """
+    if high == np.inf:
+        raise InputError("an interval without an end: ask for all modes")
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
     low, high = max(float(low), 0.0), float(high)

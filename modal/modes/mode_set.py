@@ -138,18 +138,25 @@ class ModeSet:
             raise InputError(f"axis {axis!r}: choose x, y or z")
         return chi_z(self.shapes(), axis="xyz".index(axis))
 
-    def shapes(self) -> Floats:
-        """Shape (k, n, 6): the mode shapes; InputError where they were not kept."""
+    def shapes(self, network: Network | None = None) -> Floats:
+        """Shape (k, n, 6): the mode shapes; InputError where they were not kept.
+
+        With a `network` also where its spheres are not those of the modes.
+        """
         if self.mode_shape is None:
             raise InputError("no mode shapes were kept; ask for fewer modes, or with -o")
+        if network is not None:
+            own = self.attributes.get("packing", network.fingerprint)
+            if own != network.fingerprint or self.mode_shape.shape[1] != network.n_particles:
+                raise InputError("the modes are of another packing; take those of this one")
         return self.mode_shape
 
     def participation(self, network: Network) -> Floats:
         """Shape (k,): share of the network's particles that take part in each mode, 0 to 1.
 
-        InputError where the mode shapes were not kept.
+        InputError where the mode shapes were not kept, or are of another packing.
         """
-        return participation_ratio(self.shapes(), network.mass, network.inertia)
+        return participation_ratio(self.shapes(network), network.mass, network.inertia)
 
     def __repr__(self) -> str:
         text = f"<ModeSet: {len(self.frequency)} modes"

@@ -7,6 +7,7 @@ refused: `modal.packing.checks`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from hashlib import sha256
 
 import numpy as np
 
@@ -68,6 +69,12 @@ class Network(Columns):
     def coordination_number(self) -> float:
         """Contacts a particle, walls included, of all particles: rattlers too."""
         return (2 * self.n_contacts - int(self.with_wall.sum())) / self.n_particles
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of its spheres: by this a product in memory knows its packing."""
+        spheres = (self.position, self.radius, self.mass, self.inertia)
+        return sha256(np.column_stack(spheres).tobytes()).hexdigest()
 
     @property
     def length(self) -> float:

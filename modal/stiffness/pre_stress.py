@@ -34,7 +34,7 @@ SYMMETRIC = ("none", "normal")
 
 def centre_distance(network: Network) -> Floats:
     """Shape (m,), m: between the centres of a contact; infinite at a wall (its normal is fixed)."""
-    distance = np.linalg.norm(network.lever_i - network.lever_j, axis=1)
+    distance = np.linalg.norm(network.branch, axis=1)
     return np.where(network.with_wall, np.inf, distance)
 
 

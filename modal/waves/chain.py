@@ -13,7 +13,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 CORRIDOR = 8.0
 """Distance from the line, largest diameters, within which the chain is sought first."""
 SURE = 0.9
-"""Lengths by the levers over those between the places, at least (`modal.packing.consistency`)."""
+"""Lengths by the levers over those between the places, at least (`modal.packing.checks`)."""
 TIE = 1e-9
 """Relative difference of path costs below which they count as equal."""
 

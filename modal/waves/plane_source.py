@@ -94,7 +94,7 @@ def crossings(network: Network, height: float) -> Ints:
     Negative on its way down; images of the plane a period away count alike.
     """
     start = network.position[network.particle_i, 2] - height
-    rise = (network.lever_i - network.lever_j)[:, 2]
+    rise = network.branch[:, 2]
     period = network.cell_size[2]
     return np.floor((start + rise) / period).astype(int) - np.floor(start / period).astype(int)
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -47,11 +46,33 @@ def test_network_round_trip(network_file):
 
 def test_no_half_file_is_left(network_file, monkeypatch):
     before = network_file.read_bytes()
-    broken = replace(gallery.fcc(cells=(2, 2, 6)), normal="not an array")
+    broken = gallery.fcc(cells=(2, 2, 6)).unchecked(normal="not an array")
     with pytest.raises(ValueError):
         write_network(network_file, broken)
     assert network_file.read_bytes() == before
     assert [path.name for path in network_file.parent.iterdir()] == [network_file.name]
+
+
+@pytest.mark.parametrize("command", ["modes --lowest 2", "density --resolution 1e5", "moduli"])
+def test_no_product_takes_a_packing_s_name(command, network_file, tmp_path, capsys):
+    """Neither one that is there nor a new one, and before anything is computed."""
+    other = tmp_path / "b.network.h5"
+    write_network(other, gallery.column(3))
+    before = other.read_bytes()
+    for output in (other, tmp_path / "new.sample.h5"):
+        assert (
+            main([*command.split()[:1], str(network_file), *command.split()[1:], "-o", str(output)])
+            == 2
+        )
+        assert "the name of a packing" in capsys.readouterr().err
+    assert other.read_bytes() == before and not (tmp_path / "new.sample.h5").exists()
+
+
+def test_a_scale_that_is_no_number_is_refused(network_file, tmp_path, capsys):
+    out = str(tmp_path / "a.vtu")
+    for scale in ("nan", "inf", "2"):  # 2 is a number, of displacements that are not there
+        assert main(["export", str(network_file), "--scale", scale, "-o", out]) == 2
+        assert "--scale" in capsys.readouterr().err
 
 
 def _spoil(path, change):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import polydisperse
+from packings import bare, levers_of_radii, polydisperse
 from scipy.linalg import eigh, lstsq
 
 from modal.__main__ import main
@@ -18,6 +18,7 @@ from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
+from modal.packing.state import stress_tensor
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.springs import contact_stiffness
 from modal.theory.fcc import FccLattice
@@ -30,6 +31,20 @@ CUBE = {"<100>": (1, 1, 0), "<001>": (0, 0, 1), "<110>": (1, 0, 0), "<111>": (0,
 def cell():
     """250 spheres of radii 1:3, periodic in all directions."""
     return polydisperse(periodic_z=True, n=250)
+
+
+@pytest.mark.parametrize("known", [("force_normal", "force_tangential", "cell_shift"), ()])
+def test_levers_as_long_as_the_radii_leave_stress_and_velocity(known):
+    """Where along its levers a contact acts has no weight in a crystal, whose spheres do not turn.
+
+    Its branches are those of the centres, also through periods that only the levers tell.
+    """
+    crystal, stress = FccLattice(1e8), 1e8
+    longer = levers_of_radii(gallery.fcc(stress, (2, 2, 4), periodic_z=True))
+    if known:
+        assert stress_tensor(longer) == pytest.approx(stress * np.eye(3), abs=1e-9 * stress)
+    found = elastic_moduli(bare(longer, *known)).velocities((0, 0, 1))
+    assert found[0] == pytest.approx(crystal.velocity, rel=1e-9)
 
 
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])
@@ -334,12 +349,14 @@ def test_what_cannot_be_strained_is_refused(tmp_path, capsys):
         assert "\n" not in str(raised.value)
     with pytest.raises(InputError, match="tolerance 0"):
         elastic_moduli(crystal, tolerance=0.0)
-    with pytest.raises(InputError, match="not all zero"):
-        elastic_moduli(crystal).velocities((0, 0, 0))
-    path = tmp_path / "crystal.network.h5"
-    write_network(path, crystal)
-    assert main(["moduli", str(path), "--direction", "0", "0", "0"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    for wrong in ((0, 0, 0), "z"):
+        with pytest.raises(InputError, match="not all zero"):
+            elastic_moduli(crystal).velocities(wrong)
+    path, product = tmp_path / "crystal.network.h5", tmp_path / "crystal.moduli.h5"
+    for network, options in ((crystal, ["--direction", "0", "0", "0"]), (walls, [])):
+        write_network(path, network)
+        assert main(["moduli", str(path), *options, "-o", str(product)]) == 2
+        assert capsys.readouterr().err.count("\n") == 1 and not product.exists()
 
 
 def test_command_prints_what_the_function_finds(tmp_path, capsys, cell):

@@ -1,7 +1,6 @@
 """Density of states against dense spectra, component by component, and against its own claims."""
 
 import json
-from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -224,7 +223,7 @@ def test_orders_are_as_few_as_the_resolution_takes(resolution):
 def test_without_stiffness_there_is_no_density():
     network = gallery.column(3)
     nothing = np.zeros(network.n_contacts)
-    network = replace(network, stiffness_normal=nothing, stiffness_tangential=nothing)
+    network = network.unchecked(stiffness_normal=nothing, stiffness_tangential=nothing)
     with pytest.raises(InputError, match="no stiffness"):
         density_of_states(network)
 
@@ -268,11 +267,55 @@ def test_products_are_those_made(tolerance, monkeypatch):
 def test_a_single_negative_direction_is_refused(tolerance):
     """One normal spring that pushes away: exactly one eigenvalue is below zero."""
     network = gallery.fcc(cells=(3, 3, 8))
-    network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 100, -20))
+    network = network.unchecked(stiffness_normal=scaled(network.stiffness_normal, 100, -20))
     square = np.linalg.eigvalsh(stiffness_matrix(network).toarray())
     assert square[0] < -1e-2 * square[-1] and square[1] > 0
     with pytest.raises(InputError, match="negative direction"):
         density_of_states(network, resolution=5e3, tolerance=tolerance)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
+def test_nothing_lies_above_the_top(packing, tolerance):
+    """The density ends there, its integral is the number of modes but for those at zero."""
+    network = packing[0]
+    states = density_of_states(network, resolution=5e3, tolerance=tolerance)
+    step = states.highest / 10_000
+    at = step * (np.arange(20_000) + 0.5)
+    value, error = states.density(at)
+    assert not value[at > states.highest].any() and not error[at > states.highest].any()
+    below, spread = states.count_below([states.highest, 1.5 * states.highest, 1e9])
+    wanted = np.full(3, 6.0 * network.n_particles)
+    assert below[:, 6] == pytest.approx(wanted, abs=5 * spread[0, 6] + 1e-6)
+    # By midpoints: at the top itself a Chebyshev series ends in an integrable root.
+    integral = step * value[:, 6].sum() + states.zero_modes.sum()
+    assert integral == pytest.approx(below[0, 6], rel=1e-3)
+    assert np.array_equal(states.density(at[7])[0], value[7])
+
+
+@pytest.mark.parametrize("wrong", [-5.0, np.nan, np.inf, "low"])
+def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, capsys):
+    states = density_of_states(packing[0], resolution=5e4, tolerance=0.1)
+    for ask in (states.density, states.count_below, states.reduced):
+        with pytest.raises(InputError, match="frequency"):
+            ask([wrong])
+    path = tmp_path / "a.network.h5"
+    write_network(path, packing[0])
+    assert main(["density", str(path), "--at", str(wrong)]) == 2
+    assert "--at" in capsys.readouterr().err
+
+
+def test_a_frequency_beyond_the_modes_is_remarked_on(packing, tmp_path, capsys):
+    """As one that is told in kHz lies; the number is right all the same."""
+    path = tmp_path / "a.network.h5"
+    write_network(path, packing[0])
+    for command, said in (
+        (["count", "--at", "50"], "50 Hz lies below the first mode"),
+        (["count", "--at", "5e6"], "5 MHz lies above the highest mode"),
+        (["density", "--at", "5e6", "--resolution", "5e4"], "5 MHz lies above the highest mode"),
+        (["count", "--at", "5e4"], ""),
+    ):
+        assert main([command[0], str(path), *command[1:]]) == 0
+        assert (said in capsys.readouterr().err) if said else "lies" not in capsys.readouterr().err
 
 
 def test_bad_input():
@@ -285,6 +328,8 @@ def test_bad_input():
         {"tolerance": 1.0},
         {"tolerance": 0.0},
         {"resolution": 1e-9},
+        {"seed": -1},
+        {"seed": 1.5},
     ):
         with pytest.raises(InputError):
             density_of_states(network, **wrong)

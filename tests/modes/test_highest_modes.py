@@ -26,7 +26,7 @@ def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
     Each is stiffer than the one before by the relative `step`: all its omega^2 are so too.
     """
     single = gallery.column(2)
-    network = single.with_contacts(np.tile(np.arange(single.n_contacts), copies))
+    network = single.some(np.tile(np.arange(single.n_contacts), copies))
     first = np.repeat(2 * np.arange(copies), single.n_contacts)
     factor = np.repeat(1 + step * np.arange(copies), single.n_contacts)
     network = replace(

@@ -18,7 +18,7 @@ from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
-from modal.packing.contact_law import stiffness_normal
+from modal.packing.contact_law import Material, stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.springs import contact_kinematics, contact_springs
@@ -162,6 +162,28 @@ def test_without_rotations_the_top_is_the_low_pass_frequency():
     problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
     top = modes.highest_modes(problem, 1).frequency[0]
     assert top == pytest.approx(FccLattice(1e5).low_pass_frequency, rel=5e-3)
+
+
+@pytest.mark.parametrize("share", [1e-4, 0.01, 0.1, 0.299])
+def test_a_crystal_presses_as_its_overlap_says(share):
+    """Hertz's force over a contact's share of the area, up to the deepest overlap of networks."""
+    radius, soft = 1e-3, Material(1e5, 0.2, 2230.0)
+    force = 4 / 3 * soft.effective_young * np.sqrt(radius / 2) * (share * radius) ** 1.5
+    stress = 2 * np.sqrt(2) * force / ((2 - share) * radius) ** 2
+    crystal = FccLattice(stress, radius, soft)
+    assert crystal.overlap == pytest.approx(share * radius, rel=1e-12)
+    with pytest.raises(InputError, match="overlap by 0.3 of the radius"):
+        FccLattice(stress * (0.31 / share) ** 1.5 * ((2 - share) / 1.69) ** 2, radius, soft)
+
+
+@pytest.mark.parametrize("young", [1e5, 2e5, 1e6])
+def test_a_crystal_too_soft_for_its_stress_is_refused(young):
+    for make in (FccLattice, gallery.fcc):
+        with pytest.raises(InputError, match="overlap"):
+            make(1e5, material=Material(young, 0.2, 2230.0))
+    # Spheres overlap with a flat wall by 1.6 times as much as with each other.
+    with pytest.raises(InputError, match="overlap with the walls"):
+        gallery.fcc(0.06 * young, (2, 2, 4), material=Material(young, 0.2, 2230.0))
 
 
 def test_velocity_and_low_pass_grow_with_stress_to_the_power_one_sixth():

@@ -10,6 +10,8 @@ from modal import pairs, workload
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import packing_of, require_same_packing
+from modal.packing import neighbours
+from modal.packing.neighbours import periodic_pairs
 from modal.packing.network_file import read_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
@@ -128,6 +130,21 @@ def test_a_sample_beyond_the_memory_is_refused_before_it_starts(sample, tmp_path
     monkeypatch.setattr(pairs, "pairs_by_cells", None)
     with pytest.raises(InputError, match="a.sample.h5: finding .* takes .* memory"):
         read_packing(path)
+
+
+def test_one_large_sphere_among_many_counts_in_the_memory(monkeypatch):
+    """Pairs are sought as far as the largest reach: as many are refused as are looked at."""
+    radii = np.full(4000, 1e-4)
+    radii[0] = 8e-4
+    side = (4 / 3 * np.pi * (radii**3).sum() / 0.6) ** (1 / 3)
+    position = np.random.default_rng(1).random((4000, 3)) * side
+    ends, _, _ = periodic_pairs(position, np.full(2, side), 2 * radii.max())
+    # Half the reach of spheres near a wall is empty.
+    looked_at = neighbours.PAIR_BYTES * len(ends)
+    monkeypatch.setattr(workload, "memory_at_hand", lambda: looked_at)
+    with pytest.raises(InputError, match="of memory"):
+        periodic_pairs(position, np.full(2, side), 2 * radii.max())
+    assert len(periodic_pairs(position, np.full(2, side), 2 * radii.min())[0])
 
 
 def test_two_spheres_in_one_place_are_found_among_many(tmp_path):
