@@ -102,14 +102,14 @@ def check_files(options: argparse.Namespace) -> None:
     written = [text for text in texts if isinstance(text, NewFile)]
     for number, path in enumerate(written):
         refuse_unwritable(path)
-        if path.endswith(PACKINGS) and options.command not in MAKE_PACKINGS:
-            raise InputError(f"{path}: the name of a packing, which this is none; give another")
         if any(_same_file(path, other) for other in read):
             raise InputError(
                 f"{path}: it is read, and would be written over; give another name to write to"
             )
         if any(_same_file(path, other) for other in written[:number]):
             raise InputError(f"{path}: two files to be written have this name; give another to one")
+        if path.endswith(PACKINGS) and options.command not in MAKE_PACKINGS:
+            raise InputError(f"{path}: the name of a packing, which this is none; give another")
 
 
 def _same_file(first: str, second: str) -> bool:
