@@ -37,8 +37,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     problem = Eigenproblem.of(network, solver=options.solver)
     at = numbers(options.at)
     counts, at_zero = counts_below(problem, at), summary_at_zero(problem)
+    floppy = at_zero.get("floppy_modes", 0)
     for f, count in zip(at, counts, strict=True):
-        remark_on_ends(options, float(f), f > 0 and count <= at_zero["floppy_modes"], count == problem.size)
+        remark_on_ends(options, float(f), f > 0 and count <= floppy, count == problem.size)
     return {
         "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
         **at_zero,

@@ -320,7 +320,7 @@ def test_info_tells_of_what_no_check_can():
 @pytest.mark.parametrize("radius", [1e-3, 3.1e-4, 7e-6])
 def test_round_off_of_spheres_that_just_touch_is_no_fault(radius):
     """Their overlaps are round-off as well; a millionth of a radius is not."""
-    column = gallery.column(10, 0.0, radius)
+    column = gallery.column(10, 1e-30, radius)
     stiff = replace(column, stiffness_normal=np.full(11, 1e6), overlap=None)
     assert not [text for text in plausibility(stiff)["remarks"] if "end in one point" in text]
     longer = plausibility(changed(stiff, lever_i=times(1 + 1e-6)))["remarks"]
