@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 
 WIDTH = 32
 """Characters of the bar."""
@@ -43,7 +43,7 @@ class Minute:
         print(state, file=sys.stderr, flush=True)
 
 
-def progress(count: int, label: str) -> Iterator[int]:
+def progress(count: int, label: str) -> Generator[int, None, None]:
     """The numbers 0 ... count - 1, while standard error shows how far they have come.
 
     A run that ends within a minute leaves nothing in a log.

@@ -61,9 +61,10 @@ def _driven_from_rest(square: Floats, time: Floats, frequency: float) -> Floats:
     drive = 2 * np.pi * frequency
     t = np.maximum(time, 0)[None, :]
 
-    def half_product(a: Floats, b: Floats) -> Floats:
+    def half_product(a: Floats | float, b: Floats | float) -> Floats:
         # 2 sin(a t) sin(b t) / (4 a b) with a or b allowed to vanish.
-        return 0.5 * t**2 * np.sinc(a * t / np.pi) * np.sinc(b * t / np.pi)
+        half: Floats = 0.5 * t**2 * np.sinc(a * t / np.pi) * np.sinc(b * t / np.pi)
+        return half
 
     constant = half_product(omega / 2, omega / 2)
     # cos(Omega t) - cos(w t) = 2 sin((w + Omega) t / 2) sin((w - Omega) t / 2).

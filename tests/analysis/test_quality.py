@@ -7,6 +7,8 @@ import modal
 from analysis.__main__ import main
 from analysis.belonging import cases_of_files
 from analysis.quality import quality_of
+from modal import progress, workload
+from modal.modes import damped
 from modal.modes.mode_set import write_modes
 from modal.packing.network_file import write_network
 from modal.stiffness.damping import ContactDamping
@@ -33,6 +35,29 @@ def test_table_and_figure_of_elastic_and_of_complex_modes(tmp_path, capsys):
     assert len(rows) == 2 and all("complex" in row for row in rows)
     assert main(["quality", files[2], *shared]) == 2
     assert "or --near HZ" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ((damped, "MOST", 7), "did not converge in 7 solves"),
+        ((workload, "LONGEST", 0.0), "solves for modes near 50000 Hz take"),
+    ],
+)
+def test_a_search_says_how_far_it_is_and_has_an_end(limit, words, monkeypatch, tmp_path, capsys):
+    """Each minute a line with what may be left; refused before it starts where that is too much."""
+    path = tmp_path / "a.network.h5"
+    write_network(path, modal.random_packing(spheres=60, seed=5))
+    asked = ["quality", str(path), "--near", "5e4", "--damping", "0.05", "0.03"]
+    asked += ["-o", str(tmp_path / "q")]
+    monkeypatch.setattr(progress, "LOG_INTERVAL", -1.0)
+    assert main(asked) == 0
+    assert f"modes near 50000 Hz, at most: step 100 of {damped.MOST}, " in capsys.readouterr().err
+    monkeypatch.setattr(progress, "LOG_INTERVAL", 60.0)
+    monkeypatch.setattr(*limit)
+    assert main(asked) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1
 
 
 def test_both_rules_agree_where_the_damping_is_small(tmp_path):

@@ -189,7 +189,7 @@ def test_only_what_oscillates_is_a_mode():
 def test_modes_that_do_not_converge_are_said_in_one_line(monkeypatch):
     """Arnoldi's iteration is given one restart for forty of thousands of nearly equal rates."""
     crystal, own = modal.fcc(cells=(2, 2, 12)), damped.eigs
-    monkeypatch.setattr(damped, "eigs", lambda *a, **k: own(*a, **k, maxiter=1, ncv=43))
+    monkeypatch.setattr(damped, "eigs", lambda *a, **k: own(*a, **k | {"maxiter": 1, "ncv": 43}))
     with pytest.raises(InputError, match=r"of 40 modes near 150000 Hz converged; ask") as found:
         damped_modes(crystal, DAMPING, near=1.5e5, count=40)
     assert "\n" not in str(found.value)
