@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from analysis.cli import cases, packings, study, waves
-from modal.cli.options import Parser, check_files, check_text, say
+from modal.cli.options import Parser, check_files, check_text, say_error
 from modal.formats.hdf5 import InputError
 
 
@@ -36,6 +36,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         options.argv = words
         status: int | None = options.run(options)
     except InputError as error:
-        say(f"error: {error}")
+        say_error(error)
         return 2
     return status or 0

@@ -43,7 +43,7 @@ NOTES_IN = {
 }
 """Units of notes that do not carry them in their names."""
 FIRST_STAGES = ("cloud", *PREPARATION)
-OF_STAGE = re.compile(rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|[\d.e+]+)")
+OF_STAGE = re.compile(rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|\d+(?:\.\d+)?(?:e\+?\d+)?)")
 """Notes that a compression leaves of each of its stages."""
 
 
@@ -86,12 +86,13 @@ def shown(result: dict[str, Any]) -> Groups:
     groups["contacts and their balance"] = {k: v for k, v in result.items() if k not in apart}
     notes, stages = dict[str, Any](), dict[str, dict[str, str]]()
     for name, text in result["study"].items():
-        if of_stage := OF_STAGE.fullmatch(name):
+        of_stage, value = OF_STAGE.fullmatch(name), _as_number(text)
+        if of_stage and not isinstance(value, str):
             what, stage = of_stage.groups()
             unit = "s" if what == "seconds" else what
-            stages.setdefault(stage, {})[what] = f"{float(text):,.0f} {unit}"
+            stages.setdefault(stage, {})[what] = f"{value:,.0f} {unit}"
         elif name not in result and name not in ("stress_xx", "stress_yy", "stress_zz"):
-            notes[f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name] = _as_number(text)
+            notes[f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name] = value
     if stages:
         walked = [(_stress_of(stage), stage) for stage in stages]
         notes["stages"] = {

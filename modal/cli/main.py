@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from modal import __version__
-from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say
+from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say, say_error
 from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
@@ -105,6 +105,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             text = page(result, command.shown(result) if hasattr(command, "shown") else None)
         put(text)
     except InputError as error:
-        say(f"error: {error}")
+        say_error(error)
         return 2
     return SHORT if result.get("missing") or not result.get("at_rest", True) else 0

@@ -163,6 +163,11 @@ def typed(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
+def say_error(error: InputError) -> None:
+    """One line, also where the name of a file has several."""
+    say("error: " + str(error).replace("\n", "\\n"))
+
+
 def say(text: str) -> None:
     """A line for whoever sits at the terminal."""
     # Closed, or on a full disk: what is computed is worth more than what is said of it.

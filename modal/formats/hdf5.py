@@ -16,6 +16,7 @@ import itertools
 import mmap
 import os
 import platform
+import re
 import stat
 import traceback
 import zlib
@@ -33,6 +34,8 @@ from modal.interrupted import UNFINISHED
 CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
 _WRITTEN = itertools.count()
+_SCALED = re.compile(r"\b([mcdnuµk]m|[mu]?g|t|[kMGm](N|Pa|Hz)|[munµ]s)\b")
+"""Units of other size than those of SI, as they stand in an attribute."""
 _HEAP = b"GCOL\x01\0\0\0"
 """How a global heap begins: where HDF5 keeps texts."""
 
@@ -70,6 +73,8 @@ def write_whole(path: str | Path, data: bytes | memoryview) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         _remove_abandoned(place)
         with open(partial, "wb") as file:
+            with suppress(FileNotFoundError):  # who may read and write it stays as it was
+                os.fchmod(file.fileno(), stat.S_IMODE(place.stat().st_mode))
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
@@ -137,9 +142,9 @@ def _remove_abandoned(path: Path) -> None:
 
 def refuse_absent(path: str | Path) -> None:
     """InputError where there is no file of this name."""
-    if Path(path).is_dir():
+    if os.path.isdir(path):
         raise InputError(f"{path}: a folder, no file; name the file in it")
-    if not Path(path).is_file():
+    if not os.path.isfile(path):  # nor a name that is too long for one
         raise InputError(f"{path}: no such file; check the name")
 
 
@@ -179,11 +184,11 @@ def _require_schema(file: h5py.File, schema: str, version: int | None) -> None:
     found_version: Any = file.attrs.get("schema_version")
     if isinstance(found, bytes):
         found = found.decode(errors="replace")
-    if found != schema:
+    if np.shape(found) != () or found != schema:
         raise InputError(f"{file.filename}: schema is {found!r}, expected {schema!r}; wrong file?")
     if np.shape(found_version) != () or found_version != version:
         raise InputError(
-            f"{file.filename}: schema_version is {found_version}, this program reads {version}; "
+            f"{file.filename}: schema_version is {found_version!r}, this program reads {version}; "
             "convert the file or update the program"
         )
 
@@ -205,7 +210,7 @@ def complete(path: str | Path) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(f"{path}: {error}; incomplete, make it again") from error
 
 
@@ -263,6 +268,11 @@ def get(
     if not fits:
         wanted = tuple("any" if want is None else want for want in shape)
         raise InputError(f"{file.filename}: {name} has shape {node.shape}, expected {wanted}")
+    units = node.attrs.get("units", "")
+    if _SCALED.search(str(units)):
+        raise InputError(
+            f"{file.filename}: {name} is in {units}; all numbers are SI: convert them to m, kg, s"
+        )
     allowed = {"f": "fiu", "i": "iu", "b": "biu"}[kind]
     if node.dtype.kind not in allowed:
         raise InputError(f"{file.filename}: {name} has type {node.dtype}, which is not numeric")

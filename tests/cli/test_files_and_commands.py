@@ -102,6 +102,9 @@ DAMAGES = {
         f.__delitem__("particles/mass"),
         f.create_dataset("particles/mass", data="heavy"),
     ),
+    "other units": lambda f: f["particles/mass"].attrs.__setitem__("units", "g"),
+    "two schemas": lambda f: f.attrs.__setitem__("schema", ["granular-contact-network"] * 2),
+    "half a version": lambda f: f.attrs.__setitem__("schema_version", 1.5),
 }
 
 
@@ -111,6 +114,42 @@ def test_damaged_network_is_one_line_and_status_2(network_file, damage, capsys):
     assert main(["info", str(network_file)]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: ") and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("units", ["kg", "", "kg m^2", "-", np.bytes_("kg")])
+def test_units_of_si_are_read_in_any_notation(units, network_file):
+    _spoil(network_file, lambda f: f["particles/inertia"].attrs.__setitem__("units", units))
+    assert read_network(network_file).n_particles == 24
+
+
+def test_notes_that_look_like_those_of_a_compression_are_shown(network_file, capsys):
+    """What another program notes of itself is text."""
+    notes = {"seconds_cloud": "fast", "steps_...": "5", "contacts_1.2.3": "7"}
+    _spoil(network_file, lambda f: f["study"].attrs.update(notes))
+    assert main(["info", str(network_file)]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ("fast", "steps", "1.2.3"))
+
+
+@pytest.mark.parametrize("settings", ["[1]", "3", "{", "null"])
+def test_a_damaged_provenance_is_one_line(settings, network_file, tmp_path, capsys):
+    said = {"settings": settings, "sources": "[]"}
+    _spoil(network_file, lambda f: f["provenance"].attrs.update(said))
+    out = str(tmp_path / "a.modes.h5")
+    status = main(["modes", str(network_file), "--lowest", "2", "-o", out])
+    error = capsys.readouterr().err
+    assert (status, error.count("\n")) == ((0, 0) if settings == "null" else (2, 1))
+
+
+def test_a_name_of_two_lines_is_told_in_one(capsys):
+    assert main(["info", "a\nb.h5"]) == 2
+    assert capsys.readouterr().err == "error: a\\nb.h5: no such file; check the name\n"
+
+
+def test_who_may_read_a_file_stays_as_it_was(network_file):
+    network_file.chmod(0o640)
+    write_network(network_file, gallery.fcc(cells=(2, 2, 6)))
+    assert network_file.stat().st_mode & 0o777 == 0o640
 
 
 @pytest.mark.parametrize("keep", [0, 10, 1000, -1000, -1])
@@ -123,6 +162,7 @@ def test_truncated_network_is_one_line_and_status_2(network_file, keep, capsys):
 def test_bad_options_are_one_line_and_status_2(network_file, capsys):
     for arguments in (
         ["info", "absent.h5"],
+        ["info", "a" * 300 + ".h5"],
         ["modes", str(network_file), "--between", "5", "1"],
         ["modes", str(network_file), "--lowest", "1000"],
         ["count", str(network_file), "--at", "many"],
