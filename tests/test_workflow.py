@@ -444,6 +444,18 @@ def test_a_fresh_clone_asks_for_what_was_measured_at_full_size(measured, in_work
     assert asked(tmp_path, measured[0], case, 2) == [2 * minutes, 2 * memory]
 
 
+@pytest.mark.parametrize(
+    ("rule", "case", "memory"),
+    [("crystal", "case01", 521), ("network", "case10", 523), ("yade_wave", "case10", 538)],
+)
+def test_a_small_study_asks_for_what_yade_takes_of_its_own(
+    rule, case, memory, in_workflow, tmp_path
+):
+    """MB as Snakemake noted them of 1,000 spheres and of 40 layers: YADE and yade-batch, loaded."""
+    small = {"spheres": 1000, "crystal_layers": 40, "preparation": "modal"}
+    assert asked(tmp_path, rule, case, **small)[1] > memory
+
+
 def test_crystals_that_ran_first_say_nothing_of_random_packings(in_workflow, tmp_path):
     """Quick small jobs lower no request; longer and larger ones raise that of their own kind."""
     before = {case: asked(tmp_path, "yade_wave", case) for case in ("case02", "case30")}

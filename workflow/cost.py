@@ -15,8 +15,8 @@ from typing import Any
 
 Key = tuple[str, str]
 """A rule, and the kind of its case: crystal or random."""
-STARTED, LOADED = 3.0, 200.0
-"""Seconds and memory, MB, of a job that does next to nothing: programs are loaded."""
+STARTED = 3.0
+"""Seconds of a job that does next to nothing: programs are loaded."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ def listed(sizes: Mapping[str, float]) -> dict[Key, Cost]:
     lines = Path(__file__).with_suffix(".tsv").read_text().splitlines()
     _, *rows = (line.split() for line in lines if line[0] != "#")
     for rule, kind, *numbers in rows:
-        typical, longest, power, memory = map(float, numbers)
+        typical, longest, power, loaded, memory = map(float, numbers)
         seconds, longest = (STARTED + s * sizes[kind] ** power for s in (typical, longest))
-        found[rule, kind] = Cost(0, seconds, longest, LOADED + memory * sizes[kind])
+        found[rule, kind] = Cost(0, seconds, longest, loaded + memory * sizes[kind])
     return found
 
 
