@@ -11,7 +11,7 @@ import numpy as np
 
 import modal
 
-net = modal.random_packing(spheres=500, stress=1e5, seed=1, aspect=12)
+net = modal.random_packing(spheres=2000, stress=1e5, seed=1, aspect=12)
 states = modal.density_of_states(net, resolution=8e3)
 print(states)
 ax = states.plot()
