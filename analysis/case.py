@@ -15,7 +15,7 @@ from analysis.estimators.own_wave import INTERVAL, RECORD, affine_frequency, own
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.packings.settled import MARK, why_unsettled
-from analysis.paper import is_its_specimen, matching_case
+from analysis.paper import has_its_spheres, is_its_specimen, matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli
 from modal.formats.arrays import Floats
@@ -63,8 +63,12 @@ class Case(CaseFiles):
 
     @cached_property
     def paper_case(self) -> int | None:
-        """The paper's case that this packing is one of; None where it is another packing."""
-        if not is_its_specimen(self.network, self.is_crystal):
+        """The paper's case of this kind, stress and friction, of the same spheres; or None.
+
+        Of a packing that is as large as the paper's, or is named as a case of the study.
+        """
+        own = self.short != self.name or is_its_specimen(self.network, self.is_crystal)
+        if not (own and has_its_spheres(self.network)):
             return None
         return matching_case(self.is_crystal, self.stress, self.mu_comp)
 

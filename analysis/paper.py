@@ -107,12 +107,10 @@ def has_its_spheres(network: Network) -> bool:
 
 
 def is_its_specimen(network: Network, crystal: bool) -> bool:
-    """Whether a packing is as large as those of the paper, and of the same spheres."""
+    """Whether a packing is as large as those of the paper."""
     if crystal:
-        large = abs(network.length / CRYSTAL_LENGTH - 1) < SAME_LENGTH
-    else:
-        large = network.n_particles == SPHERES
-    return bool(large and has_its_spheres(network))
+        return abs(network.length / CRYSTAL_LENGTH - 1) < SAME_LENGTH
+    return network.n_particles == SPHERES
 
 
 def matching_case(crystal: bool, stress: float, mu_comp: float) -> int | None:

@@ -129,6 +129,9 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     rows = [row for row in deviations([Measures(named)]) if row[1] == "void ratio"]
     assert [row[3] for row in rows] == ([f"{stated('void_ratio', case):.5g}"] if rows else [])
     assert bool(rows) == (stated("void_ratio", case) is not None)
+    own = Case("mine", tmp_path)  # 150 spheres of a stranger are no case of the paper
+    own.network = network
+    assert own.paper_case is None
     assert matching_case(True, stress, np.nan) == (None if case is None else 1 + (case - 1) % 4)
 
 
