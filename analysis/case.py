@@ -63,14 +63,16 @@ class Case(CaseFiles):
 
     @cached_property
     def paper_case(self) -> int | None:
-        """The paper's case of this kind, stress and friction, of the same spheres; or None.
-
-        Of a packing that is as large as the paper's, or is named as a case of the study.
-        """
-        own = self.short != self.name or is_its_specimen(self.network, self.is_crystal)
-        if not (own and has_its_spheres(self.network)):
+        """The paper's case of this kind, stress and friction, of the same spheres; or None."""
+        if not has_its_spheres(self.network):
             return None
         return matching_case(self.is_crystal, self.stress, self.mu_comp)
+
+    @property
+    def compared_case(self) -> int | None:
+        """That case, if this is one of the study or as large; else no number is compared."""
+        own = self.short != self.name or is_its_specimen(self.network, self.is_crystal)
+        return self.paper_case if own else None
 
     @property
     def diameter(self) -> float:

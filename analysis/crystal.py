@@ -80,7 +80,7 @@ def compare(case: Case) -> list[Row]:
     rows: dict[str, Row] = {}
 
     def put(key: str, text: str, unit: str, note: str = "", **values: float | None) -> None:
-        row = rows.setdefault(key, Row(key, text, unit, {"paper": stated(key, case.paper_case)}))
+        row = rows.setdefault(key, Row(key, text, unit, {"paper": stated(key, case.compared_case)}))
         row.values.update(values)
         row.note = row.note or note
 

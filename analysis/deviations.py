@@ -82,7 +82,7 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
     rows = []
     for m in cases:
         for key, head, measure in SINGLE:
-            row = _row(m.case.label, key, head, m.case.paper_case, partial(measure, m))
+            row = _row(m.case.label, key, head, m.case.compared_case, partial(measure, m))
             if row is None or ("YADE" in head and m.case.signals is None):
                 continue
             if "unbiased" in head and not m.case.is_crystal:
@@ -91,9 +91,9 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
         for key, which, low, high in CHI:
             value, seen = m.largest_chi(low, high, which.endswith("chain"))
             head = f"largest chi_z {which}" + (f" ({seen})" if seen else "")
-            row = _row(m.case.label, key, head, m.case.paper_case, partial(float, value))
+            row = _row(m.case.label, key, head, m.case.compared_case, partial(float, value))
             rows += [row] if row else []
-        limits = stated_range("gain_maximum", m.case.paper_case)
+        limits = stated_range("gain_maximum", m.case.compared_case)
         if limits is not None and m.gain_height:
             verdict = "the resolution's: no verdict"
             rows.append([m.case.label, GAIN, m.gain_height, limits.text, verdict])
@@ -101,7 +101,7 @@ def deviations(cases: list[Measures]) -> list[list[str]]:
         if len(members) < 2:
             continue
         stress = np.array([m.case.stress for m in members])
-        case = members[0].case.paper_case
+        case = members[0].case.compared_case
         for producer, peak, edge in (
             ("YADE", lambda m: m.yade_first_peak.value, lambda m: m.passband.of_yade[0].value),
             ("linear wave", lambda m: m.first_peak.value, lambda m: m.low_pass[0].value),
@@ -145,7 +145,7 @@ def _spread(cases: list[Measures]) -> list[list[str]]:
         text = f"{m.case.stress / 1e3:g} kPa, {len(same)} cases"
         spread = 100 * (max(top) / min(top) - 1)
         row = _row(
-            text, "f_max_spread", "spread of f_max, %", m.case.paper_case, partial(float, spread)
+            text, "f_max_spread", "spread of f_max, %", m.case.compared_case, partial(float, spread)
         )
         if row:
             rows.append(row)

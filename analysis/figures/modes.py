@@ -42,7 +42,7 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
             right.line(f / 1e3, 1e3 * density / dof, **look)
         else:
             continue
-        top = stated("f_max", case.paper_case)
+        top = stated("f_max", case.compared_case)
         if top:
             text = "paper, highest" if case.is_crystal else ""
             left.line([1.0], [top], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
@@ -84,7 +84,7 @@ def chi_z(cases: list[Measures]) -> Picture:
         if f_r is not None and len(f_r):
             style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
             panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
-        if m.case.paper_case == 6:
+        if m.case.compared_case == 6:
             panel.line([0, 10], [0.9, 0.9], "paper: > 0.9 below 10 kHz", color="k", ls="--")
             panel.line([15, 20], [0.33, 0.33], "paper: 0.33 above 15 kHz", color="k", ls=":")
         panels.append(panel)
@@ -146,8 +146,8 @@ def mode_shapes(cases: list[Measures]) -> Picture:
                 order = np.argsort(z)
                 panel.line(1e3 * z[order], sine[order], "Eq. 3", color="0.6", lw=2)
             text = "mode"
-            if (case.paper_case, r) in paper:
-                text += f"; paper: {paper[case.paper_case, r]:g} kHz"
+            if (case.compared_case, r) in paper:
+                text += f"; paper: {paper[case.compared_case, r]:g} kHz"
             panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
             panels.append(panel)
     if not panels:

@@ -178,7 +178,7 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
                 continue
             place = [edge.value / 1e3] * 2
             panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
-        paper = stated("threshold_2", case.paper_case)
+        paper = stated("threshold_2", case.compared_case)
         if paper:
             dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
             panel.add("hline", [0], [paper], None, f"paper: {paper:g} kHz", **dashed)

@@ -131,7 +131,7 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     assert bool(rows) == (stated("void_ratio", case) is not None)
     own = Case("mine", tmp_path)  # 150 spheres of a stranger are no case of the paper
     own.network = network
-    assert own.paper_case is None
+    assert own.compared_case is None and not deviations([Measures(own)])
     assert matching_case(True, stress, np.nan) == (None if case is None else 1 + (case - 1) % 4)
 
 
