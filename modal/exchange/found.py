@@ -235,7 +235,8 @@ def _whole(
     frictions = np.array([law.friction for law in laws])
     if shear is not None and laws and force is not None:
         limit = frictions[pairs.law] * force
-        sliding = np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)
+        # Without friction there is no spring that could slip.
+        sliding = (np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)) & (limit > 0)
     return Network(
         position=position,
         radius=spheres.radius,

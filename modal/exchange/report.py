@@ -9,13 +9,9 @@ import numpy as np
 from modal.exchange.found import Found
 from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
 from modal.exchange.worth import worth
-from modal.packing.checks import density_of
 from modal.packing.network import Network
-from modal.packing.plausibility import of_densities, of_shape
-from modal.packing.state import net_forces, stress_tensor
-
-UNBALANCED = 1e-2
-"""Mean net force over mean contact force from which a packing is not at rest."""
+from modal.packing.plausibility import plausibility
+from modal.packing.state import stress_tensor
 
 
 def summary_of(found: Found) -> dict[str, Any]:
@@ -24,13 +20,17 @@ def summary_of(found: Found) -> dict[str, Any]:
     `remarks` of `found` grow by what a reader should know.
     """
     network, remarks = found.network, found.remarks
-    remarks += of_densities(density_of(network)) + of_shape(network)
+    # Where a law made the contacts, those that are not listed have been sought already.
+    plausible = plausibility(network, sought=bool(found.laws))
+    remarks += plausible["remarks"]
     told: dict[str, Any] = {
         "spheres": network.n_particles,
         "contacts": network.n_contacts,
         "wall_contacts": int(network.with_wall.sum()),
     }
     told |= _forces(network, remarks) | found.told
+    balance = "net_force_over_contact_force"
+    told |= {balance: plausible[balance]} if balance in plausible else {}
     if "printed_stress_pa" in told and network.with_wall.any() and "stress_pa" in told:
         pairs = network.some(~network.with_wall)
         # The program leaves walls out, and divides by the volume of its box.
@@ -54,16 +54,6 @@ def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
     told: dict[str, Any] = {}
     if network.cell_size[:2].all() and network.length > 0:
         told["stress_pa"] = np.diag(stress_tensor(network)).tolist()
-    push = np.hypot(network.force_normal, np.linalg.norm(network.force_tangential, axis=1))
-    if not push.any():
-        return told
-    net = np.linalg.norm(net_forces(network)[:, :3], axis=1)
-    balance = told["net_force_over_contact_force"] = float(net.mean() / push.mean())
-    if balance > UNBALANCED:
-        remarks.append(
-            f"not in balance: net forces are {balance:.1e} of contact forces; weight, motion, or "
-            "contacts that were lost on the way (ghosts after a restart)?"
-        )
     return told
 
 

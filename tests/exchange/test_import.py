@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import program_files
 import pytest
+from places import PACKINGS
 from program_files import PAIR, imported, refused, respelt, sorted_ends
 
 import modal
+from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
 from modal.packing.network_file import read_network
 from modal.stiffness.law_tangent import law_tangent
@@ -196,6 +199,24 @@ def test_a_triclinic_box_without_tilt_is_the_rectangular_one(tmp_path, capsys):
     again = imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
     assert all(again[name] == told[name] for name in ("contacts", "law"))
     assert "printed_stress_pa" not in again
+
+
+@pytest.mark.parametrize("program", ["lammps", "mercury", "tables"])
+def test_import_remarks_on_what_info_remarks_on(program, tmp_path, capsys):
+    made = program_files.packing(False)
+    if program == "lammps":
+        atoms, contacts, log = program_files.lammps(made, tmp_path)
+        given = (atoms, "--contacts", contacts, "--log", log)
+    elif program == "mercury":
+        given = (PACKINGS / "mercury_CubicPacking.restart",)
+    else:
+        spheres, contacts = program_files.tables(made, tmp_path)
+        given = (spheres, "--contacts", contacts)
+    told = imported(capsys, *given, "-o", tmp_path / FILE)["remarks"]
+    assert main(["info", str(tmp_path / FILE), "--json"]) == 0
+    wanted = json.loads(capsys.readouterr().out)["remarks"]
+    assert any("not in balance" in remark for remark in wanted)
+    assert set(wanted) <= set(told)
 
 
 def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
