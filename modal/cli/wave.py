@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command, typed
+from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command, say, typed
 from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import InputError, open_h5, sha256
 from modal.packing.network import Network
@@ -178,6 +178,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             accuracy["computed_one_of_equal_parts"] = wave.repeats
     if options.output:
         write_signals(options.output, signals, options.made)
+        say(
+            f"velocities and low-pass frequency: python -m analysis compare {options.network} "
+            f"{options.output} -o DIR"
+        )
     return {
         "particles_of_the_chain": len(signals.chain_particle),
         "times": len(signals.time),
@@ -213,6 +217,7 @@ def _from_plane(options: argparse.Namespace, network: Network) -> dict[str, Any]
         "layers": len(wave.layer_position),
         "times": len(wave.time),
         "products_with_k": wave.products,
+        "truncation": wave.truncation,
         "largest_displacement_m": float(abs(wave.layer_displacement).max()),
         "degrees_of_freedom": 6 * network.n_particles,
     }

@@ -26,7 +26,7 @@ from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.walls import wall_pattern
 from modal.waves.receivers import Receivers
-from modal.waves.signals import Signals
+from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion
 from modal.workload import refuse_endless
 
@@ -64,7 +64,7 @@ def propagate_damped(
     scale = 1 / np.sqrt(mass_diagonal(network))
     viscous, to_source, held = wall_pattern(dashpots, SOURCE_WALL, axis=receivers.axis)
     _, to_receiver, _ = wall_pattern(dashpots, RECEIVER_WALL, axis=receivers.axis)
-    times = np.arange(0, duration + 0.5 * interval, interval)
+    times = record_times(duration, interval)
     refuse_endless(
         f"a damped wave of {duration:g} s",
         spring,

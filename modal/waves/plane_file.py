@@ -31,6 +31,7 @@ def write_plane_wave(
     with new_product(path, SCHEMA, VERSION, made) as file:
         file.attrs["network_sha256"] = network_sha256
         file.attrs.update(height=wave.height, direction=wave.direction, products=wave.products)
+        file.attrs["truncation"] = wave.truncation
         put(file, "time", wave.time, "s")
         put(file, "source/displacement", wave.source_displacement, "m")
         put(file, "layers/position", wave.layer_position, "m")
@@ -58,6 +59,7 @@ def read_plane_wave(path: str | Path) -> PlaneWave:
             columns["height"] = float(file.attrs["height"])
             columns["direction"] = str(file.attrs["direction"])
             columns["products"] = int(file.attrs["products"])
+            columns["truncation"] = float(file.attrs.get("truncation", np.nan))
     finite = all(np.isfinite(c).all() for c in columns.values() if isinstance(c, np.ndarray))
     if not (finite and columns["direction"] in DIRECTIONS and (np.diff(time) > 0).all()):
         raise InputError(f"{path}: not finite, times that do not rise, or no direction; mend it")

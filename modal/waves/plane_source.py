@@ -36,7 +36,8 @@ class PlaneWave:
 
     layer_position (nl,), m, and layer_displacement (nt, nl), m, along `direction`: means over the
     firmly held spheres of slabs; particle_displacement (nt, n), m, None where a file has none;
-    `height` of the plane, m.
+    `height` of the plane, m; `truncation` bounds the
+    error of all motions relative to the largest, NaN where a file does not say it.
     """
 
     time: Floats
@@ -47,6 +48,7 @@ class PlaneWave:
     height: float
     direction: str
     products: int
+    truncation: float = np.nan
 
     def __repr__(self) -> str:
         return (
@@ -145,7 +147,7 @@ def propagate_from_plane(
     if not push.any():
         raise InputError(f"nothing resists an opening along {direction} at {height:g} m")
     operator = ContactOperator(network, mass_scaled=True)
-    time, recorded, products, _ = carried(
+    time, recorded, products, truncation = carried(
         operator,
         lambda: push / np.sqrt(mass_diagonal(network)),
         _Spheres(network, axis),
@@ -164,4 +166,5 @@ def propagate_from_plane(
         float(height),
         direction,
         products,
+        truncation,
     )

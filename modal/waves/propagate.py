@@ -29,7 +29,7 @@ from modal.stiffness.springs import with_sliding
 from modal.waves.chebyshev import Observer, summed
 from modal.waves.damped import propagate_damped
 from modal.waves.driven import Driven
-from modal.waves.signals import Signals
+from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion, Pulse
 from modal.waves.weights import Expansion, orders_of
 from modal.workload import refuse_endless
@@ -178,7 +178,7 @@ def carried(
             bytes_needed=8 * numbers,
             remedy="take a shorter duration or a longer interval",
         )
-        return Expansion(motion, np.arange(0, duration + 0.5 * interval, interval), top)
+        return Expansion(motion, record_times(duration, interval), top)
 
     def largest(series: Expansion, record: Floats) -> Floats:
         found = receivers.largest(record, motion.displacement(series.time))

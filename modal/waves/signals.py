@@ -108,6 +108,11 @@ class Signals:
         return ax
 
 
+def record_times(duration: float, interval: float) -> Floats:
+    """Times (nt,), s, of a record: from 0 on, none after its `duration` but by round-off."""
+    return interval * np.arange(np.floor(duration / interval * (1 + 1e-9)) + 1)
+
+
 def source_pulse(time: Floats, amplitude: float, frequency: float, cycles: int = 1) -> Floats:
     """Wall displacement u = A (1 - cos 2 pi f t) for one period, or some, zero elsewhere; m.
 

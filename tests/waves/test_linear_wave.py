@@ -18,6 +18,7 @@ from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
 from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
+from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.walls import wall_pattern
@@ -359,6 +360,16 @@ def test_long_wave_is_refused_before_it_starts(monkeypatch):
     monkeypatch.setattr(workload, "LONGEST", 0.0)
     with pytest.raises(InputError, match="shorter duration"):
         propagate(network, 1e-5)
+
+
+@pytest.mark.parametrize("damping", [None, ContactDamping(0.1, 0.1)])
+@pytest.mark.parametrize(
+    ("duration", "interval", "count"), [(1e-5, 1e-6, 11), (1e-5, 6e-6, 2), (1.1e-5, 3e-6, 4)]
+)
+def test_a_record_ends_within_its_duration(duration, interval, count, damping):
+    times = {"duration": duration, "interval": interval, "damping": damping}
+    time = propagate(gallery.fcc(cells=(1, 1, 3)), **times).signals.time
+    assert time == pytest.approx(interval * np.arange(count)) and time[-1] <= duration * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("times", [{"duration": 4e5}, {"duration": 1e308, "interval": 1e308}])

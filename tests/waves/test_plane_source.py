@@ -42,6 +42,9 @@ def test_p_wave_against_a_ring_of_layers(crystal, above):
     omega[0] = omega[1] * 1e-4  # the layers as a whole, which nothing pushes
     exact = (force * driven_by_pulse(found.time, omega, 1e5)) @ shape.T
     assert found.particle_displacement == pytest.approx(exact, abs=1e-9 * abs(exact).max())
+    rough = propagate_from_plane(crystal, 1.2e-4, height, tolerance=1e-3)
+    off = abs(rough.particle_displacement - exact).max()
+    assert 0 < off <= rough.truncation * abs(exact).max() and rough.truncation <= 1e-3
     # Two equal waves, up and down; the mass as a whole stays where it is.
     up = np.roll(found.particle_displacement, -above - 1, axis=1)
     assert up == pytest.approx(-up[:, ::-1], abs=1e-9 * abs(exact).max())
@@ -147,6 +150,7 @@ def test_command_and_file(crystal, tmp_path, capsys):
     assert read.layer_displacement == pytest.approx(own.layer_displacement, abs=0)
     assert read.particle_displacement is None and read.height == middle
     assert said["products_with_k"] == own.products == read.products
+    assert said["truncation"] == own.truncation == read.truncation < 1e-9
     assert "PlaneWave along x" in repr(read) and read.plot().get_ylabel() == "z, mm"
     assert main([*asked, "-o", str(product), "--particles", "--if-stale"]) == 0
     assert (read_plane_wave(product).particle_displacement == own.particle_displacement).all()
