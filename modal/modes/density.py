@@ -101,7 +101,7 @@ class DensityOfStates:
         """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.
 
         Returns values and standard errors (nf, 7): the six components, then their sum; of a single
-        frequency (7,). Zero above `highest`. InputError for what is no frequency.
+        frequency (7,). Zero from `highest` on. InputError for what is no frequency.
         """
         weight = self._jackson()
         weight[1:] *= 2
@@ -111,7 +111,7 @@ class DensityOfStates:
             return wave * (2 / (np.pi * self.highest * np.sin(theta)))[:, None]
 
         value, error = self._mean_and_error(frequency, terms)
-        above = np.asarray(frequency) > self.highest
+        above = np.asarray(frequency) >= self.highest
         value[above] = error[above] = 0.0
         return value, error
 

@@ -90,7 +90,8 @@ def of_shape(network: Network, waves: bool = False) -> list[str]:
         whole = shares.get("crystalline_share", 0.0)
         springs = network.stiffness_normal[~network.with_wall]
         share = shares.get("crystalline_share_of_bulk", whole)
-        lattice = whole > CRYSTAL and bool(springs.std() <= UNIFORM * springs.mean())
+        alike = springs.size > 0 and springs.std() <= UNIFORM * springs.mean()
+        lattice = whole > CRYSTAL and bool(alike)
     if share > CRYSTALLINE and not lattice:
         remarks.append(
             f"crystalline share of the bulk {100 * share:.0f} %: of a random packing it is below "

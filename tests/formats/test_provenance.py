@@ -314,7 +314,7 @@ def test_status_says_which_product_is_stale_and_why(folder, capsys):
     cases = folder / "cases"
     cases.mkdir()
     # As YADE reads them: texts in quotes, tabs, comments, and = for the cell above.
-    table = """# comment\ncase input_frequency stress direction\n2 1e5 1e5 "x"\n3\t{} 1e6 = # S\n"""
+    table = """# comment\ncase input_frequency stress direction\n2 1e5 1e5 "z"\n3\t{} 1e6 = # S\n"""
     command = ["status", "--products", str(folder), "--cases", str(cases)]
     (cases / "fcc.table").write_text(table.format("1e5"))
     capsys.readouterr()

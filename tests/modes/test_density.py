@@ -128,6 +128,7 @@ def test_density_is_the_derivative_of_the_count_and_positive(packing):
     assert density == pytest.approx(slope / (2 * step), rel=1e-3, abs=1e-4 * density.max())
     assert (density[:, 6] >= -1e-9 * density[:, 6].max()).all()
     total, error = (column[0, 6] for column in states.count_below([states.highest]))
+    assert states.density(states.highest)[0][6] == 0  # where the formula divides by zero
     # What is left of random signs beside the zero modes varies in length; five standard errors.
     assert 0 < error < 6 and abs(total - 600) < 5 * error
 
