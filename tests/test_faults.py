@@ -14,6 +14,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -23,7 +24,7 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import HOST, InputError
+from modal.formats.hdf5 import HOST, InputError, refuse_unwritable
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample
@@ -280,6 +281,7 @@ def test_export_to_a_full_disk_is_one_line(limit, name, tmp_path):
         ("", "an empty text"),
         ("not\udcfftext.h5", "not valid UTF-8"),
         ("file/a.h5", "Not a directory"),
+        ("absent/", "a folder"),
     ],
 )
 def test_no_place_for_a_file_is_told_before_anything_is_computed(name, why, tmp_path, monkeypatch):
@@ -301,6 +303,35 @@ def test_no_place_for_a_file_is_told_before_anything_is_computed(name, why, tmp_
     if name in before and not name.startswith("/"):
         with pytest.raises(InputError, match=why):
             write_network(name, gallery.fcc(cells=(1, 1, 5)))
+
+
+def test_folder_of_packings_that_is_a_file_is_told_before_they_are_made(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert main(["pack", "--spheres", "1000", "-o", str(tmp_path / "file")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "Not a directory" in said
+
+
+@pytest.mark.parametrize("name", ["old.network.h5", "folder/new.network.h5"])
+def test_who_may_not_write_is_told_so_first(name):
+    """A file or folder that is read-only; who is root here becomes another user for it."""
+    with tempfile.TemporaryDirectory() as above:
+        os.chmod(above, 0o777)
+        os.chdir(above)
+        write_network("old.network.h5", gallery.fcc(cells=(1, 1, 5)))
+        os.chmod("old.network.h5", 0o444)
+        os.mkdir("folder", 0o555)
+        child = os.fork()
+        if child == 0:
+            with contextlib.suppress(PermissionError):
+                os.setuid(65534)
+            try:
+                refuse_unwritable(name)
+            except InputError as error:
+                os._exit("Permission denied" in str(error))
+            os._exit(0)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 1
+        os.chdir(ROOT)
 
 
 def test_a_link_leads_to_the_new_content(tmp_path):

@@ -23,6 +23,7 @@ from analysis.measures import Measures
 from analysis.prepare import KINDS, prepare
 from analysis.report import report as write_report
 from analysis.status import stale_files, status_table
+from modal.cli.options import NewFolder
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError
 
@@ -53,7 +54,7 @@ def add(commands: Any) -> None:
         add_products(command)
         command.add_argument("case", nargs=count, metavar="CASE", help=CASE)
         command.add_argument(
-            "-o", "--output", default="products", metavar="DIR", help="to write to"
+            "-o", "--output", type=NewFolder, default="products", metavar="DIR", help="to write to"
         )
     text = "what a report needs beside the run's products: gain, density of states, ridge"
     example = "prepare 2 --kind response"

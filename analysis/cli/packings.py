@@ -19,7 +19,7 @@ from analysis.packings.seeds import KEPT, Seeds
 from analysis.packings.state import measured
 from analysis.quality import picture_of, quality_of, table_of
 from analysis.table import Table
-from modal.cli.options import add_output, json_text
+from modal.cli.options import NewFolder, add_output, json_text
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError
 from modal.stiffness.damping import ContactDamping
@@ -43,7 +43,9 @@ def add(commands: Any) -> None:
     converged = add_command(commands, "convergence", text, example, _convergence)
     converged.add_argument("folder", help="of workflow/convergence.smk")
     converged.add_argument("--table", default="cases/convergence.table", metavar="FILE")
-    converged.add_argument("-o", "--output", required=True, metavar="DIR", help="to write to")
+    converged.add_argument(
+        "-o", "--output", type=NewFolder, required=True, metavar="DIR", help="to write to"
+    )
     text = "elastic moduli of packings, V_P and V_S by moduli, modes and the linear wave"
     run = _table_of_packings(elastic_table)
     elastic = add_command(commands, "elastic", text, "elastic mine.sample.h5", run)

@@ -9,6 +9,7 @@ from typing import Any
 
 from analysis.cli.options import add_command, add_products
 from analysis.study.whole import study
+from modal.cli.options import NewFolder
 from modal.cli.terminal import put
 from modal.formats.hdf5 import InputError
 
@@ -18,7 +19,9 @@ def add(commands: Any) -> None:
     text = "all cases of a folder: every table and figure, targets, one page"
     whole = add_command(commands, "study", text, "study --products products -o study", _study)
     add_products(whole)
-    whole.add_argument("-o", "--output", default="results/study", metavar="DIR", help="to write to")
+    whole.add_argument(
+        "-o", "--output", type=NewFolder, default="results/study", metavar="DIR", help="to write to"
+    )
     whole.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="cases at a time")
     text = "folders with the same cases of other seeds, for the scatter of samples; default: seed_*"
     whole.add_argument("--seeds", nargs="+", metavar="DIR", help=f"{text} in --products")

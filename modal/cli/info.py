@@ -43,7 +43,9 @@ NOTES_IN = {
 }
 """Units of notes that do not carry them in their names."""
 FIRST_STAGES = ("cloud", *PREPARATION)
-OF_STAGE = re.compile(rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|\d+(?:\.\d+)?(?:e\+?\d+)?)")
+OF_STAGE = re.compile(
+    rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|\d+(?:\.\d+)?(?:e\+?\d+)?)"
+)
 """Notes that a compression leaves of each of its stages."""
 
 

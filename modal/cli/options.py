@@ -79,6 +79,10 @@ class NewFile(str):
     """A name that was given for a file to be written: the type of such an option."""
 
 
+class NewFolder(str):
+    """The name of a folder for files to be written."""
+
+
 def add_output(command: argparse.ArgumentParser, text: str, required: bool = False) -> None:
     """The option -o of a command that writes one file."""
     command.add_argument(
@@ -98,6 +102,9 @@ def check_files(options: argparse.Namespace) -> None:
         for text in (value if isinstance(value, list) else [value])
         if isinstance(text, str)
     ]
+    for text in texts:
+        if isinstance(text, NewFolder):
+            refuse_unwritable(os.path.join(text, "file"))
     read = [text for text in texts if not isinstance(text, NewFile) and os.path.isfile(text)]
     written = [text for text in texts if isinstance(text, NewFile)]
     for number, path in enumerate(written):

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import add_command, say, typed
+from modal.cli.options import NewFolder, add_command, say, typed
 from modal.cli.terminal import COST, Groups
 from modal.formats.hdf5 import InputError
 from modal.packing.plausibility import WIDE, read_remarked
@@ -81,8 +81,9 @@ def add(commands: Any) -> None:
             typed(name), type=float, metavar="X", help=f"{text} (default {default:g})"
         )
     pack.add_argument(
-        "-o", "--output", required=True, metavar="DIR", help="folder; goes on where it was"
-    )
+        "-o", "--output", type=NewFolder, required=True, metavar="DIR",
+        help="folder; goes on where it was",
+    )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

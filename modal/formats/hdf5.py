@@ -90,6 +90,8 @@ def write_whole(path: str | Path, data: bytes | memoryview) -> None:
 def refuse_unwritable(path: str | Path) -> None:
     """InputError where no file of this name can be put, before anything is computed for it."""
     place = Path(os.path.realpath(path))
+    if str(path).endswith(os.sep):
+        raise InputError(f"{path}: a folder; name the file to be written in it")
     try:
         with suppress(FileNotFoundError):
             mode = os.stat(path).st_mode
@@ -145,7 +147,8 @@ def refuse_absent(path: str | Path) -> None:
     if os.path.isdir(path):
         raise InputError(f"{path}: a folder, no file; name the file in it")
     if not os.path.isfile(path):  # nor a name that is too long for one
-        raise InputError(f"{path}: no such file; check the name")
+        why = "a device or a pipe, no file" if os.path.exists(path) else "no such file"
+        raise InputError(f"{path}: {why}; check the name")
 
 
 @contextmanager
