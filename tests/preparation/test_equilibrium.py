@@ -255,7 +255,7 @@ def test_command_writes_a_sample_at_rest_and_its_network(packed, tmp_path, capsy
     assert network.stat().st_mtime_ns == before
     capsys.readouterr()
     assert main([*arguments, "--network", str(out)]) == 2
-    assert "two outputs of one name" in capsys.readouterr().err
+    assert "two files to be written have this name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("fault", ["frictionless", "no contacts", "missing"])
