@@ -19,20 +19,22 @@ BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
 class Minute:
     """When a loop is to say what it is at: a minute after any loop of this run has said something.
 
-    Loops that follow each other within a minute are one run, so that many short ones tell as well.
+    Loops that follow each other within a minute are one run, so that many in a row tell as well, but
+    for those that end within a tenth of a minute.
     """
 
     _asked = _said = -math.inf
 
     def __init__(self) -> None:
-        now = time.monotonic()
+        self._begun = now = time.monotonic()
         if now - Minute._asked > LOG_INTERVAL:
             Minute._said = now
 
     def passed(self, interval: float | None = None) -> bool:
         """Whether a minute, or the `interval`, s, has gone since something was said last."""
         now = Minute._asked = time.monotonic()
-        if now - Minute._said <= (LOG_INTERVAL if interval is None else interval):
+        interval = LOG_INTERVAL if interval is None else interval
+        if now - Minute._said <= interval or now - self._begun <= interval / 10:
             return False
         Minute._said = now
         return True

@@ -156,7 +156,9 @@ def counts_below(problem: Eigenproblem, frequency: ArrayLike) -> Ints:
         raise InputError(f"count_modes: frequency is {frequency!r}, not numbers of Hz") from error
     if (asked < 0).any():
         raise InputError(f"{asked.min():g} Hz is no frequency; give a number from 0 Hz on")
-    counts = [count_below(problem, f, apart=True) for f in asked.ravel().tolist()]
+    counts = [
+        count_below(problem, asked.flat[k], apart=True) for k in progress(asked.size, "counts")
+    ]
     return np.array(counts, int).reshape(asked.shape)
 
 

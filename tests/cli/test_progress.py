@@ -61,6 +61,11 @@ def test_many_short_loops_leave_a_line_a_minute(said):
     assert said(terminal=False, seconds=1.9, count=10, loops=20).count("\n") == 380 // 61
 
 
+def test_a_short_loop_among_many_says_nothing(said):
+    """A minute after the last line of others, but in its own first 6 s."""
+    assert said(terminal=False, seconds=0.5, count=10, loops=100) == ""
+
+
 def test_a_terminal_has_a_bar_that_is_wiped_away(said):
     text = said(terminal=True, seconds=1.0)
     bars = re.findall(r"\[(#*) *\]", text)
