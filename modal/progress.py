@@ -19,8 +19,8 @@ BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
 class Minute:
     """When a loop is to say what it is at: a minute after any loop of this run has said something.
 
-    Loops that follow each other within a minute are one run, so that many in a row tell as well, but
-    for those that end within a tenth of a minute.
+    Loops that follow each other within a minute are one run, so that many in a row tell as well,
+    but for those that end within a tenth of a minute.
     """
 
     _asked = _said = -math.inf
