@@ -282,7 +282,7 @@ class Case(CaseFiles):
 
         Where there is no record, ten times a period of the pulse for one passage. Like everything
         called linear here it is that of the springs alone; `pre_stress`
-        (`modal.stiffness.pre_stress`) adds what the contacts' forces do.
+        (`modal.stiffness.contacts`) adds what the contacts' forces do.
         """
         recorded, motion, interval = self.recorded, self.motion, 0.1 / self.motion.frequency
         if recorded is not None:

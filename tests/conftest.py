@@ -103,6 +103,14 @@ def slow_stiffness(network: Network) -> np.ndarray:
             if j >= 0:
                 load[j, 0] += force
                 load[j, 1] += np.cross(network.lever_j[c], force)
+            if network.stiffness_rolling is not None:
+                turn = motion[i, 1] - (motion[j, 1] if j >= 0 else 0)
+                twist = np.dot(turn, normal) * normal
+                moment = network.stiffness_rolling[c] * (turn - twist)
+                moment = moment + network.stiffness_twisting[c] * twist
+                load[i, 1] += moment
+                if j >= 0:
+                    load[j, 1] -= moment
         K[:, column] = load.ravel()
     return K
 

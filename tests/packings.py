@@ -12,6 +12,9 @@ from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
+from modal.stiffness.contacts import Contacts, terms_of
+from modal.stiffness.imposed import WallMoves, put_on
+from modal.stiffness.matrices import block
 
 YOUNG, POISSON = 60e9, 0.2
 
@@ -258,3 +261,30 @@ def columns_side_by_side(copies: int, high: int = 2) -> Network:
         for name in ("position", "radius", "mass", "inertia")
     }
     return replace(single, **many, **spheres)
+
+
+def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):
+    """Push on the particles (6n,), pull on the wall (6n,) and what holds it, N/m and N."""
+    coupling = put_on(network, terms_of(pre_stress), WallMoves(wall, axis))
+    return coupling.push[:, 0], coupling.pull[:, 0], float(coupling.held[0, 0])
+
+
+def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none") -> np.ndarray:
+    """Shape (m, 12, 12): of each contact on (u_i, theta_i, u_j, theta_j); zero for a wall's."""
+    terms = terms_of(pre_stress) if isinstance(pre_stress, str) else pre_stress
+    tangent, pair = Contacts.of(network, terms).tangent(), network.particle_j >= 0
+    whole = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
+    whole[~pair, 6:] = 0
+    whole[~pair, :, 6:] = 0
+    return whole
+
+
+def kinematics(network: Network) -> np.ndarray:
+    """Shape (m, 3, 12): from (u_i, theta_i, u_j, theta_j) to the slip, by its definition."""
+    B = np.zeros((network.n_contacts, 3, 12))
+    for axis, unit in enumerate(np.eye(3)):
+        B[:, axis, axis], B[:, axis, 6 + axis] = -1, 1
+        B[:, :, 3 + axis] = -np.cross(unit, network.lever_i)
+        B[:, :, 9 + axis] = np.cross(unit, network.lever_j)
+    B[network.with_wall, :, 6:] = 0
+    return B

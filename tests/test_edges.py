@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from packings import kinematics
 from scipy.linalg import qr
 
 from analysis.estimators.layer_lattice import LayerLattice
@@ -26,7 +27,7 @@ from modal.packing.neighbours import tangents
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample
-from modal.stiffness.springs import contact_kinematics, with_sliding
+from modal.stiffness.contacts import with_sliding
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 
@@ -36,7 +37,7 @@ SAMPLE = Path(__file__).parent / "data/friction150.sample.h5"
 
 def stretch_matrix(network: Network, *, normal_only: bool = False) -> np.ndarray:
     """Rows: root of stiffness times stretch of each spring, per unit mass-scaled motion (6n)."""
-    B = contact_kinematics(network)
+    B = kinematics(network)
     directions = [(network.normal, network.stiffness_normal)]
     if not normal_only:
         directions += [(t, network.stiffness_tangential) for t in tangents(network.normal)]

@@ -5,7 +5,7 @@
 Every particle is moved by +h and by -h along each axis and turned about it, all else at rest; the
 forces and torques on it and its neighbours are read. OUT holds the matrix K, minus the forces per
 motion, as row, column, value (N/m, N, N m), six rows a particle as in modal/stiffness/matrices.py.
-Sliding is suppressed. A tool for the tests of modal/stiffness/pre_stress.py, meant for some hundred
+Sliding is suppressed. A tool for the tests of modal/stiffness/contacts.py, meant for some hundred
 particles.
 """
 

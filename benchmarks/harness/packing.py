@@ -17,7 +17,7 @@ from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
-from modal.stiffness.springs import contact_kinematics, contact_springs
+from modal.stiffness.contacts import Contacts
 from modal.waves.source import INPUT_FREQUENCY
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
@@ -66,10 +66,10 @@ def by_energy(problem: Eigenproblem, first: int, count: int) -> np.ndarray:
     _, vectors = eigh(problem.scaled.toarray(), subset_by_index=[first, first + count - 1])
     u = (vectors / np.sqrt(problem.mass)[:, None]).reshape(-1, 6, count)
     network = problem.network
-    j = network.particle_j
-    q = np.concatenate([u[network.particle_i], np.where(j[:, None, None] < 0, 0, u[j])], axis=1)
-    d = contact_kinematics(network) @ q
-    energy = (d * (contact_springs(network) @ d)).sum(axis=(0, 1))
+    contacts = Contacts.of(network)
+    motion = np.stack([contacts.motion(mode) for mode in np.moveaxis(u, 2, 0)], axis=2)
+    d = contacts.slip() @ motion
+    energy = (d * (contacts.springs() @ d)).sum(axis=(0, 1))
     return frequency_of(energy / (vectors**2).sum(axis=0))
 
 

@@ -23,15 +23,15 @@ from modal.arguments import checked
 from modal.display import axes_of, quantity, table
 from modal.elasticity.response import steady_motion
 from modal.elasticity.slab import GRIP, Bulk, affine_stiffness, bulk_stiffness
-from modal.elasticity.strain import STRAINS, StrainedContacts, has_walls
+from modal.elasticity.strain import STRAINED, STRAINS, has_walls
 from modal.elasticity.waves import anisotropy, isotropic_mean, plane_waves
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.stiffness.contact_loads import loads
-from modal.stiffness.springs import with_sliding
+from modal.stiffness.contacts import Contacts, with_sliding
+from modal.stiffness.imposed import put_on
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -265,24 +265,24 @@ def elastic_moduli(
         raise InputError(
             "no sphere bears a force from another one: the packing is no solid, which has moduli"
         )
-    contacts = StrainedContacts.of(network)
-    affine = contacts.energy()
+    coupling = put_on(network, (), STRAINED)
+    affine, load = coupling.held, coupling.push
     stored = np.diag(affine)
     if not stored.max() > 0:
         raise InputError("no contact resists a strain: the packing has no stiffness")
     bulk = Bulk.of(network) if walls else None
     followed = affine / volume
-    load, terms = loads(network, contacts.pull)
     problem = Eigenproblem.of(network)
     goal = _Goal(stored, tolerance, of_motion=bulk is not None)
-    found, solver = steady_motion(problem, load, terms, goal.allowed, solver)
+    found, solver = steady_motion(problem, load, coupling.terms, goal.allowed, solver)
     motion = found.motion
     whole = (affine - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2
     region = "slab with walls" if walls else "cell"
-    in_bulk = bulk_stiffness(network, bulk, contacts, motion) if bulk else None
+    tangent = Contacts.of(network).tangent() if bulk else None
+    in_bulk = None if bulk is None else bulk_stiffness(network, bulk, tangent, motion)
     if bulk and in_bulk is not None:
-        measured, followed = in_bulk, affine_stiffness(network, bulk, contacts)
+        measured, followed = in_bulk, affine_stiffness(network, bulk, tangent)
         density, region = bulk.density(network), "bulk"
     else:
         goal = _Goal(stored, tolerance, of_motion=False)

@@ -18,7 +18,7 @@ from modal.modes.effort import factorisation
 from modal.modes.problem import Eigenproblem
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
 from modal.solvers.factor import available, factorise
-from modal.stiffness.static_load import own_blocks
+from modal.stiffness.matrices import own_blocks
 from modal.workload import memory_at_hand
 
 SOLVERS = ("pardiso", "gradients")

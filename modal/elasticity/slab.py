@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.elasticity.strain import AXES, StrainedContacts, gradients, voigt
+from modal.elasticity.strain import AXES, STRAINED, gradients, voigt
 from modal.formats.arrays import Floats
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
-from modal.stiffness.springs import contact_kinematics
+from modal.stiffness.contacts import Contacts
 
 FADE = 4.0
 """Depth over which the bulk begins, mean diameters."""
@@ -75,43 +75,43 @@ class Bulk:
         return mass / (network.area * self.length)
 
 
-def affine_stiffness(network: Network, bulk: Bulk, contacts: StrainedContacts) -> Floats:
+def affine_stiffness(network: Network, bulk: Bulk, tangent: Floats) -> Floats:
     """Shape (6, 6), Pa: that of the bulk if all spheres followed the strain, by the energy of it.
 
-    Such spheres are not in balance. The torques on them would make the stress unsymmetric.
+    `tangent` (m, 9, 9) of the contacts. Such spheres are not in balance. The torques on them would
+    make the stress unsymmetric.
     """
-    share = _share_of_volume(network, bulk, contacts)
-    return np.einsum("aci,bci->ab", contacts.stretch * share[:, None], contacts.pull)
+    strained = STRAINED.on(network)
+    resisted = np.einsum("cij,scj->sci", tangent, strained)
+    share = _share_of_volume(network, bulk)
+    return np.einsum("aci,bci->ab", strained * share[:, None], resisted)
 
 
-def _share_of_volume(network: Network, bulk: Bulk, contacts: StrainedContacts) -> Floats:
+def _share_of_volume(network: Network, bulk: Bulk) -> Floats:
     """Shape (m,), 1/m^3: the share of each contact that lies in the bulk, over its volume."""
-    share = bulk.share(network.position[network.particle_i, 2], contacts.branch[:, 2])
+    share = bulk.share(network.position[network.particle_i, 2], network.branch[:, 2])
     return share / (network.area * bulk.length)
 
 
-def bulk_stiffness(
-    network: Network, bulk: Bulk, contacts: StrainedContacts, motion: Floats
-) -> Floats | None:
+def bulk_stiffness(network: Network, bulk: Bulk, tangent: Floats, motion: Floats) -> Floats | None:
     """Shape (6, 6), Pa: stress over strain of the bulk, not quite symmetric.
 
     None where some strain hardly reaches the bulk: walls that slide, or yield, take it up.
 
-    `motion` (6n, 6), m and rad for unit strains: of the spheres, beyond that of the mean strain.
+    `tangent` (m, 9, 9) of the contacts; `motion` (6n, 6), m and rad per unit strain, is that of the
+    spheres beyond the mean strain.
     """
-    share = _share_of_volume(network, bulk, contacts)
-    kinematics = contact_kinematics(network)
+    share, branch = _share_of_volume(network, bulk), network.branch
+    contacts, strained = Contacts.of(network), STRAINED.on(network)
     layers = Layers(network)
     weight = bulk.share(layers.position, np.zeros(len(layers.position)))
     stress, strain = np.empty((6, 6)), np.eye(6)
-    i, j = network.particle_i, network.partner
     for case, gradient in enumerate(gradients()):
         free = motion[:, case].reshape(-1, 6)
-        ends = np.hstack([free[i], free[j]])
-        parted = np.einsum("cab,cb->ca", kinematics, ends) + contacts.stretch[case]
-        pull = np.einsum("cab,cb->ca", contacts.springs, parted)
+        parted = contacts.motion(free) + strained[case]
+        pull = np.einsum("cab,cb->ca", tangent[:, :3], parted)
         # Rows zz, yz, zx are what planes across z carry, the same in every layer at rest.
-        stress[:, case] = voigt((pull * share[:, None]).T @ contacts.branch)
+        stress[:, case] = voigt((pull * share[:, None]).T @ branch)
         for row in (2, 3, 4):
             moving = AXES[row][0]
             along = layers.means(free[:, moving])

@@ -1,22 +1,19 @@
 """Six strains of a cell, and what each does to the contacts while no sphere leaves the mean field.
 
 A uniform displacement gradient G moves the centre at x by G x, and what is periodic or touches a
-wall with it. The spheres turn with the rotation w in G. The ends of a contact then part by d = G b
-- w x (l_i - l_j), b the branch from centre to centre, or to the plane of a wall, which is E b
-between spheres, E the symmetric part of G. Shears with z slide horizontal planes over each other,
+wall with it. The spheres turn with the rotation in G. What the strains do to the contacts is in
+`modal.stiffness.imposed`. Shears with z slide horizontal planes over each other,
 as walls can; which rotation is in G makes no difference to a packing that is free to turn.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.stiffness.springs import contact_springs
+from modal.stiffness.imposed import Gradients
 
 STRAINS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Names of the strains, in the order of Voigt."""
@@ -32,15 +29,13 @@ def gradients() -> Floats:
     return gradient
 
 
+STRAINED = Gradients(gradients())
+"""All spheres follow the six strains."""
+
+
 def voigt(tensor: Floats) -> Floats:
     """Shape (6,) from a symmetric stress (3, 3): xx, yy, zz, yz, zx, xy."""
     return np.array([tensor[a, b] for a, b in AXES])
-
-
-def turn(gradient: Floats) -> Floats:
-    """Shape (3,): the rotation vector of a displacement gradient (3, 3)."""
-    twice = gradient - gradient.T
-    return np.array([twice[2, 1], twice[0, 2], twice[1, 0]]) / 2
 
 
 def has_walls(network: Network) -> bool:
@@ -64,29 +59,3 @@ def has_walls(network: Network) -> bool:
             "touch two walls there"
         )
     return True
-
-
-@dataclass(frozen=True)
-class StrainedContacts:
-    """The contacts under six unit strains that all spheres follow.
-
-    branch (m, 3), m; springs (m, 3, 3), N/m; stretch (6, m, 3), m, by which the ends of a contact
-    part; pull (6, m, 3), N, with which its springs resist, on i.
-    """
-
-    branch: Floats
-    springs: Floats
-    stretch: Floats
-    pull: Floats
-
-    @classmethod
-    def of(cls, network: Network) -> StrainedContacts:
-        """Those of a network."""
-        branch, springs = network.branch, contact_springs(network)
-        arms = network.lever_i - network.lever_j
-        stretch = np.stack([branch @ G.T - np.cross(turn(G), arms) for G in gradients()])
-        return cls(branch, springs, stretch, np.einsum("cij,scj->sci", springs, stretch))
-
-    def energy(self) -> Floats:
-        """Shape (6, 6), J: the work of each strain against the pull of each; affine C times V."""
-        return np.einsum("aci,bci->ab", self.stretch, self.pull)

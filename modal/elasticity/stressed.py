@@ -8,7 +8,7 @@ first order
 
     V dA_ab = sum over contacts of q_a . dk q_b
 
-with q_a (12) what the springs' own answer to gradient a does to the two ends: the spheres follow
+with q_a (9) the contact's motion under the springs' own answer to gradient a: the spheres follow
 the gradient, turn with it, and move beyond it. What is left out is of the order of the square of
 stress over modulus.
 """
@@ -19,22 +19,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.elasticity.moduli import ElasticModuli
-from modal.elasticity.strain import has_walls, turn
+from modal.elasticity.strain import has_walls
 from modal.elasticity.waves import INDEX, unit_vector
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
-from modal.stiffness.matrices import tangent_of
+from modal.stiffness.contacts import Contacts, terms_of
+from modal.stiffness.imposed import Gradients
 
 AT_ONCE = 20_000
-"""Contacts whose 12 x 12 tangents are held at once."""
+"""Contacts whose 9 x 9 tangents are held at once."""
 
 
 def stressed_stiffness(network: Network, moduli: ElasticModuli, pre_stress: str) -> Floats:
     """Shape (3, 3, 3, 3), Pa: A of a cell periodic in all directions, not symmetric.
 
     `moduli` are those of its springs, with `non_affine`; `pre_stress` is one of `TANGENTS`
-    (`modal.stiffness.pre_stress`). InputError for a packing with walls.
+    (`modal.stiffness.contacts`). InputError for a packing with walls.
     """
     if moduli.non_affine is None:
         raise InputError("the moduli lack the motions; ask for non_affine")
@@ -47,28 +48,21 @@ def stressed_stiffness(network: Network, moduli: ElasticModuli, pre_stress: str)
     for first in range(0, network.n_contacts, AT_ONCE):
         rows = np.arange(first, min(first + AT_ONCE, network.n_contacts))
         some = network.some(rows)
-        dk = tangent_of(some, pre_stress) - tangent_of(some, "none")
-        q = _ends(some, moduli.non_affine)
+        dk = Contacts.of(some, terms_of(pre_stress)).tangent() - Contacts.of(some).tangent()
+        q = _motion(some, moduli.non_affine)
         change += np.einsum("aci,cij,bcj->ab", q, dk, q, optimize=True)
     springs = moduli.stiffness[INDEX[:, :, None, None], INDEX[None, None]]
     volume = network.area * network.length
     return springs + change.reshape(3, 3, 3, 3) / volume
 
 
-def _ends(network: Network, non_affine: Floats) -> Floats:
-    """Shape (9, m, 12): motions of both spheres of each contact, centre of i at rest but for u."""
-    q = np.zeros((9, network.n_contacts, 12))
-    branch = network.branch
-    for moved in range(3):
-        for along in range(3):
-            gradient = np.zeros((3, 3))
-            gradient[moved, along] = 1
-            row = q[3 * moved + along]
-            row[:, 6:9] = branch @ gradient.T
-            row[:, 3:6] = row[:, 9:12] = turn(gradient)
-            beyond = non_affine[INDEX[moved, along]]
-            row[:, :6] += beyond[network.particle_i]
-            row[:, 6:] += beyond[network.partner]
+def _motion(network: Network, non_affine: Floats) -> Floats:
+    """Shape (9, m, 9): motions of the contacts under the gradients du_k / dx_l, l the faster."""
+    unit = np.eye(9).reshape(9, 3, 3)
+    q = Gradients(unit).on(network)
+    contacts = Contacts.of(network)
+    for row, (moved, along) in zip(q, np.ndindex(3, 3), strict=True):
+        row += contacts.motion(non_affine[INDEX[moved, along]])
     return q
 
 

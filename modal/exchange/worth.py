@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from modal.packing.network import Network
-from modal.stiffness.law_tangent import TERMS, law_tangent
+from modal.stiffness.contacts import GROWTH, SHEAR, TANGENTS, Contacts
 
-NEEDS_SHEAR = ("shear force", "growing circle")
+NEEDS_SHEAR = SHEAR, GROWTH
 """Terms that are not known where shear forces are not told."""
 ROUND_OFF = 1e-14
 """A share below which a term is none."""
@@ -26,13 +26,13 @@ def worth(network: Network) -> dict[str, float]:
     if m > WEIGHED:
         network = network.some(np.arange(0, m, -(-m // WEIGHED)))
     arc = np.array([1.0] * 3 + [1 / float(network.radius.mean())] * 3)
-    scale = np.tile(arc, 2)
-    springs = law_tangent(network, ()) * scale[:, None] * scale
+    scale = np.array([*arc, *arc[3:]])
+    springs = Contacts.of(network).tangent() * scale[:, None] * scale
     size = float(np.linalg.norm(springs))
     added = {}
-    for term in TERMS:
+    for term in TANGENTS["law"]:
         if network.force_tangential is None and term in NEEDS_SHEAR:
             continue
-        change = law_tangent(network, (term,)) * scale[:, None] * scale - springs
+        change = Contacts.of(network, (term,)).tangent() * scale[:, None] * scale - springs
         added[term] = float(np.linalg.norm(change)) / size
     return {term: share for term, share in added.items() if share > ROUND_OFF}

@@ -153,7 +153,7 @@ def refuse_absent(path: str | Path) -> None:
 
 @contextmanager
 def open_h5(
-    path: str | Path, schema: str | None = None, version: int | None = None
+    path: str | Path, schema: str | None = None, version: int | tuple[int, ...] = ()
 ) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; refuse what is missing, damaged or of another schema.
 
@@ -182,16 +182,18 @@ def open_h5(
 _BY_HDF5 = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
 
 
-def _require_schema(file: h5py.File, schema: str, version: int | None) -> None:
+def _require_schema(file: h5py.File, schema: str, version: int | tuple[int, ...]) -> None:
     found: Any = file.attrs.get("schema")
     found_version: Any = file.attrs.get("schema_version")
     if isinstance(found, bytes):
         found = found.decode(errors="replace")
     if np.shape(found) != () or found != schema:
         raise InputError(f"{file.filename}: schema is {found!r}, expected {schema!r}; wrong file?")
-    if np.shape(found_version) != () or found_version != version:
+    known = (version,) if isinstance(version, int) else version
+    if np.shape(found_version) != () or found_version not in known:
+        reads = " and ".join(map(str, known))
         raise InputError(
-            f"{file.filename}: schema_version is {found_version!r}, this program reads {version}; "
+            f"{file.filename}: schema_version is {found_version!r}, this program reads {reads}; "
             "convert the file or update the program"
         )
 

@@ -25,7 +25,7 @@ from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.factor import SingularError, available, factorise
 from modal.solvers.lanczos import start_block
-from modal.stiffness.springs import with_sliding
+from modal.stiffness.contacts import with_sliding
 
 BEYOND = 4.0
 """Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is

@@ -30,8 +30,8 @@ from modal.modes.problem import Eigenproblem, frequencies
 from modal.packing.network import Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
+from modal.stiffness.contacts import with_sliding
 from modal.stiffness.operator import ContactOperator, component_sums
-from modal.stiffness.springs import with_sliding
 from modal.workload import refuse_endless
 
 if TYPE_CHECKING:

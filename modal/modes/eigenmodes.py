@@ -14,7 +14,7 @@ from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
-from modal.stiffness.springs import with_sliding
+from modal.stiffness.contacts import with_sliding
 from modal.workload import LONGEST
 
 FEW = 10

@@ -124,22 +124,29 @@ def check(network: Columns) -> None:
                 raise InputError(f"{name} is not finite in row {row}; mend the export")
     for name in ("radius", "mass", "inertia"):
         refuse(getattr(network, name) <= 0, "particle", f"has {name} <= 0")
-    for name in ("stiffness_normal", "stiffness_tangential"):
-        refuse(getattr(network, name) < 0, "contact", f"has negative {name}")
+    for name in (name for name in CONTACTS if name.startswith("stiffness")):
+        if (stiffness := getattr(network, name)) is not None:
+            refuse(stiffness < 0, "contact", f"has negative {name}")
     i, j = network.particle_i, network.particle_j
     refuse((i < 0) | (i >= n), "contact", f"has particle_i outside 0 to {n - 1}")
     refuse((j < RECEIVER_WALL) | (j >= n), "contact", f"has particle_j outside -2 to {n - 1}")
     _check_cell(network)
     _check_walls(network)
-    _check_particles(network)
+    _check_bonds(network)
+    spheres = network.inertia_tensor is None
+    if spheres:
+        _check_particles(network)
     if network.n_contacts:
         pushed = network.force_tangential if network.force_normal is None else network.force_normal
         least = 0.0 if pushed is None else SMALL_FORCE * float(abs(pushed).mean())
         for first in range(0, network.n_contacts, PART):
             part = network.some(slice(first, first + PART))
-            _check_geometry(part, first)
+            _check_ends(part, first)
+            if spheres:
+                _check_spheres(part, first)
             _check_shear(part, first, least)
-        _check_pairs(network)
+        if spheres:
+            _check_pairs(network)
         _check_forces(network)
 
 
@@ -204,7 +211,45 @@ def density_of(network: Columns) -> Floats:
     return network.mass / sphere_volume(network.radius)
 
 
-def _check_geometry(network: Columns, first: int) -> None:
+def _check_bonds(network: Columns) -> None:
+    """Rolling and twisting are told together; tensors of inertia are those of bodies."""
+    if (network.stiffness_rolling is None) != (network.stiffness_twisting is None):
+        raise InputError(
+            "one of stiffness_rolling and stiffness_twisting lacks; give both, zeros where a "
+            "contact does not resist"
+        )
+    tensor = network.inertia_tensor
+    if tensor is None:
+        return
+    size = abs(tensor).max(axis=(1, 2))
+    skew = abs(tensor - tensor.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-9 * size
+    refuse(skew, "particle", "has an inertia_tensor that is not symmetric")
+    value = np.linalg.eigvalsh(tensor)
+    refuse(value[:, 0] <= 0, "particle", "has an inertia_tensor that is not positive definite")
+    # No axis has more than the two others together: a flat body has as much.
+    flat = value[:, 2] > (1 + 1e-9) * (value[:, 0] + value[:, 1])
+    refuse(flat, "particle", "has an inertia_tensor that no body has")
+    off = abs(value.mean(axis=1) / network.inertia - 1) > 1e-6
+    refuse(off, "particle", "has an inertia other than a third of its inertia_tensor's trace")
+
+
+def _check_ends(network: Columns, first: int) -> None:
+    """Normals are unit vectors, levers end in one point; `first` is that of the contacts."""
+    normal, wall = network.normal, network.with_wall
+    fault = "has a normal that is not a unit vector"
+    refuse(abs(_dot(normal, normal) - 1) > 2e-6, "contact", fault, first)
+    held = np.zeros(len(wall), bool)
+    held[wall] = network.lever_j[wall].any(axis=1)
+    refuse(held, "contact", "is with a wall, whose lever_j must be zero", first)
+    branch = network.branch
+    missed = network.lever_i - network.lever_j
+    missed -= branch
+    missed[wall] = 0.0
+    misfit = _dot(missed, missed) > MISFIT**2 * _dot(branch, branch)
+    refuse(misfit, "contact", "has levers that do not end in one point", first)
+
+
+def _check_spheres(network: Columns, first: int) -> None:
     """Normals, levers and overlaps against positions and radii; `first` is that of the contacts."""
 
     def refuse_contact(wrong: Bools, fault: str) -> None:
@@ -212,8 +257,6 @@ def _check_geometry(network: Columns, first: int) -> None:
 
     i, j, wall = network.particle_i, network.partner, network.with_wall
     normal, branch = network.normal, network.branch
-    fault = "has a normal that is not a unit vector"
-    refuse_contact(abs(_dot(normal, normal) - 1) > 2e-6, fault)
     distance = np.sqrt(_dot(branch, branch))
     walls = np.flatnonzero(wall)
     radius_i, radius_j = network.radius.take(i), network.radius.take(j)
@@ -229,10 +272,6 @@ def _check_geometry(network: Columns, first: int) -> None:
     fault = "has a normal that does not point from the centre of i to that of j, or to the wall"
     refuse_contact(_dot(branch, normal) < np.cos(ANGLE) * distance, fault)
 
-    fault = "is with a wall, whose lever_j must be zero"
-    held = np.zeros(len(wall), bool)
-    held[walls] = network.lever_j[walls].any(axis=1)
-    refuse_contact(held, fault)
     gap = np.minimum(overlap, 0.0)
     deep = overlap - gap
     for lever, radius, sign in ((network.lever_i, radius_i, 1), (network.lever_j, radius_j, -1)):
@@ -241,11 +280,6 @@ def _check_geometry(network: Columns, first: int) -> None:
         off = (along < (1 - LEVER) * radius - deep) | (along > (1 + LEVER) * radius - gap)
         off |= _dot(lever, lever) - along**2 > (LEVER * radius) ** 2
         refuse_contact(off, "has a lever that does not end where the two touch")
-    missed = network.lever_i - network.lever_j
-    missed -= branch
-    fault = "has levers that do not end in one point"
-    missed[walls] = 0.0
-    refuse_contact(_dot(missed, missed) > (MISFIT * distance) ** 2, fault)
     if network.overlap is not None:
         wrong = abs(network.overlap - overlap) > OVERLAP * smaller
         refuse_contact(wrong, "has an overlap other than positions and radii give")

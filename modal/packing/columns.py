@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -20,6 +20,7 @@ PARTICLES = {
     "radius": ("f", (), "m"),
     "mass": ("f", (), "kg"),
     "inertia": ("f", (), "kg m^2"),
+    "inertia_tensor": ("f", (3, 3), "kg m^2"),
 }
 """Columns of the particles: kind of number, shape of a row, unit."""
 CONTACTS = {
@@ -30,6 +31,8 @@ CONTACTS = {
     "lever_j": ("f", (3,), "m"),
     "stiffness_normal": ("f", (), "N/m"),
     "stiffness_tangential": ("f", (), "N/m"),
+    "stiffness_rolling": ("f", (), "N m/rad"),
+    "stiffness_twisting": ("f", (), "N m/rad"),
     "force_normal": ("f", (), "N"),
     "force_tangential": ("f", (3,), "N"),
     "overlap": ("f", (), "m"),
@@ -48,8 +51,12 @@ CELL = {
 """What there is one of: kind of number, shape, unit."""
 OF_A_LAW = ("shear_growth", "motion_shortening", "torque_shortening")
 """What another program's law of contact does otherwise than springs do."""
-OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift", *OF_A_LAW)
+OF_BONDS = ("stiffness_rolling", "stiffness_twisting", "inertia_tensor")
+"""What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
+UNKNOWN = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of the contacts that a program may not know."""
+OPTIONAL = (*UNKNOWN, *OF_A_LAW, *OF_BONDS)
+"""Columns that a network may lack."""
 PART = 1 << 14
 """Contacts of a part, of those that are worked on together."""
 Made = TypeVar("Made")
@@ -82,6 +89,9 @@ class Columns:
     shear_growth: Floats | None = None
     motion_shortening: Floats | None = None
     torque_shortening: Floats | None = None
+    stiffness_rolling: Floats | None = None
+    stiffness_twisting: Floats | None = None
+    inertia_tensor: Floats | None = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -169,6 +179,11 @@ class Columns:
         return self.unchecked(
             **{name: data[kept] for name, data in columns.items() if data is not None}
         )
+
+    def parts(self: Same) -> Iterator[Same]:
+        """`PART` contacts at a time, whose matrices then take little memory."""
+        for first in range(0, self.n_contacts, PART):
+            yield self.some(slice(first, first + PART))
 
 
 def _own(data: Array) -> Array:

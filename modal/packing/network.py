@@ -15,9 +15,9 @@ from modal.display import quantity, table
 from modal.formats.arrays import Array, Bools, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.checks import check, converted
-from modal.packing.columns import OF_A_LAW, OPTIONAL, Columns
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
+from modal.packing.columns import UNKNOWN, Columns
 
 
 def handed_over(**columns: Array) -> dict[str, Array]:
@@ -39,7 +39,12 @@ class Network(Columns):
     compression positive; `force_tangential` (m, 3) on i; `overlap` (m,); `sliding` (m,) bool;
     `cell_shift` (m, 3), the periods that are added to j. Of another program's law (m,):
     `shear_growth`, by which share the shear force grows per overlap, 1/m; `motion_shortening` and
-    `torque_shortening`, which share of the overlap its lever arms lack of the radius.
+    `torque_shortening`, which share of the overlap its lever arms lack of the radius. Contacts that
+    resist rolling and twisting, as bonds do, have `stiffness_rolling` kr and `stiffness_twisting`
+    kw (m,), N m/rad: the moment on i is minus (kr (1 - n n^T) + kw n n^T)(theta_i - theta_j), and a
+    wall does not turn. Bodies that are no spheres, as clumps, have an `inertia_tensor` (n, 3, 3)
+    about their centres of mass, in the packing's axes; `inertia` is its trace over three, and
+    positions and levers are those of the centres of mass.
     """
 
     def __post_init__(self) -> None:
@@ -95,8 +100,7 @@ class Network(Columns):
     @property
     def absent(self) -> list[str]:
         """Names of the optional data of contacts that are not known."""
-        asked = (name for name in OPTIONAL if name not in OF_A_LAW)
-        return [name for name in asked if getattr(self, name) is None]
+        return [name for name in UNKNOWN if getattr(self, name) is None]
 
     def known(self, name: str, purpose: str) -> Array:
         """The optional data `name` of the contacts; InputError where they are absent.

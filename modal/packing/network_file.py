@@ -1,26 +1,29 @@
-"""The file of a contact network: the one definition of "granular-contact-network", version 1."""
+"""The file of a contact network: the one definition of "granular-contact-network"."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import atomic_h5, get, open_h5, put
+from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
 from modal.packing.checks import named
-from modal.packing.columns import CONTACTS, OPTIONAL, PARTICLES
+from modal.packing.columns import CONTACTS, OF_BONDS, OPTIONAL, PARTICLES
 from modal.packing.network import Network, handed_over
 
 SCHEMA = "granular-contact-network"
-VERSION = 1
+VERSIONS = (1, 2)
+"""With a column of `OF_BONDS` a file says 2, which a reader that would miss it refuses."""
 
 
 def write_network(path: str | Path, network: Network) -> None:
     """Write the network atomically; the 4-byte integers of the format are chosen here."""
     with atomic_h5(path) as file:
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION, creator="granular-wave-modes")
+        version = VERSIONS[any(getattr(network, name) is not None for name in OF_BONDS)]
+        file.attrs.update(schema=SCHEMA, schema_version=version, creator="granular-wave-modes")
         for group, fields in (("particles", PARTICLES), ("contacts", CONTACTS)):
             for name, (kind, _, units) in fields.items():
                 data = getattr(network, name)
@@ -37,19 +40,17 @@ def write_network(path: str | Path, network: Network) -> None:
 
 def read_network(path: str | Path) -> Network:
     """Read and validate a network; raises InputError with one line for anything wrong."""
-    with open_h5(path, SCHEMA, VERSION) as file:
+    with open_h5(path, SCHEMA, VERSIONS) as file:
         columns: dict[str, Any] = {}
-        n: int | None = None
-        for name, (kind, tail, _) in PARTICLES.items():
-            columns[name] = get(file, f"particles/{name}", kind, (n, *tail))
-            n = len(columns[name])
-        m: int | None = None
-        for name, (kind, tail, _) in CONTACTS.items():
-            full = f"contacts/{name}"
-            if name in OPTIONAL and full not in file:
-                continue
-            columns[name] = get(file, full, kind, (m, *tail))
-            m = len(columns[name])
+        for group, fields in (("particles", PARTICLES), ("contacts", CONTACTS)):
+            _refuse_unknown(file, group, fields)
+            length: int | None = None
+            for name, (kind, tail, _) in fields.items():
+                full = f"{group}/{name}"
+                if name in OPTIONAL and full not in file:
+                    continue
+                columns[name] = get(file, full, kind, (length, *tail))
+                length = len(columns[name])
         columns["cell_size"] = get(file, "cell/size", "f", (3,))
         columns["cell_periodic"] = get(file, "cell/periodic", "b", (3,))
         columns["wall_position"] = get(file, "walls/position", "f", (2,))
@@ -57,6 +58,16 @@ def read_network(path: str | Path) -> Network:
         provenance = _attributes(file, "provenance")
     with named(path):
         return Network(**handed_over(**columns), study=study, provenance=provenance)
+
+
+def _refuse_unknown(file: h5py.File, group: str, known: Iterable[str]) -> None:
+    """A column of a later program may change the answer; in version 1 there was none that does."""
+    further = sorted(set(file.get(group, ())) - set(known))
+    if further and file.attrs["schema_version"] != 1:
+        raise InputError(
+            f"{file.filename}: {group}/{further[0]} is unknown to this program and may change the "
+            "answer; update the program, or leave it out"
+        )
 
 
 def _attributes(file: h5py.File, group: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ A contact with history has a shear force. A step turns it with its contact and w
 two spheres, lets it grow by ks times the shear displacement, a contact's first step included, and
 cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by term (there `ScGeom`
 without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
-`modal.stiffness.pre_stress` with finite increments. Without friction there is no history.
+`modal.stiffness.contacts` with finite increments. Without friction there is no history.
 
 `radius` (n,) is that of each sphere, m; `moduli` are E* and G*, Pa, of two spheres and then those
 of a sphere and a wall. The lever arms of a contact end in the middle of its overlap; of equal

@@ -19,8 +19,8 @@ from modal.packing.sample import Sample
 from modal.packing.state import friction_used
 from modal.preparation.moving_contacts import MovingContacts
 from modal.solvers.conjugate_gradients import conjugate_gradients
+from modal.stiffness.matrices import own_blocks
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.static_load import own_blocks
 
 STRIDE = 1.0
 """Median overlaps that a sphere may go at once; its neighbours go nearly as far, and the overlaps

@@ -19,7 +19,7 @@ from modal.loops import (
 )
 
 
-def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scale):
+def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, rolling, scale):
     rotating = x.shape[1] == 6
     width = x.shape[2] if single is None else 1
     for c in range(first, last):
@@ -79,6 +79,20 @@ def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scal
                         y[j, 3, v] += rj * more[0]
                         y[j, 4, v] += rj * more[1]
                         y[j, 5, v] += rj * more[2]
+            if rolling is not None and rotating:
+                # Turning against each other, of which rolling and twisting each resist a part.
+                p = -ri * x[i, 3, v], -ri * x[i, 4, v], -ri * x[i, 5, v]
+                if j >= 0:
+                    p = plus(p, rj, (x[j, 3, v], x[j, 4, v], x[j, 5, v]))
+                rolls, twists = factor * rolling[c, 0], factor * rolling[c, 1] * dot(n, p)
+                moment = plus((rolls * p[0], rolls * p[1], rolls * p[2]), twists, n)
+                y[i, 3, v] -= ri * moment[0]
+                y[i, 4, v] -= ri * moment[1]
+                y[i, 5, v] -= ri * moment[2]
+                if j >= 0:
+                    y[j, 3, v] += rj * moment[0]
+                    y[j, 4, v] += rj * moment[1]
+                    y[j, 5, v] += rj * moment[2]
 
 
 def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
@@ -171,6 +185,7 @@ def _combine_by_slabs(
     fresh,
     lateral,
     aside,
+    rolling,
     shear,
     scale,
     sums,
@@ -200,7 +215,20 @@ def _combine_by_slabs(
                         _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
                     if still:
                         continue
-                    _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, scale)
+                    _springs(
+                        first,
+                        last,
+                        x,
+                        y,
+                        single,
+                        factor,
+                        rows,
+                        ends,
+                        lateral,
+                        aside,
+                        rolling,
+                        scale,
+                    )
                     if shear is not None:
                         _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
     if mixing:

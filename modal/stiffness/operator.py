@@ -17,16 +17,17 @@ from modal.formats.hdf5 import InputError
 from modal.loops import numba, threads_for
 from modal.packing.network import Network
 from modal.stiffness import contact_loops
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.contacts import SYMMETRIC, terms_of
+from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.packed_contacts import PackedContacts
-from modal.stiffness.pre_stress import SYMMETRIC, TANGENTS
+from modal.stiffness.root_mass import RootMass
 
 
 class ContactOperator(LinearOperator):
     """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) arrays.
 
     Six entries a particle, u (m) then theta; three with `translations_only`. `mass_scaled` gives
-    the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.stiffness.pre_stress`.
+    the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.stiffness.contacts`.
     Equal to the matrix of `modal.stiffness.matrices` up to round-off, and symmetric unless
     `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix. Real
     numbers are what it is made for; complex ones take two products.
@@ -40,8 +41,7 @@ class ContactOperator(LinearOperator):
         mass_scaled: bool = False,
         pre_stress: str = "none",
     ) -> None:
-        if pre_stress not in TANGENTS:
-            raise InputError(f"pre-stress {pre_stress!r}: choose one of {', '.join(TANGENTS)}")
+        terms_of(pre_stress)
         self.pre_stress = pre_stress
         self.dof = 3 if translations_only else 6
         self.order: Ints | None = None
@@ -52,16 +52,16 @@ class ContactOperator(LinearOperator):
             matrix = stiffness_matrix(
                 network, translations_only=translations_only, pre_stress=pre_stress
             )
-            if mass_scaled:
-                mass = mass_diagonal(network, translations_only=translations_only)
-                scale = sp.diags(1 / np.sqrt(mass))
-                matrix = (scale @ matrix @ scale).tocsr()
-            self._matrix = matrix
+            self._matrix = RootMass.of(network, self.dof).around(matrix) if mass_scaled else matrix
             return
         self._contacts = PackedContacts.of(network, pre_stress)
         self._scale = np.ones((network.n_particles, 2))
+        self._unturning: Floats | None = None
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
+            self._unturning = RootMass.of(network, self.dof).unturning
+        if self._unturning is not None:
+            self._scale[:, 1] = 1
 
     def renumbered(self) -> ContactOperator:
         """The same operator on motions whose particles are numbered as its loops meet them.
@@ -74,6 +74,8 @@ class ContactOperator(LinearOperator):
         other = copy.copy(self)
         other._contacts, other.order = self._contacts.renumbered()
         other._scale = self._scale[other.order]
+        if self._unturning is not None:
+            other._unturning = self._unturning[other.order]
         return other
 
     def inward(self, u: Floats) -> Floats:
@@ -140,13 +142,40 @@ class ContactOperator(LinearOperator):
         sums: Floats | None,
     ) -> None:
         """The same for real arrays in C order, by the compiled loops."""
+        if self._unturning is None:
+            self._loop(u, out, factor, own, kept, sums)
+            return
+        # The roots of tensors of inertia go around the loops, whose masses are numbers.
+        if sums is not None:
+            sums[:] = component_sums(out, u, self.dof)
+        by_body = (len(self._scale), self.dof, -1)
+        turned, force = u.copy(), np.empty_like(u)
+        turned.reshape(by_body)[:, 3:] = self._unturning @ u.reshape(by_body)[:, 3:]
+        self._loop(turned, force, factor, 0.0, 0.0, None)
+        pushed = force.reshape(by_body)
+        pushed[:, 3:] = self._unturning @ pushed[:, 3:]
+        out[...] = kept * out if kept else 0.0
+        out += force
+        out += own * u
+
+    def _loop(
+        self,
+        u: Floats,
+        out: Floats,
+        factor: float,
+        own: float,
+        kept: float,
+        sums: Floats | None,
+    ) -> None:
+        """By the compiled loops alone."""
         width = u.size // self.shape[0]
         on, shape = self._contacts, (-1, self.dof, width)
         of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof))
         contact_loops.combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
             *(float(factor), float(own), float(kept)),
-            *(on.rows, on.ends, on.slabs, on.pieces, on.fresh, on.lateral, on.aside, on.shear),
+            *(on.rows, on.ends, on.slabs, on.pieces, on.fresh),
+            *(on.lateral, on.aside, on.rolling, on.shear),
             *(self._scale, of_slabs, threads_for(len(self._scale))),
         )
         if sums is not None and of_slabs is not None:

@@ -15,7 +15,7 @@ from modal.formats.arrays import Floats, Ints
 from modal.loops import slabs_of
 from modal.packing.columns import PART
 from modal.packing.network import Network
-from modal.stiffness.pre_stress import centre_distance, forces_of
+from modal.stiffness.contacts import Carried, centre_distance, terms_of
 
 ACROSS = 64
 """Diameters: a wider packing is worked through in columns so wide, whose layers a cache holds."""
@@ -32,7 +32,8 @@ class PackedContacts:
     rows (m, 7): normal, kn - kt, kt, and how far the two levers reach along the normal, the second
     one backwards; ends (m, 2) int32, walls negative. lateral (m,): -N / l of a pre-stress, else
     None. aside (m, 6): the parts of both levers across the normal, None where all levers lie along
-    it. shear (m, 4): the tangential force on j, N, and 1 / l, for the full tangent, else None.
+    it. rolling (m, 2): kr and kw - kr, N m/rad, None where nothing resists rolling. shear (m, 4):
+    the tangential force on j, N, and 1 / l, for the full tangent, else None.
 
     slabs (s + 1,): the piece with which each begins, and their number p. pieces (p + 1, 2): the
     first contact of each, and its first sphere in `fresh` (n,) int32, the spheres by the piece that
@@ -46,15 +47,17 @@ class PackedContacts:
     fresh: Ints
     lateral: Floats | None
     aside: Floats | None
+    rolling: Floats | None
     shear: Floats | None
 
     @classmethod
     def of(cls, network: Network, pre_stress: str) -> PackedContacts:
-        """The contacts of a network; `pre_stress` as in `modal.stiffness.pre_stress`."""
+        """The contacts of a network; `pre_stress` as in `modal.stiffness.contacts`."""
         order, slabs = _order_along_z(network)
         ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
         lateral = None
-        pressed, sheared = forces_of(network, pre_stress)
+        carried = Carried.of(network, terms_of(pre_stress))
+        pressed, sheared = carried.normal, carried.shear
         if pressed is not None:
             per_distance = 1 / centre_distance(network)[order]
             lateral = -pressed[order] * per_distance
@@ -77,11 +80,14 @@ class PackedContacts:
         if (furthest_off > CENTRAL * longest).any():
             across = [_along_and_off(lever, network.normal)[1][order] for lever, _ in levers]
             aside = np.hstack(across)
-        shear = None
+        rolling = shear = None
+        kr, kw = network.stiffness_rolling, network.stiffness_twisting
+        if kr is not None and kw is not None:
+            rolling = np.column_stack([kr, kw - kr])[order]
         if sheared is not None:
             shear = np.column_stack([-sheared[order], per_distance])
         in_pieces = _pieces(ends, slabs, network.n_particles)
-        return cls(rows, ends, *in_pieces, lateral, aside, shear)
+        return cls(rows, ends, *in_pieces, lateral, aside, rolling, shear)
 
     def renumbered(self) -> tuple[PackedContacts, Ints]:
         """The same with the spheres numbered as the loops meet them, and their former numbers (n,).

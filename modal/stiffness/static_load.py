@@ -15,9 +15,9 @@ from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
+from modal.stiffness.imposed import WallMoves, put_on
+from modal.stiffness.matrices import own_blocks
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.springs import contact_kinematics, contact_springs
-from modal.stiffness.walls import wall_pattern
 
 MAX_PRODUCTS = 5000
 """Products K u after which a load counts as one that the springs cannot balance."""
@@ -78,22 +78,6 @@ def spring_motion(
     return operator.outward(arcs).reshape(load.shape) / arm, products
 
 
-def own_blocks(network: Network) -> Floats:
-    """Shape (n, 6, 6): K's block of each sphere with itself."""
-    n, pair, k = network.n_particles, ~network.with_wall, contact_springs(network)
-    B = contact_kinematics(network)
-    blocks = np.zeros((n, 6, 6))
-    for end, on, moves in (
-        (network.particle_i, slice(None), B[:, :, :6]),
-        (network.particle_j[pair], pair, B[pair, :, 6:]),
-    ):
-        local = moves.transpose(0, 2, 1) @ (k[on] @ moves)
-        for a in range(6):
-            for b in range(6):
-                blocks[:, a, b] += np.bincount(end, local[:, a, b], n)
-    return blocks
-
-
 def static_velocity(network: Network) -> tuple[float, float]:
     """P-wave velocity, m/s, and P-wave modulus, Pa, of the bulk in the limit of long waves.
 
@@ -109,12 +93,11 @@ def static_velocity(network: Network) -> tuple[float, float]:
     inner = (layers.position > low) & (layers.position < high)
     if inner.sum() < 5:
         raise InputError("the packing is too short for a velocity of its bulk; take a longer one")
-    pattern, _, _ = wall_pattern(network, SOURCE_WALL)
-    _, row, _ = wall_pattern(network, RECEIVER_WALL)
-    load = pattern.reshape(-1, 6)
+    load = put_on(network, (), WallMoves(SOURCE_WALL)).push.reshape(-1, 6)
+    row = put_on(network, (), WallMoves(RECEIVER_WALL)).pull
     motion, _ = spring_motion(network, load, STRAIN_TOLERANCE, STRAIN_SHIFT)
     area = network.area
-    stress = float(row @ motion.ravel()) / area
+    stress = float(row[:, 0] @ motion.ravel()) / area
     strain = -np.polyfit(layers.position[inner], layers.means(motion[:, 2])[inner], 1)[0]
     if not (stress > 0 and strain > 0):
         raise InputError("no force goes from wall to wall; such a packing carries no wave")

@@ -14,7 +14,7 @@ import numpy as np
 from modal.display import axes_of, quantity
 from modal.formats.arrays import Complex, Floats
 from modal.packing.crystal import FccPacking
-from modal.stiffness.springs import cross_matrix
+from modal.stiffness.contacts import cross_matrix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

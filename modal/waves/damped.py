@@ -22,9 +22,9 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.imposed import WallMoves, put_on
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.walls import wall_pattern
+from modal.stiffness.root_mass import RootMass
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion
@@ -61,9 +61,10 @@ def propagate_damped(
     dashpots = damping.dashpots(network)
     dashpot = ContactOperator(dashpots, mass_scaled=True)
     top = _fastest(spring, dashpot)
-    scale = 1 / np.sqrt(mass_diagonal(network))
-    viscous, to_source, held = wall_pattern(dashpots, SOURCE_WALL, axis=receivers.axis)
-    _, to_receiver, _ = wall_pattern(dashpots, RECEIVER_WALL, axis=receivers.axis)
+    root = RootMass.of(network)
+    viscous = put_on(dashpots, (), WallMoves(SOURCE_WALL, receivers.axis))
+    beyond = put_on(dashpots, (), WallMoves(RECEIVER_WALL, receivers.axis))
+    held = float(viscous.held[0, 0])
     times = record_times(duration, interval)
     refuse_endless(
         f"a damped wave of {duration:g} s",
@@ -77,10 +78,10 @@ def propagate_damped(
     edges = _steps(motion.corners, float(times[-1]), step)
     at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
     # What springs and dashpots of the source wall do for its displacement and its velocity.
-    push, drag = receivers.source * scale, viscous * scale
+    push, drag = root.over(receivers.source), root.over(viscous.push[:, 0])
     rows = np.zeros((len(times), receivers.count))
-    state, products = np.zeros((2, len(scale))), 0
-    on_walls = np.array([to_source, to_receiver]) * scale
+    state, products = np.zeros((2, len(push))), 0
+    on_walls = root.over(np.hstack([viscous.pull, beyond.pull])).T
     for k in progress(len(edges) - 1, "wave"):
         start, length = edges[k], edges[k + 1] - edges[k]
         source = _polynomial(motion, start, length)

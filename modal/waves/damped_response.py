@@ -19,8 +19,8 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.progress import progress
 from modal.solvers.complex_factor import factorise_complex
 from modal.stiffness.damping import ContactDamping
+from modal.stiffness.imposed import WallMoves, put_on
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.walls import wall_pattern
 from modal.waves.receivers import Receivers
 from modal.workload import refuse_above
 
@@ -39,8 +39,10 @@ def damped_rows(
     dashpots = damping.dashpots(network)
     K, C = (stiffness_matrix(of).tocsr() for of in (network, dashpots))
     mass = sp.diags(mass_diagonal(network), format="csr")
-    drag, to_source, held = wall_pattern(dashpots, SOURCE_WALL, axis=receivers.axis)
-    _, to_receiver, _ = wall_pattern(dashpots, RECEIVER_WALL, axis=receivers.axis)
+    viscous = put_on(dashpots, (), WallMoves(SOURCE_WALL, receivers.axis))
+    beyond = put_on(dashpots, (), WallMoves(RECEIVER_WALL, receivers.axis))
+    drag, to_source, to_receiver = viscous.push[:, 0], viscous.pull[:, 0], beyond.pull[:, 0]
+    held = float(viscous.held[0, 0])
     rows: Complex = np.empty((len(frequency), receivers.count), complex)
     parts = np.empty((2, receivers.count))
     started = clock.perf_counter()

@@ -17,8 +17,8 @@ import numpy as np
 from modal.formats.arrays import Floats, Ints
 from modal.packing.network import Network
 from modal.packing.repeats import lateral_repeats
-from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.root_mass import RootMass
 from modal.waves.receivers import Receivers
 
 
@@ -90,4 +90,4 @@ class Driven:
     def start(self) -> Floats:
         """The mass-scaled force of the wall (6n,) per metre of its motion, made anew each time."""
         push = self.receivers.source.reshape(-1, 6)[self._first].ravel()
-        return self.operator.inward(push / np.sqrt(mass_diagonal(self._part)))
+        return self.operator.inward(RootMass.of(self._part).over(push))

@@ -45,7 +45,7 @@ def leapfrog(
     """The wave by leapfrog; its signals are recorded at every `every`-th step.
 
     `duration` and `time_step` in s; `motion` of the source wall, by default the pulse of the study;
-    `pre_stress` as in `modal.stiffness.pre_stress`; `particles` records every particle;
+    `pre_stress` as in `modal.stiffness.contacts`; `particles` records every particle;
     `direction`, x, y or z, is that of the wall and of all that is recorded;
     `network_sha256` is noted in the signals. InputError where the time step exceeds the stability
     limit 2 / omega_max. GrowthError where the network is unstable: its velocities then exceed what

@@ -14,14 +14,14 @@ import numpy as np
 
 from modal.arguments import checked
 from modal.display import axes_of, quantity
-from modal.formats.arrays import Floats, Ints
+from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import Network
-from modal.stiffness.contact_loads import loads
-from modal.stiffness.matrices import mass_diagonal
+from modal.stiffness.contacts import with_sliding
+from modal.stiffness.imposed import PlaneOpens, put_on
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.springs import contact_springs, with_sliding
+from modal.stiffness.root_mass import RootMass
 from modal.waves.propagate import carried
 from modal.waves.signals import DIRECTIONS
 from modal.waves.source import Motion, Pulse
@@ -75,7 +75,7 @@ class _Spheres:
 
     def __init__(self, network: Network, axis: int) -> None:
         self.count, self._axis = network.n_particles, axis
-        self._per_root_mass = (1 / np.sqrt(mass_diagonal(network)))[axis::6].copy()
+        self._per_root_mass = (1 / RootMass.of(network).diagonal)[axis::6].copy()
 
     def observe(self, u: Floats, out: Floats) -> None:
         """The displacements (n,) of the mass-scaled motion u (6n,)."""
@@ -88,17 +88,6 @@ class _Spheres:
     def largest(self, record: Floats, _: Floats) -> Floats:
         """Shape (1,), m: of the displacements (k, n)."""
         return abs(record).max(keepdims=True)[0]
-
-
-def crossings(network: Network, height: float) -> Ints:
-    """Shape (m,): how often each contact crosses the plane at `height`, m, on its way up from i.
-
-    Negative on its way down; images of the plane a period away count alike.
-    """
-    start = network.position[network.particle_i, 2] - height
-    rise = network.branch[:, 2]
-    period = network.cell_size[2]
-    return np.floor((start + rise) / period).astype(int) - np.floor(start / period).astype(int)
 
 
 @checked
@@ -141,15 +130,13 @@ def propagate_from_plane(
         )
     axis, network = DIRECTIONS.index(direction), with_sliding(network, sliding)
     motion = motion or Pulse()
-    opening = contact_springs(network)[:, :, axis] * crossings(network, height)[:, None]
-    # An opening pushes i, below, down: the other way than a pull on it.
-    push = -loads(network, opening[None])[0][:, 0]
+    push = put_on(network, (), PlaneOpens(height, axis)).push[:, 0]
     if not push.any():
         raise InputError(f"nothing resists an opening along {direction} at {height:g} m")
     operator = ContactOperator(network, mass_scaled=True)
     time, recorded, products, truncation = carried(
         operator,
-        lambda: push / np.sqrt(mass_diagonal(network)),
+        lambda: RootMass.of(network).over(push),
         _Spheres(network, axis),
         motion,
         duration,

@@ -23,9 +23,9 @@ from modal.display import quantity
 from modal.formats.arrays import Floats
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
+from modal.stiffness.contacts import with_sliding
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.springs import with_sliding
 from modal.waves.chebyshev import Observer, summed
 from modal.waves.damped import propagate_damped
 from modal.waves.driven import Driven
@@ -93,7 +93,7 @@ def propagate(
     all is recorded along it: "z" sends P-waves, "x" and "y" send S-waves.
 
     `duration` and recording `interval` in s; `motion` of the source wall, by default the pulse of
-    the study. `pre_stress` as in `modal.stiffness.pre_stress`, `sliding` as of `modal.eigenmodes`;
+    the study. `pre_stress` as in `modal.stiffness.contacts`, `sliding` as of `modal.eigenmodes`;
     `particles` records every particle; `network_sha256` is noted in the signals. `damping` gives
     the contacts dashpots (`modal.stiffness.damping`), which takes some ten times as many products.
     A packing of equal parts side by side, as a crystal, is computed in one of them where that is

@@ -9,8 +9,9 @@ from modal.formats.arrays import Array, Floats, Ints
 from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.stiffness.matrices import mass_diagonal
-from modal.stiffness.walls import wall_pattern
+from modal.stiffness.contacts import terms_of
+from modal.stiffness.imposed import WallMoves, put_on
+from modal.stiffness.root_mass import RootMass
 from modal.waves.chain import wall_to_wall_chain
 from modal.waves.signals import DIRECTIONS, Signals
 from modal.waves.source import Motion
@@ -40,23 +41,23 @@ class Receivers:
         self.network, self.particles = network, particles
         self.chain = wall_to_wall_chain(network)
         self.layers = Layers(network)
-        self.source, to_source, self.source_stiffness = wall_pattern(
-            network, SOURCE_WALL, pre_stress, self.axis
-        )
+        terms = terms_of(pre_stress)
+        here = put_on(network, terms, WallMoves(SOURCE_WALL, self.axis))
+        self.source, to_source = here.push[:, 0], here.pull[:, 0]
+        self.source_stiffness = float(here.held[0, 0])
         if not self.source.any():
             raise InputError(
                 f"the source wall moves nothing along {direction}: its contacts have no "
                 f"{'normal' if direction == 'z' else 'tangential'} stiffness"
             )
-        _, to_receiver, _ = wall_pattern(network, RECEIVER_WALL, pre_stress, self.axis)
+        there = put_on(network, terms, WallMoves(RECEIVER_WALL, self.axis))
         self._near_source = np.flatnonzero(to_source)
         self._to_source = to_source[self._near_source]
         self.area = network.area
-        self._rows = self._observing(to_source, to_receiver)
+        self._rows = self._observing(to_source, there.pull[:, 0])
         self.count = self._rows.shape[0]
         if mass_scaled:
-            scale = 1 / np.sqrt(mass_diagonal(network))
-            self._rows.data *= scale[self._rows.indices]
+            self._rows = (self._rows @ RootMass.of(network).inverse()).tocsr()
 
     def _observing(self, *to_walls: Floats) -> sp.csr_matrix:
         """Shape (count, 6n): what a motion is multiplied by; `to_walls` (6n,) are the first rows.

@@ -28,9 +28,9 @@ from modal.formats.hdf5 import InputError, complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum
+from modal.stiffness.contacts import with_sliding
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.springs import with_sliding
 from modal.waves.chebyshev import summed
 from modal.waves.damped_response import REMEDY, damped_rows
 from modal.waves.driven import Driven
@@ -123,7 +123,7 @@ def frequency_response(
     leaves out of each record: of the motions, the stress on the source and that on the receiver
     wall, relative to the largest of each at any of the frequencies. Where a stress is small, as at
     an antiresonance, it and the gain are off by more of their own. `pre_stress` as in
-    `modal.stiffness.pre_stress`, `sliding` as of `modal.eigenmodes`; `direction` of the wall's
+    `modal.stiffness.contacts`, `sliding` as of `modal.eigenmodes`; `direction` of the wall's
     motion, x or y for S-waves.
 
     With `damping` (`modal.stiffness.damping`) the contacts have dashpots and the response is that

@@ -6,7 +6,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import bare, levers_of_radii, polydisperse
+from packings import bare, contact_matrices, levers_of_radii, polydisperse
 from scipy.linalg import eigh, lstsq
 
 from modal.__main__ import main
@@ -20,7 +20,6 @@ from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.state import stress_tensor
 from modal.stiffness.matrices import mass_diagonal
-from modal.stiffness.springs import contact_stiffness
 from modal.theory.fcc import FccLattice
 
 CUBE = {"<100>": (1, 1, 0), "<001>": (0, 0, 1), "<110>": (1, 0, 0), "<111>": (0, 1, np.sqrt(0.5))}
@@ -183,7 +182,7 @@ def bloch_matrix(
     n = network.n_particles
     K = np.zeros((n, 6, n, 6), complex)
     phase = np.exp(1j * (network.cell_shift * network.cell_size) @ wavevector)
-    tangent = contact_stiffness(network) if tangent is None else tangent
+    tangent = contact_matrices(network) if tangent is None else tangent
     for local, i, j, turn in zip(
         tangent, network.particle_i, network.particle_j, phase, strict=True
     ):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import polydisperse
+from packings import contact_matrices, polydisperse
 from places import PACKINGS
 from test_moduli import bloch_matrix, without_loose_spheres
 
@@ -18,12 +18,11 @@ from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
-from modal.stiffness.pre_stress import contact_tangent
 
 
 def long_waves(network: Network, wavevector: np.ndarray, pre_stress: str) -> np.ndarray:
     """V^2 (3,) of the three Bloch waves that move all spheres alike, m^2/s^2, ascending."""
-    matrix = bloch_matrix(network, wavevector, contact_tangent(network, pre_stress))
+    matrix = bloch_matrix(network, wavevector, contact_matrices(network, pre_stress))
     square, shape = np.linalg.eig(matrix)
     alike = np.zeros((network.n_particles, 6, 3))
     alike[:, range(3), range(3)] = np.sqrt(network.mass)[:, None]

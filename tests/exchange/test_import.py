@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import program_files
 import pytest
+from packings import contact_matrices
 from places import PACKINGS
 from program_files import PAIR, imported, refused, respelt, sorted_ends
 
@@ -17,10 +18,7 @@ import modal
 from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
 from modal.packing.network_file import read_network
-from modal.stiffness.law_tangent import law_tangent
 from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.pre_stress import contact_tangent
-from modal.stiffness.springs import contact_stiffness
 
 FILE = "out.network.h5"
 
@@ -427,11 +425,11 @@ def test_law_tangent_without_its_own_terms_is_the_springs_matrix(tmp_path):
     atoms, contacts, log = program_files.lammps(made, tmp_path)
     found = import_lammps(atoms, contacts, log, *[None] * 4)
     network = found.network
-    scale = abs(contact_stiffness(network)).max()
-    springs = law_tangent(network, ())
-    np.testing.assert_allclose(springs, contact_stiffness(network), atol=1e-12 * scale)
-    shared = law_tangent(network, ("normal force", "shear force"))
-    full = contact_tangent(network, "full")
+    scale = abs(contact_matrices(network)).max()
+    springs = contact_matrices(network, ())
+    np.testing.assert_allclose(springs, contact_matrices(network), atol=1e-12 * scale)
+    shared = contact_matrices(network, ("normal force", "shear force"))
+    full = contact_matrices(network, "full")
     # The twist acts in the columns of rotations alone: those of displacements are equal.
     for columns in (slice(0, 3), slice(6, 9)):
         np.testing.assert_allclose(shared[:, :, columns], full[:, :, columns], atol=1e-12 * scale)

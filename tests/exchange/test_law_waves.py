@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import program_files
 import pytest
+from packings import wall_pattern
 from scipy.integrate import solve_ivp
 
 from modal.__main__ import main
@@ -14,11 +15,9 @@ from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
-from modal.stiffness.law_tangent import law_tangent
-from modal.stiffness.matrices import assembled, mass_diagonal, stiffness_matrix
+from modal.stiffness.contacts import asymmetry
+from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.pre_stress import asymmetry
-from modal.stiffness.walls import wall_pattern
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
@@ -34,7 +33,7 @@ def imported(tmp_path) -> Network:
 def test_operator_is_the_matrix_of_the_law_and_survives_a_file(tmp_path):
     write_network(tmp_path / "x.network.h5", imported(tmp_path))
     network = read_network(tmp_path / "x.network.h5")
-    K = assembled(network, law_tangent(network))
+    K = stiffness_matrix(network, pre_stress="law")
     u = np.random.default_rng(1).standard_normal((K.shape[0], 3))
     found = ContactOperator(network, pre_stress="law").apply(u)
     np.testing.assert_allclose(found, K @ u, atol=1e-13 * abs(K @ u).max())

@@ -15,7 +15,7 @@ from modal.exchange.mercury import import_mercury
 from modal.exchange.program_law import SI
 from modal.packing.network import SOURCE_WALL, Network
 from modal.packing.network_file import read_network
-from modal.stiffness.law_tangent import law_tangent
+from modal.stiffness.contacts import TANGENTS, Contacts
 from modal.stiffness.matrices import assembled
 
 FILE = "out.network.h5"
@@ -153,7 +153,8 @@ def test_stiffness_of_mindlin_is_that_of_mercurys_forces(tmp_path):
         moved[:, k] = 1e-10 * arc[k], -1e-10 * arc[k]
         ahead, behind = (mercury(made, spring, way.reshape(-1, 6))[1] for way in moved)
         column[:] = arc * (behind - ahead).ravel() / 2e-10
-    tangent = assembled(found.network, law_tangent(found.network))[:, own].toarray()
+    law = Contacts.of(found.network, TANGENTS["law"]).tangent()
+    tangent = assembled(found.network, law)[:, own].toarray()
     have = arc[:, None] * tangent * arc[own]
     assert np.linalg.norm(have - wanted) < 1e-6 * np.linalg.norm(wanted)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import scaled
+from packings import kinematics, scaled
 from scipy.linalg import eigh_tridiagonal
 
 from modal.formats.hdf5 import InputError
@@ -20,8 +20,8 @@ from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.contact_law import Material, stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
+from modal.stiffness.contacts import Contacts
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.springs import contact_kinematics, contact_springs
 from modal.theory.fcc import FccLattice, dispersion
 
 
@@ -53,7 +53,7 @@ def test_bloch_equals_periodic_supercell():
     inside = ~network.with_wall
     first = network.particle_i < width * width
     lower = inside & first & (network.normal[:, 2] > 0.1)
-    B, k = contact_kinematics(network), contact_springs(network)
+    B, k = kinematics(network), Contacts.of(network).springs()
     K = stiffness_matrix(network.with_contacts(inside)).toarray()
     # Layer 3 is shifted like layer 1, so the contacts from layer 1 up to layer 2 are the ones
     # that layer 3 has with the image of layer 0.

@@ -34,8 +34,9 @@ from tests.mutation.mutants import Mutant, drawn, mutants_of
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 TESTS = {
-    "stiffness/springs": "stiffness operator tangent lattice_and_modes",
-    "stiffness/pre_stress": "operator tangent linear_wave",
+    "stiffness/contacts": "bodies stiffness operator tangent law_waves linear_wave",
+    "stiffness/imposed": "bodies statics linear_wave shear_waves plane_source moduli",
+    "stiffness/root_mass": "bodies operator linear_wave",
     "stiffness/matrices": "stiffness operator tangent counts lowest_modes zero_modes",
     "stiffness/operator": "operator linear_wave",
     "modes/counts": "counts zero_modes lowest_modes edges lattice_and_modes",

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import packings
 import pytest
+from packings import contact_matrices
 
 from modal.__main__ import main
 from modal.formats.hdf5 import InputError
@@ -19,7 +20,6 @@ from modal.packing.sample import Sample, sample_of_network
 from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress
 from modal.packing.tiling import repeat
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.pre_stress import contact_tangent
 from modal.stiffness.static_load import static_velocity
 from modal.waves.propagate import propagate
 
@@ -130,7 +130,7 @@ def test_functions_ask_by_name():
         (wall_stress, "force_normal"),
         (net_forces, "force_normal"),
         (lambda net: friction_used(net, 0.3), "force_normal"),
-        (lambda net: contact_tangent(net, "normal"), "force_normal"),
+        (lambda net: contact_matrices(net, "normal"), "force_normal"),
         (lambda net: ContactOperator(net, pre_stress="full"), "force_normal"),
         (lambda net: sample_of_network(net, 0.3), "force_tangential"),
         (lambda net: repeat(net, 2, 1), "cell_shift"),

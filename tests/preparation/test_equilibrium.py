@@ -192,7 +192,7 @@ def test_stress_from_contacts_equals_wall_force_per_area(sheared):
 
 def test_forces_change_by_the_full_tangent(sheared):
     """Central differences of the finite law against the exact tangent of
-    `modal.stiffness.pre_stress`."""
+    `modal.stiffness.contacts`."""
     network = sheared.network()
     K = stiffness_matrix(network, pre_stress="full")
     motion = np.random.default_rng(33).standard_normal((network.n_particles, 6))

@@ -14,10 +14,10 @@ from modal.loops import free_cores
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.stiffness import packed_contacts
+from modal.stiffness.contacts import PRE_STRESS
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
 from modal.stiffness.packed_contacts import PackedContacts
-from modal.stiffness.pre_stress import PRE_STRESS
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from packings import contact_matrices
 from scipy.sparse.linalg import eigsh
 
 from modal.formats.hdf5 import InputError
@@ -11,9 +12,9 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.tiling import repeat
 from modal.stiffness import operator, packed_contacts
+from modal.stiffness.contacts import PRE_STRESS
 from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.pre_stress import PRE_STRESS, contact_tangent
 
 EPS = np.finfo(float).eps
 
@@ -56,7 +57,7 @@ def round_off(network, pre_stress, x) -> np.ndarray:
     the entries of the assembled K, in which such terms cancel, bound nothing.
     """
     size = len(x) // network.n_particles
-    largest = abs(contact_tangent(network, pre_stress)).max(axis=(1, 2))
+    largest = abs(contact_matrices(network, pre_stress)).max(axis=(1, 2))
     moved = abs(x).reshape(network.n_particles, size, -1).max(axis=1)
     i, j = network.particle_i, network.particle_j
     pair = j >= 0

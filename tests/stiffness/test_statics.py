@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from packings import scaled
+from packings import scaled, wall_pattern
 from scipy.linalg import eigh, eigvalsh_tridiagonal
 from scipy.sparse.linalg import spsolve
 
@@ -17,7 +17,6 @@ from modal.preparation.random_packing import random_network
 from modal.stiffness import static_load as statics
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
 from modal.stiffness.static_load import STRAIN_TOLERANCE, spring_motion, static_velocity
-from modal.stiffness.walls import wall_pattern
 from modal.theory.fcc import FccLattice
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from packings import contact_matrices
 
 from modal.packing import examples as gallery
 from modal.packing.contact_law import (
@@ -12,12 +13,11 @@ from modal.packing.contact_law import (
     stiffness_normal,
 )
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.springs import contact_stiffness
 from modal.theory.fcc import FccLattice
 
 
 def test_12x12_is_symmetric_and_positive():
-    local = contact_stiffness(gallery.fcc(cells=(2, 2, 4)))
+    local = contact_matrices(gallery.fcc(cells=(2, 2, 4)))
     scale = abs(local).max()
     assert abs(local - local.transpose(0, 2, 1)).max() <= 1e-15 * scale
     # Three springs a contact: rank 3, no negative direction.

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from packings import wall_pattern
 
 import modal
 from modal.__main__ import main
@@ -15,7 +16,6 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network_file import write_network
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.walls import wall_pattern
 from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from packings import wall_pattern
 from scipy.integrate import solve_ivp
 from scipy.linalg import eig, expm
 
@@ -15,7 +16,6 @@ from modal.packing.examples import column
 from modal.packing.network_file import write_network
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.walls import wall_pattern
 from modal.theory.fcc import FccLattice
 from modal.waves.source import Pulse, SampledMotion
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from packings import scaled
+from packings import scaled, wall_pattern
 from places import SHEARED
 
 from modal import workload
@@ -21,7 +21,6 @@ from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.walls import wall_pattern
 from modal.waves import chebyshev
 from modal.waves.chebyshev import Recurrence
 from modal.waves.leapfrog import leapfrog

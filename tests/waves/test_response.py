@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from packings import wall_pattern
 
 from analysis.case import find
 from analysis.crystal import compare
@@ -14,7 +15,6 @@ from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network_file import write_network
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.walls import wall_pattern
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response, read_response
 from modal.waves.signals import Signals

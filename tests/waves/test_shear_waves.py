@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import wall_pattern
 from scipy.linalg import eigh
 
 import modal
@@ -100,7 +101,6 @@ def test_response_against_a_dense_solve():
     A = Eigenproblem.of(network).scaled.toarray()
     square, vector = eigh(A)
     from modal.stiffness.matrices import mass_diagonal
-    from modal.stiffness.walls import wall_pattern
 
     scale = 1 / np.sqrt(mass_diagonal(network))
     source, _, held = wall_pattern(network, -1, axis=0)

@@ -4,13 +4,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from packings import wall_pattern
 from scipy.linalg import expm
 
 import modal
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.walls import wall_pattern
 from modal.waves.source import Pulse, SampledMotion, chirp, step
 
 PACKINGS = {

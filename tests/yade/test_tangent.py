@@ -6,16 +6,16 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from packings import scaled
+from packings import contact_matrices, scaled
 from places import ROOT
 
 from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
+from modal.stiffness.contacts import asymmetry
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
-from modal.stiffness.pre_stress import PRE_STRESS, asymmetry, contact_tangent
 
 SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
 """150 spheres at 100 kPa, compressed with friction 0.4 in YADE and at rest."""
@@ -149,14 +149,6 @@ def test_a_turned_contact_carries_its_forces_along():
     assert abs(K @ shifted).max() < 1e-13 * abs(K).max()
 
 
-@pytest.mark.parametrize("pre_stress", PRE_STRESS)
-def test_a_wall_has_neither_rows_nor_columns(pre_stress):
-    network = loaded_contacts(4)
-    wall = contact_tangent(network, pre_stress)[network.with_wall]
-    assert len(wall) and wall[:, :6, :6].any()
-    assert not wall[:, 6:].any() and not wall[:, :, 6:].any()
-
-
 def test_asymmetry_is_the_share_of_the_antisymmetric_part():
     """Symmetric and antisymmetric parts are orthogonal: any share can be made."""
     random = np.random.default_rng(5).standard_normal((9, 9))
@@ -215,6 +207,6 @@ def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
 
 def test_unknown_pre_stress_is_refused():
     network = gallery.column(2)
-    for refuse in (contact_tangent, lambda n, p: ContactOperator(n, pre_stress=p)):
+    for refuse in (contact_matrices, lambda n, p: ContactOperator(n, pre_stress=p)):
         with pytest.raises(InputError, match="choose one of"):
             refuse(network, "some")

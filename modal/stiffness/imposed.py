@@ -1,0 +1,183 @@
+"""Motions that are put on a packing from outside: of walls, of a plane that opens, of a strain.
+
+Each is a motion of the contacts alone, e (s, m, 9) in the terms of `modal.stiffness.contacts`, on
+top of which the bodies move freely. What a wall, an opening plane or a uniform strain does to a
+packing, and what they feel of its motion, then follows from the contacts' tangents k in one way:
+
+    push = -sum e_c . k      forces and torques on the bodies per unit of the motion,
+    pull = -sum k . e_c      whose product with the bodies' motion is what resists it, turned round,
+    held =  sum e_a . k e_b  what holds the motion with all bodies at rest.
+
+Push and pull are the same where the tangent is symmetric.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from modal.formats.arrays import Bools, Floats, Ints
+from modal.packing.network import Network
+from modal.stiffness.contacts import Contacts
+from modal.stiffness.matrices import ENDS
+
+
+class Imposed(Protocol):
+    """A motion put on the contacts from outside; `count` of them at once."""
+
+    count: int
+
+    def touches(self, network: Network) -> Bools:
+        """Shape (m,) bool: contacts that it moves."""
+
+    def on(self, network: Network) -> Floats:
+        """Shape (count, m, 9): the motion of these contacts, m and rad per unit."""
+
+
+@dataclass(frozen=True)
+class WallMoves:
+    """A wall, by its code in particle_j, that moves by one metre along an axis, 0, 1 or 2."""
+
+    wall: int
+    axis: int = 2
+    count: int = 1
+
+    def touches(self, network: Network) -> Bools:
+        """Contacts at that wall."""
+        return network.particle_j == self.wall
+
+    def on(self, network: Network) -> Floats:
+        """Shape (1, m, 9)."""
+        motion = np.zeros((1, network.n_contacts, 9))
+        motion[0, :, self.axis] = 1
+        return motion
+
+
+@dataclass(frozen=True)
+class WallTurns:
+    """A wall that turns by one radian about the line along z through the middle of the cell."""
+
+    wall: int
+    count: int = 1
+
+    def touches(self, network: Network) -> Bools:
+        """Contacts at that wall."""
+        return network.particle_j == self.wall
+
+    def on(self, network: Network) -> Floats:
+        """Shape (1, m, 9)."""
+        axis = np.array([0.0, 0.0, 1.0])
+        middle = np.array([*network.cell_size[:2] / 2, 0.0])
+        at = network.position[network.particle_i] + network.lever_i
+        motion = np.zeros((1, network.n_contacts, 9))
+        motion[0, :, :3] = np.cross(axis, at - middle)
+        motion[0, :, 6:] = axis
+        return motion
+
+
+@dataclass(frozen=True)
+class PlaneOpens:
+    """All contacts that cross a horizontal plane at `height`, m, grow by one metre along an axis.
+
+    As by a wedge between their ends: what lies above is pushed one way, what lies below the other.
+    """
+
+    height: float
+    axis: int = 2
+    count: int = 1
+
+    def touches(self, network: Network) -> Bools:
+        """Contacts that cross the plane, or an image of it."""
+        return crossings(network, self.height) != 0
+
+    def on(self, network: Network) -> Floats:
+        """Shape (1, m, 9)."""
+        motion = np.zeros((1, network.n_contacts, 9))
+        motion[0, :, self.axis] = -crossings(network, self.height)
+        return motion
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """All bodies follow displacement gradients du_k / dx_l, `gradient` (s, 3, 3), and turn."""
+
+    gradient: Floats
+
+    @property
+    def count(self) -> int:
+        """Number of gradients."""
+        return len(self.gradient)
+
+    def touches(self, network: Network) -> Bools:
+        """Every contact."""
+        return np.ones(network.n_contacts, bool)
+
+    def on(self, network: Network) -> Floats:
+        """Shape (s, m, 9)."""
+        branch = network.branch
+        motion = np.zeros((self.count, network.n_contacts, 9))
+        for one, gradient in zip(motion, self.gradient, strict=True):
+            one[:, :3] = branch @ gradient.T
+            one[:, 3:6] = one[:, 6:] = turn(gradient)
+        return motion
+
+
+def turn(gradient: Floats) -> Floats:
+    """Shape (3,): the rotation vector of a displacement gradient (3, 3)."""
+    twice = gradient - gradient.T
+    return np.array([twice[2, 1], twice[0, 2], twice[1, 0]]) / 2
+
+
+def crossings(network: Network, height: float) -> Ints:
+    """Shape (m,): how often each contact crosses the plane at `height`, m, on its way up from i.
+
+    Negative on its way down; images of the plane a period away count alike.
+    """
+    start = network.position[network.particle_i, 2] - height
+    rise = network.branch[:, 2]
+    period = network.cell_size[2]
+    return np.floor((start + rise) / period).astype(int) - np.floor(start / period).astype(int)
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """How s motions from outside and the bodies act on each other: push, pull (6n, s), held (s, s).
+
+    N, N m per metre or radian. `terms` (6n, s): the root of the sum of squares of what was summed
+    up to a push, which says how well round-off lets it vanish.
+    """
+
+    push: Floats
+    pull: Floats
+    held: Floats
+    terms: Floats
+
+
+def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupling:
+    """The coupling of an imposed motion with the bodies; `terms` of the contacts' tangent.
+
+    Part by part of the contacts that it moves, whose tangents then take little memory.
+    """
+    s, n = imposed.count, network.n_particles
+    push, pull, squares = np.zeros((3, n, 6, s))
+    held = np.zeros((s, s))
+    for part in network.some(imposed.touches(network)).parts():
+        e, k = imposed.on(part), Contacts.of(part, terms).tangent()
+        pushed = np.einsum("cab,scb->sca", k, e)
+        felt = np.einsum("cba,scb->sca", k, e)
+        held += np.einsum("sca,tca->st", e, pushed)
+        for end, bodies in enumerate((part.particle_i, part.particle_j)):
+            on = bodies >= 0
+            parts, sign = ENDS[end]
+            for at, component in enumerate(parts):
+                way = -sign if at < 3 else -1.0
+                for motion in range(s):
+                    forces = pushed[motion, on, component]
+                    push[:, at, motion] += way * np.bincount(bodies[on], forces, n)
+                    squares[:, at, motion] += np.bincount(bodies[on], forces**2, n)
+                    back = felt[motion, on, component]
+                    pull[:, at, motion] += way * np.bincount(bodies[on], back, n)
+    shape = 6 * n, s
+    return Coupling(push.reshape(shape), pull.reshape(shape), held, np.sqrt(squares).reshape(shape))

@@ -1,0 +1,75 @@
+"""M^1/2 of a packing's bodies: of v = M^1/2 u the equation of motion is v'' + A v = 0.
+
+A = M^-1/2 K M^-1/2. Spheres have one moment of inertia, and M is diagonal. A body of another shape,
+a clump, has a tensor: M is then diagonal but for its block of rotations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.formats.arrays import Array, Floats
+from modal.packing.network import Network
+
+
+@dataclass(frozen=True)
+class RootMass:
+    """M^1/2 on motions (dof n,), dof 6 or 3 entries a body; kg^1/2, kg^1/2 m.
+
+    diagonal (dof n,); turning, unturning (n, 3, 3): root of the tensors of inertia and its inverse,
+    which stand in the place of the diagonal's rotations, or None.
+    """
+
+    diagonal: Floats
+    turning: Floats | None = None
+    unturning: Floats | None = None
+
+    @classmethod
+    def of(cls, network: Network, dof: int = 6) -> RootMass:
+        """That of a network's bodies; with a dof of 3 for their translations alone."""
+        columns = [network.mass] * 3 + [network.inertia] * (dof - 3)
+        diagonal = np.sqrt(np.column_stack(columns)).ravel()
+        if network.inertia_tensor is None or dof == 3:
+            return cls(diagonal)
+        value, vector = np.linalg.eigh(network.inertia_tensor)
+        root = np.sqrt(value)[:, None, :]
+        turned = vector.transpose(0, 2, 1)
+        return cls(diagonal, (vector * root) @ turned, (vector / root) @ turned)
+
+    def times(self, u: Array) -> Array:
+        """M^1/2 u for u of shape (dof n,) or (dof n, k)."""
+        return self._scaled(u, self.diagonal, self.turning)
+
+    def over(self, v: Array) -> Array:
+        """M^-1/2 v for v of shape (dof n,) or (dof n, k)."""
+        return self._scaled(v, 1 / self.diagonal, self.unturning)
+
+    def _scaled(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
+        out = u * diagonal.reshape(-1, *[1] * (u.ndim - 1))
+        if turning is not None:
+            by_body = (len(turning), 6, -1)
+            out.reshape(by_body)[:, 3:] = turning @ u.reshape(by_body)[:, 3:]
+        return out
+
+    def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
+        """M^-1/2 K M^-1/2; the matrix that is given may be worked on in place."""
+        scale = 1 / self.diagonal
+        if self.unturning is None:
+            K.data *= scale[K.indices]
+            K.data *= np.repeat(scale, np.diff(K.indptr))
+            return K
+        inverse = self.inverse()
+        return (inverse @ K @ inverse).tocsr()
+
+    def inverse(self) -> sp.csr_matrix:
+        """M^-1/2, sparse: what rows that read u are multiplied by to read M^1/2 u."""
+        if self.unturning is None:
+            return sp.diags(1 / self.diagonal, format="csr")
+        blocks = np.zeros((len(self.unturning), 6, 6))
+        np.einsum("naa->na", blocks)[:] = 1 / self.diagonal.reshape(-1, 6)
+        blocks[:, 3:, 3:] = self.unturning
+        number = np.arange(len(blocks) + 1)
+        return sp.bsr_matrix((blocks, number[:-1], number)).tocsr()

@@ -1,0 +1,192 @@
+"""Contacts that roll and twist, bodies with a tensor of inertia: beams, clumps, a plain sum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import modal
+from modal.packing import examples as gallery
+from modal.packing.columns import UNKNOWN
+from modal.packing.network import Network
+from modal.stiffness.imposed import WallTurns, put_on
+from modal.stiffness.matrices import stiffness_matrix
+from modal.stiffness.root_mass import RootMass
+
+BEAM = {"EA": 8e3, "GA": 3e3, "EI": 2e-3, "GJ": 1.5e-3, "line": 0.7, "turning": 4e-7}
+"""Stiffnesses, N, N, N m^2, N m^2, mass and moment of inertia per length, kg/m, kg m."""
+LENGTH = 0.1
+
+
+def bonded_chain(count: int) -> Network:
+    """A straight chain without end of `count` bonded spheres a period: BEAM in small steps."""
+    d = LENGTH / count
+    number, up = np.arange(count), np.array([0.0, 0.0, 1.0])
+    each = np.ones(count)
+    return Network(
+        position=(number[:, None] + 0.5) * d * up + [LENGTH / 2, LENGTH / 2, 0],
+        radius=d / 2 * each,
+        mass=BEAM["line"] * d * each,
+        inertia=BEAM["turning"] * d * each,
+        particle_i=number,
+        particle_j=(number + 1) % count,
+        normal=np.tile(up, (count, 1)),
+        lever_i=np.tile(d / 2 * up, (count, 1)),
+        lever_j=np.tile(-d / 2 * up, (count, 1)),
+        stiffness_normal=BEAM["EA"] / d * each,
+        stiffness_tangential=BEAM["GA"] / d * each,
+        stiffness_rolling=BEAM["EI"] / d * each,
+        stiffness_twisting=BEAM["GJ"] / d * each,
+        cell_shift=np.where(number[:, None] == count - 1, [[0, 0, 1]], 0),
+        cell_size=np.array([LENGTH, LENGTH, LENGTH]),
+        cell_periodic=np.ones(3, bool),
+        wall_position=np.array([0.0, LENGTH]),
+    )
+
+
+def timoshenko(periods: int) -> np.ndarray:
+    """omega^2, 1/s^2, of a beam's waves: bending twice, shear twice, torsion, length (S. P.
+    Timoshenko, Phil. Mag. 41, 744, 1921)."""
+    q = 2 * np.pi * periods / LENGTH
+    GA, EI, line, turning = (BEAM[name] for name in ("GA", "EI", "line", "turning"))
+    stiff = np.array([[GA * q * q, -1j * GA * q], [1j * GA * q, EI * q * q + GA]])
+    bending = eigh(stiff, np.diag([line, turning]), eigvals_only=True)
+    along = BEAM["EA"] * q * q / line, BEAM["GJ"] * q * q / turning
+    return np.sort([*bending, *bending, *along])
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+def test_a_chain_of_bonded_spheres_is_a_beam(periods):
+    """To second order in the distance of the spheres over the wavelength."""
+    errors = []
+    for count in (24, 48):
+        found = (2 * np.pi * modal.eigenmodes(bonded_chain(count), all=True).frequency) ** 2
+        wanted = timoshenko(periods)
+        # Every wave goes up and down.
+        near = [np.sort(abs(found / square - 1))[:2].max() for square in wanted]
+        errors.append(max(near))
+    assert errors[1] < 2e-2
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+def random_bodies(seed: int, n: int = 6, m: int = 40) -> Network:
+    """Bodies held by contacts that no packing has, some of them at walls, which roll and twist."""
+    rng = np.random.default_rng(seed)
+    i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
+    # A contact of the two bodies that will be one, whose levers do not meet, would resist its turn.
+    j = np.where((i == j) | (np.maximum(i, j) < 2), -1, j)
+    normal = rng.standard_normal((m, 3))
+    return gallery.column(2).unchecked(
+        position=rng.random((n, 3)),
+        radius=np.ones(n),
+        mass=rng.uniform(0.5, 2, n),
+        inertia=rng.uniform(0.1, 0.4, n),
+        particle_i=i,
+        particle_j=j,
+        normal=normal / np.linalg.norm(normal, axis=1)[:, None],
+        lever_i=rng.standard_normal((m, 3)),
+        lever_j=np.where(j[:, None] < 0, 0, rng.standard_normal((m, 3))),
+        stiffness_normal=rng.uniform(1, 3, m),
+        stiffness_tangential=rng.uniform(0, 3, m),
+        stiffness_rolling=rng.uniform(0, 1, m),
+        stiffness_twisting=rng.uniform(0, 1, m),
+        **dict.fromkeys(UNKNOWN),
+        cell_size=np.ones(3),
+        cell_periodic=np.array([True, True, False]),
+        wall_position=np.array([0.0, 1.0]),
+    )
+
+
+def test_matrix_equals_a_loop_over_contacts(slow_K):
+    network = random_bodies(1)
+    wanted = slow_K(network)
+    # Sums of at most some forty products.
+    assert abs(stiffness_matrix(network).toarray() - wanted).max() <= 1e-14 * abs(wanted).max()
+
+
+def joined(network: Network, stiffness: float | None) -> Network:
+    """Bodies 0 and 1 joined: rigidly, as body 0, or by a contact that is very stiff each way."""
+    if stiffness is not None:
+        line = network.position[1] - network.position[0]
+        half = line / 2
+        more = {
+            "particle_i": 0,
+            "particle_j": 1,
+            "normal": line / np.linalg.norm(line),
+            "lever_i": half,
+            "lever_j": -half,
+            **{f"stiffness_{way}": stiffness for way in ("normal", "tangential")},
+            **{f"stiffness_{way}": stiffness for way in ("rolling", "twisting")},
+        }
+        return network.unchecked(
+            **{k: np.concatenate([getattr(network, k), [value]]) for k, value in more.items()},
+        )
+    mass = network.mass[:2]
+    centre = mass @ network.position[:2] / mass.sum()
+    arm = network.position[:2] - centre
+    tensor = network.inertia[:, None, None] * np.eye(3)
+    tensor[0] = tensor[:2].sum(axis=0)
+    for m, r in zip(mass, arm, strict=True):
+        tensor[0] += m * ((r @ r) * np.eye(3) - np.outer(r, r))
+    number = np.array([0, *range(len(network.mass) - 1)])
+    kept = np.arange(len(network.mass)) != 1
+    tensor = tensor[kept]
+    changed = {}
+    for end in "ij":
+        bodies = getattr(network, f"particle_{end}")
+        lever = getattr(network, f"lever_{end}").copy()
+        for member in (0, 1):
+            lever[bodies == member] += arm[member]
+        changed[f"lever_{end}"] = lever
+        changed[f"particle_{end}"] = np.where(bodies < 0, bodies, number[bodies])
+    rows = {name: getattr(network, name)[kept] for name in ("position", "radius", "mass")}
+    rows["position"][0], rows["mass"][0] = centre, mass.sum()
+    return network.unchecked(
+        **changed, **rows, inertia=np.einsum("naa->n", tensor) / 3, inertia_tensor=tensor
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_clump_is_the_limit_of_stiff_bonds(seed):
+    """The error of the joined bodies' modes falls as one over the stiffness of the bond."""
+    network = random_bodies(seed)
+    clump = joined(network, None)
+    wanted = np.linalg.eigvalsh(RootMass.of(clump).around(stiffness_matrix(clump)).toarray())
+    errors = []
+    for stiffness in (1e4, 2e4):
+        bonded = joined(network, stiffness)
+        found = np.linalg.eigvalsh(RootMass.of(bonded).around(stiffness_matrix(bonded)).toarray())
+        errors.append(abs(found[: len(wanted)] - wanted).max() / wanted.max())
+    assert errors[1] < 1e-2
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
+
+
+def test_a_turning_wall_twists_a_beam():
+    """The torque that holds a chain turned at one end: GJ over its length, as springs in a row."""
+    count, d = 12, LENGTH / 12
+    chain = bonded_chain(count)
+    ends = replace(
+        chain,
+        particle_i=np.array([*range(count - 1), 0, count - 1]),
+        particle_j=np.array([*range(1, count), -1, -2]),
+        **{
+            name: np.concatenate([getattr(chain, name)[:-1], [[0, 0, a], [0, 0, b]]])
+            for name, a, b in (
+                ("normal", -1.0, 1.0),
+                ("lever_i", -d / 2, d / 2),
+                ("lever_j", 0, 0),
+            )
+        },
+        **{
+            f"stiffness_{way}": np.append(getattr(chain, f"stiffness_{way}"), 1e3)
+            for way in ("normal", "tangential", "rolling")
+        },
+        stiffness_twisting=np.append(chain.stiffness_twisting, chain.stiffness_twisting[0]),
+        cell_shift=None,
+        cell_periodic=np.array([True, True, False]),
+    )
+    coupling = put_on(ends, (), WallTurns(-1))
+    u = np.linalg.solve(stiffness_matrix(ends).toarray(), coupling.push[:, 0])
+    torque = coupling.held[0, 0] - coupling.pull[:, 0] @ u
+    assert torque == pytest.approx(chain.stiffness_twisting[0] / (count + 1), rel=1e-10)
