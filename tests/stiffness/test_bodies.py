@@ -29,6 +29,8 @@ def bonded_chain(count: int) -> Network:
         radius=d / 2 * each,
         mass=BEAM["line"] * d * each,
         inertia=BEAM["turning"] * d * each,
+        # Slices of a beam, which spheres of any radius are not.
+        inertia_tensor=BEAM["turning"] * d * np.tile(np.eye(3), (count, 1, 1)),
         particle_i=number,
         particle_j=(number + 1) % count,
         normal=np.tile(up, (count, 1)),
