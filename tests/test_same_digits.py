@@ -25,7 +25,7 @@ def test_chi_z_of_lanczos_is_within_the_bound_of_its_residuals(dense):
     problem, frequency, vector = dense
     modes = highest_modes(problem, 5)
     mass = problem.network.mass
-    exact = chi_z(particle_motion(vector[:, -5:], problem.mass, 6))
+    exact = chi_z(particle_motion(vector[:, -5:], problem.root, 6))
     bound = same_digits.chi_z_bound(
         modes.frequency, modes.residual, modes.mode_shape, mass, frequency
     )
@@ -47,7 +47,7 @@ def test_bound_holds_for_whatever_a_vector_is_off_by(dense, size):
             off /= np.linalg.norm(off)
             square = (off.T @ (matrix @ off)).item()
             residual = np.linalg.norm(matrix @ off - square * off) / square
-            shape = particle_motion(off, problem.mass, 6)
+            shape = particle_motion(off, problem.root, 6)
             bound = same_digits.chi_z_bound(
                 frequency_of(np.array([square])),
                 np.array([residual]),
@@ -55,7 +55,7 @@ def test_bound_holds_for_whatever_a_vector_is_off_by(dense, size):
                 problem.network.mass,
                 frequency,
             )
-            moved = abs(chi_z(shape) - chi_z(particle_motion(exact, problem.mass, 6)))
+            moved = abs(chi_z(shape) - chi_z(particle_motion(exact, problem.root, 6)))
             assert moved <= bound
 
 

@@ -21,8 +21,8 @@ from analysis.estimators.structure_factor import StructureFactor, power_of_patte
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.root_mass import RootMass
 
 POLARISATIONS = ("L", "T")
 
@@ -62,7 +62,7 @@ def plane_patterns(network: Network, vector: np.ndarray, polarisation: str) -> n
     for k, direction in enumerate(directions):
         for part, wave in enumerate((np.cos(phase), np.sin(phase))):
             pattern[:, :3, 2 * k + part] = (wave * bearing)[:, None] * direction
-    pattern = pattern.reshape(-1, 2 * len(directions)) * np.sqrt(mass_diagonal(network))[:, None]
+    pattern = RootMass.of(network).times(pattern.reshape(-1, 2 * len(directions)))
     return pattern / np.linalg.norm(pattern)
 
 

@@ -23,8 +23,8 @@ from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.stiffness.matrices import mass_diagonal
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.root_mass import RootMass
 from modal.waves.signals import DIRECTIONS
 
 SCHEMA = "granular-structure-factor"
@@ -88,7 +88,7 @@ def standing_waves(network: Network, orders: np.ndarray, direction: str = "z") -
     pattern[:, DIRECTIONS.index(direction)] = (
         np.sin(np.pi * depth[:, None] * orders) * bearing[:, None]
     )
-    pattern = pattern.reshape(-1, len(orders)) * np.sqrt(mass_diagonal(network))[:, None]
+    pattern = RootMass.of(network).times(pattern.reshape(-1, len(orders)))
     return pattern / np.linalg.norm(pattern, axis=0)
 
 

@@ -64,7 +64,7 @@ def by_energy(problem: Eigenproblem, first: int, count: int) -> np.ndarray:
     round-off times f_max / f; a matrix K holds their squares, and only to that factor squared.
     """
     _, vectors = eigh(problem.scaled.toarray(), subset_by_index=[first, first + count - 1])
-    u = (vectors / np.sqrt(problem.mass)[:, None]).reshape(-1, 6, count)
+    u = problem.root.over(vectors).reshape(-1, 6, count)
     network = problem.network
     contacts = Contacts.of(network)
     motion = np.stack([contacts.motion(mode) for mode in np.moveaxis(u, 2, 0)], axis=2)

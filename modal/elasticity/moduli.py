@@ -279,8 +279,8 @@ def elastic_moduli(
     whole = (affine - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2
     region = "slab with walls" if walls else "cell"
-    tangent = Contacts.of(network).tangent() if bulk else None
-    in_bulk = None if bulk is None else bulk_stiffness(network, bulk, tangent, motion)
+    tangent = Contacts.of(network).tangent() if bulk else np.empty((0, 9, 9))
+    in_bulk = bulk_stiffness(network, bulk, tangent, motion) if bulk else None
     if bulk and in_bulk is not None:
         measured, followed = in_bulk, affine_stiffness(network, bulk, tangent)
         density, region = bulk.density(network), "bulk"
@@ -303,7 +303,6 @@ def elastic_moduli(
 
 def _without_floppy(problem: Eigenproblem, motion: Floats) -> Floats:
     """Shape (6, n, 6): the motions (6n, 6) without what costs no energy."""
-    root = np.sqrt(problem.mass)[:, None]
-    scaled = motion * root
+    scaled = problem.root.times(motion)
     scaled -= problem.floppy.basis @ (problem.floppy.basis.T @ scaled)
-    return (scaled / root).T.reshape(6, problem.network.n_particles, 6)
+    return problem.root.over(scaled).T.reshape(6, problem.network.n_particles, 6)

@@ -53,7 +53,7 @@ def steady_motion(
         solver = "pardiso" if _worth_a_factor(problem) else "gradients"
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-    scale = 1 / np.sqrt(problem.mass)[:, None]
+    root = problem.root
     release: Callable[[], None] = lambda: None  # noqa: E731
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.
@@ -65,14 +65,14 @@ def steady_motion(
     found = conjugate_gradients(
         problem.operator.apply,
         ease,
-        np.ascontiguousarray(load * scale),
+        np.ascontiguousarray(root.over(load)),
         allowed,
-        ROUNDED * np.finfo(float).eps * np.linalg.norm(terms * scale, axis=0),
+        ROUNDED * np.finfo(float).eps * np.linalg.norm(root.over(terms), axis=0),
         look_back=LOOK_BACK[solver],
         most_products=MOST_PRODUCTS,
     )
     release()
-    motion, residual = found.motion * scale, found.residual / scale
+    motion, residual = root.over(found.motion), root.times(found.residual)
     return Solution(motion, residual, found.energy_error, found.products), solver
 
 
@@ -88,8 +88,7 @@ def _by_own_blocks(problem: Eigenproblem) -> Callable[[Floats], Floats]:
     Rattlers have no stiffness, and smooth spheres have but round-off against turning.
     """
     n = problem.network.n_particles
-    scale = 1 / np.sqrt(problem.mass).reshape(n, 6)
-    blocks = own_blocks(problem.network) * scale[:, :, None] * scale[:, None, :]
+    blocks = problem.root.around_own(own_blocks(problem.network))
     held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
     inverse = np.linalg.inv(blocks + 1e-8 * held * np.eye(6))
 

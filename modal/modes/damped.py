@@ -122,7 +122,7 @@ def damped_modes(
     order = nearest[np.argsort(rate[nearest].imag)]
     rate, phi = rate[order], phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
     left = A @ phi + (C @ phi) * rate + phi * rate**2
-    shape = (phi / np.sqrt(problem.mass)[:, None]).T.reshape(count, -1, 6)
+    shape = problem.root.over(phi).T.reshape(count, -1, 6)
     residual = np.linalg.norm(left, axis=0) / abs(rate) ** 2
     return DampedModes(rate.imag / (2 * np.pi), -rate.real, shape, residual)
 
@@ -223,5 +223,4 @@ def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Fl
 
 def _scaled_dashpots(problem: Eigenproblem, damping: ContactDamping) -> sp.csr_matrix:
     """M^-1/2 C M^-1/2, sparse (size, size), 1/s."""
-    scale = sp.diags(1 / np.sqrt(problem.mass))
-    return (scale @ stiffness_matrix(damping.dashpots(problem.network)) @ scale).tocsr()
+    return problem.root.around(stiffness_matrix(damping.dashpots(problem.network)))

@@ -94,7 +94,7 @@ def _dense_by_symmetry(
     q = 0, laterally uniform motion, has planar resonances.
     """
     column = group.orbit[0]
-    column_mass = problem.mass.reshape(-1, problem.dof)[column].ravel()
+    of_column = problem.root.some(column, problem.dof)
     in_column = np.full(problem.network.n_particles, -1)
     for image in group.orbit:
         in_column[image] = np.arange(len(column))
@@ -104,13 +104,13 @@ def _dense_by_symmetry(
     blocks = symmetry_blocks(problem.scaled, group, problem.dof)
     for block, U, multiplicity in blocks:
         square, inner = eigh(block, check_finite=False, driver="evd")
-        shape = particle_motion(inner, column_mass, problem.dof)
+        shape = particle_motion(inner, of_column, problem.dof)
         rotations = rotation_share(inner, problem.dof)
         chain_chi = np.full(len(square), np.nan)
         if chain is not None:
             chain_chi = chi_z(shape, in_column[chain])
             if resonances is None:
-                uniform = particle_motion(U @ inner, problem.mass, problem.dof)
+                uniform = particle_motion(U @ inner, problem.root, problem.dof)
                 resonances = planar_resonances(
                     frequency_of(square), uniform, rotations, chain, problem.network
                 )
@@ -170,6 +170,6 @@ def _shapes_of_waves(
         for vector in standing:
             rows = place[first : first + vector.shape[1]]
             some = rows >= 0
-            shapes[rows[some]] = particle_motion(vector[:, some], problem.mass, problem.dof)
+            shapes[rows[some]] = particle_motion(vector[:, some], problem.root, problem.dof)
             first += vector.shape[1]
     return shapes

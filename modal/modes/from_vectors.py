@@ -55,7 +55,7 @@ def measure(
     for first in range(0, count, TOGETHER):
         some = slice(first, min(first + TOGETHER, count))
         unit = np.ascontiguousarray(vector[:, some])
-        shape = particle_motion(unit, problem.mass, problem.dof)
+        shape = particle_motion(unit, problem.root, problem.dof)
         columns["chi_z"][some] = chi_z(shape)
         columns["rotation_share"][some] = rotation_share(unit, problem.dof)
         if chain is not None:

@@ -15,6 +15,7 @@ from modal.formats.hdf5 import InputError, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.modes.observables import chi_z, participation_ratio
 from modal.packing.network import Network
+from modal.stiffness.root_mass import RootMass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -156,7 +157,7 @@ class ModeSet:
 
         InputError where the mode shapes were not kept, or are of another packing.
         """
-        return participation_ratio(self.shapes(network), network.mass, network.inertia)
+        return participation_ratio(self.shapes(network), RootMass.of(network))
 
     def __repr__(self) -> str:
         text = f"<ModeSet: {len(self.frequency)} modes"

@@ -6,20 +6,21 @@ import numpy as np
 
 from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
+from modal.stiffness.root_mass import RootMass
 
 PLANAR = 0.999
 """chi_z above which a mode moves along z only."""
 
 
-def particle_motion(vector: Array, mass: Floats, dof: int) -> Array:
+def particle_motion(vector: Array, root: RootMass, dof: int) -> Array:
     """Shape (k, n, 6): mass-normalised shapes from unit vectors of the scaled problem.
 
     `vector` (n * dof, k) solves M^-1/2 K M^-1/2 v = omega^2 v with |v| = 1; the shape is
-    M^-1/2 v. `mass` is M's diagonal, `dof` 3 or 6; rotations are zero where dof is 3.
+    M^-1/2 v. `root` is M^1/2, `dof` 3 or 6; rotations are zero where dof is 3.
     """
-    n = len(mass) // dof
+    n = len(vector) // dof
     shape = np.zeros((vector.shape[1], n, 6), vector.dtype)
-    shape[:, :, :dof] = (vector / np.sqrt(mass)[:, None]).T.reshape(-1, n, dof)
+    shape[:, :, :dof] = root.over(vector).T.reshape(-1, n, dof)
     return shape
 
 
@@ -48,16 +49,17 @@ def rotation_share(vector: Array, dof: int) -> Floats:
     return energy[:, :, 3:].sum(axis=(1, 2)) / energy.sum(axis=(1, 2))
 
 
-def participation_ratio(shape: Array, mass: Floats, inertia: Floats) -> Floats:
+def participation_ratio(shape: Array, root: RootMass) -> Floats:
     """Shape (k,): share of the particles that take part in modes of shapes (k, n, 6).
 
     (sum e)^2 / (n sum e^2), e each particle's kinetic energy, rotations included: 1 where all move
     alike, 2/3 in a plane standing wave, 1/n where one moves alone (R. J. Bell and P. Dean, Discuss.
-    Faraday Soc. 50, 55, 1970). `mass` (n,), kg; `inertia` (n,), kg m^2.
+    Faraday Soc. 50, 55, 1970). `root` is M^1/2.
     """
-    square = np.abs(shape) ** 2
-    energy = square[:, :, :3].sum(axis=2) * mass + square[:, :, 3:].sum(axis=2) * inertia
-    return energy.sum(axis=1) ** 2 / (len(mass) * (energy**2).sum(axis=1))
+    count, n, _ = shape.shape
+    scaled = root.times(np.ascontiguousarray(shape.reshape(count, -1).T)).T
+    energy = (np.abs(scaled.reshape(count, n, 6)) ** 2).sum(axis=2)
+    return energy.sum(axis=1) ** 2 / (n * (energy**2).sum(axis=1))
 
 
 def resonance_order(shape_z: Floats) -> Ints:

@@ -17,8 +17,9 @@ from modal.modes.zero_modes import FloppyModes, floppy_modes
 from modal.packing.columns import Made
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS
-from modal.stiffness.matrices import mass_diagonal, stiffness_diagonal, stiffness_matrix
+from modal.stiffness.matrices import own_blocks, stiffness_matrix
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.root_mass import RootMass
 from modal.waves.chain import wall_to_wall_chain
 from modal.workload import LONGEST
 
@@ -74,17 +75,17 @@ class Eigenproblem:
         return self.dof * self.network.n_particles
 
     @property
-    def mass(self) -> Floats:
-        """Shape (size,): M's diagonal."""
-        short = self.dof == 3
-        return self.once("mass", lambda: mass_diagonal(self.network, translations_only=short))
+    def root(self) -> RootMass:
+        """M^1/2."""
+        return self.once("root of the mass", lambda: RootMass.of(self.network, self.dof))
 
     @property
     def diagonal(self) -> Floats:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
 
         def make() -> Floats:
-            return stiffness_diagonal(self.network, translations_only=self.dof == 3) / self.mass
+            own = RootMass.of(self.network).around_own(own_blocks(self.network))
+            return np.einsum("naa->na", own)[:, : self.dof].ravel()
 
         return self.once("diagonal", make)
 
@@ -94,10 +95,7 @@ class Eigenproblem:
         It is not kept, so that its memory is free while a factorisation is in use.
         """
         K = stiffness_matrix(self.network, translations_only=self.dof == 3)
-        scale = 1 / np.sqrt(self.mass)
-        K.data *= scale[K.indices]
-        K.data *= np.repeat(scale, np.diff(K.indptr))
-        return K
+        return self.root.around(K)
 
     @cached_property
     def scaled(self) -> sp.csr_matrix:
@@ -151,7 +149,7 @@ class Eigenproblem:
         def make() -> FloppyModes:
             if not self.semidefinite:
                 return FloppyModes(sp.csc_matrix((self.size, 0)), 0, 0, 0, 0, whole=False)
-            return floppy_modes(self.network, self.operator, self.mass, self.diagonal, self.zero)
+            return floppy_modes(self.network, self.operator, self.root, self.diagonal, self.zero)
 
         return self.once("floppy modes", make)
 

@@ -28,6 +28,7 @@ from modal.packing.rattlers import keeping_contacts
 from modal.solvers.spectrum import dot, norm
 from modal.stiffness.matrices import stiffness_matrix
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.root_mass import RootMass
 
 NEW = 1e-8
 """A motion of which the modes known before leave less, of its square, is one of them."""
@@ -86,14 +87,14 @@ def clusters(network: Network) -> tuple[Ints, Bools]:
 
 
 def floppy_modes(
-    network: Network, operator: ContactOperator, mass: Floats, diagonal: Floats, zero: float
+    network: Network, operator: ContactOperator, root: RootMass, diagonal: Floats, zero: float
 ) -> FloppyModes:
     """The zero modes of A = M^-1/2 K M^-1/2 that the structure of the contacts explains.
 
-    `operator` is A, `diagonal` (size,) its diagonal, `mass` (size,) that of M; an omega^2 up to
+    `operator` is A, `diagonal` (size,) its diagonal, `root` is M^1/2; an omega^2 up to
     `zero`, 1/s^2, is none. Only the contacts of loosely held particles are assembled as a matrix.
     """
-    size = len(mass)
+    size = len(diagonal)
     dof = size // network.n_particles
     loose = ~keeping_contacts(network, HELD_BY)
     cluster, anchored = clusters(network)
@@ -108,7 +109,7 @@ def floppy_modes(
     members = np.flatnonzero(loose & touched)
     place = np.full(network.n_particles, -1)
     place[members] = np.arange(len(members))
-    local = _stiffness_among(network, members, mass, dof)
+    local = _stiffness_among(network, members, root, dof)
     loose_parts = _loose_parts(network, loose & touched)
     for part in (piece for whole in loose_parts for piece in _pieces(whole)):
         inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
@@ -125,7 +126,7 @@ def floppy_modes(
     basis = sp.hstack(parts, format="csc")
     # Clusters at a wall are tried too: without tangential springs they slide along it.
     for which in np.unique(cluster[~loose]):
-        rigid = _rigid_motions(network, operator, mass, zero, cluster == which)
+        rigid = _rigid_motions(network, operator, root, zero, cluster == which)
         rigid = rigid - basis @ (basis.T @ rigid)
         square, vector = eigh(rigid.T @ rigid)
         new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
@@ -158,15 +159,14 @@ def _unit_columns(rows: Ints, size: int) -> sp.coo_matrix:
     return sp.coo_matrix((ones, (rows, np.arange(len(rows)))), shape=(size, len(rows)))
 
 
-def _stiffness_among(network: Network, spheres: Ints, mass: Floats, dof: int) -> sp.csr_matrix:
+def _stiffness_among(network: Network, spheres: Ints, root: RootMass, dof: int) -> sp.csr_matrix:
     """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _degrees_of_freedom(spheres, dof)
     K = stiffness_matrix(network.some(near), translations_only=dof == 3)[rows][:, rows]
-    scale = sp.diags(1 / np.sqrt(mass[rows]))
-    return (scale @ K @ scale).tocsr()
+    return root.some(spheres, dof).around(K)
 
 
 def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
@@ -190,7 +190,7 @@ def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
 def _rigid_motions(
     network: Network,
     operator: ContactOperator,
-    mass: Floats,
+    root: RootMass,
     zero: float,
     members: Bools,
 ) -> Floats:
@@ -200,7 +200,7 @@ def _rigid_motions(
     connected to its own image does not allow are found by their energy, an omega^2 above `zero`,
     and left out.
     """
-    size = len(mass)
+    size = operator.shape[0]
     dof = size // network.n_particles
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
@@ -211,8 +211,7 @@ def _rigid_motions(
         motion[members, k] = 1
         if k >= 3:
             motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
-        vector = motion.ravel()
-        vector *= np.sqrt(mass)
+        vector = root.times(motion.ravel())
         vector /= norm(vector)
         if dot(vector, operator @ vector) <= zero:
             found.append(vector)

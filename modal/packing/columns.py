@@ -180,6 +180,11 @@ class Columns:
             **{name: data[kept] for name, data in columns.items() if data is not None}
         )
 
+    def bodies(self) -> dict[str, Any]:
+        """The columns of the particles that it has, by name."""
+        columns = {name: getattr(self, name) for name in PARTICLES}
+        return {name: data for name, data in columns.items() if data is not None}
+
     def parts(self: Same) -> Iterator[Same]:
         """`PART` contacts at a time, whose matrices then take little memory."""
         for first in range(0, self.n_contacts, PART):

@@ -15,7 +15,7 @@ from math import gcd
 import numpy as np
 
 from modal.formats.arrays import Array, Floats, Ints
-from modal.packing.columns import CONTACTS, RECEIVER_WALL, SOURCE_WALL
+from modal.packing.columns import CONTACTS, OF_BONDS, RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network import Network
 
 SAME = 1e-9
@@ -64,6 +64,8 @@ def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     """
     every: Ints = np.arange(network.n_particles)
     found = Repeats(network, every, every, 1, 0.0)
+    if any(getattr(network, name) is not None for name in OF_BONDS):
+        return found  # bonds and clumps are not compared
     columns = (*OF_SPRINGS, *(OF_PRE_STRESS if pre_stress else ()))
     for axis in (0, 1):
         for prime in _primes(_common(found.part)) if network.cell_periodic[axis] else ():
@@ -122,7 +124,7 @@ def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
     first, size = rows[:, 0], kept.cell_size.copy()
     size[axis] /= prime
     part = kept.unchecked(
-        **{name: getattr(kept, name)[first] for name in ("position", "radius", "mass", "inertia")},
+        **{name: data[first] for name, data in kept.bodies().items()},
         particle_i=member[kept.particle_i],
         particle_j=np.where(kept.with_wall, kept.particle_j, member[kept.partner]),
         cell_size=size,

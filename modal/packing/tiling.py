@@ -54,10 +54,10 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
     source, copy = tiled(order, copies)
     return replace(
         network.some(row),
-        position=network.position[source] + cell[copy] * network.cell_size,
-        radius=network.radius[source],
-        mass=network.mass[source],
-        inertia=network.inertia[source],
+        **(
+            {name: data[source] for name, data in network.bodies().items()}
+            | {"position": network.position[source] + cell[copy] * network.cell_size}
+        ),
         particle_i=i,
         particle_j=j,
         cell_shift=shift,

@@ -56,4 +56,6 @@ class ContactDamping:
         return network.unchecked(
             stiffness_normal=2 * self.normal * np.sqrt(network.stiffness_normal * mass),
             stiffness_tangential=2 * self.tangential * np.sqrt(network.stiffness_tangential * mass),
+            stiffness_rolling=None,
+            stiffness_twisting=None,
         )

@@ -25,9 +25,11 @@ from modal.stiffness.matrices import ENDS
 
 
 class Imposed(Protocol):
-    """A motion put on the contacts from outside; `count` of them at once."""
+    """A motion put on the contacts from outside, or several at once."""
 
-    count: int
+    @property
+    def count(self) -> int:
+        """How many."""
 
     def touches(self, network: Network) -> Bools:
         """Shape (m,) bool: contacts that it moves."""

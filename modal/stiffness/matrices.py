@@ -85,8 +85,3 @@ def own_blocks(network: Network, pre_stress: str = "none") -> Floats:
                 for b in range(6):
                     blocks[:, a, b] += np.bincount(bodies, local[:, a, b], len(blocks))
     return blocks
-
-
-def stiffness_diagonal(network: Network, *, translations_only: bool = False) -> Floats:
-    """Shape (6n,) or (3n,): diagonal of K without pre-stress, straight from the contacts."""
-    return np.einsum("naa->na", own_blocks(network))[:, : 3 if translations_only else 6].ravel()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Array, Floats
+from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
 
 
@@ -53,6 +53,18 @@ class RootMass:
             by_body = (len(turning), 6, -1)
             out.reshape(by_body)[:, 3:] = turning @ u.reshape(by_body)[:, 3:]
         return out
+
+    def some(self, bodies: Ints, dof: int = 6) -> RootMass:
+        """That of some bodies, by their numbers (k,)."""
+        diagonal = self.diagonal.reshape(-1, dof)[bodies].ravel()
+        if self.turning is None or self.unturning is None:
+            return RootMass(diagonal)
+        return RootMass(diagonal, self.turning[bodies], self.unturning[bodies])
+
+    def around_own(self, blocks: Floats) -> Floats:
+        """Shape (n, 6, 6): M^-1/2 K M^-1/2 of each body's own block of K (n, 6, 6)."""
+        sides = self.over(np.eye(6)[None].repeat(len(blocks), 0).reshape(-1, 6)).reshape(-1, 6, 6)
+        return sides @ blocks @ sides
 
     def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
         """M^-1/2 K M^-1/2; the matrix that is given may be worked on in place."""

@@ -56,7 +56,7 @@ def propagate_damped(
     to the largest state.
     """
     started = clock.perf_counter()
-    receivers = Receivers(network, particles=particles, mass_scaled=True, direction=direction)
+    receivers = Receivers(network, particles=particles, direction=direction)
     spring = ContactOperator(network, mass_scaled=True)
     dashpots = damping.dashpots(network)
     dashpot = ContactOperator(dashpots, mass_scaled=True)

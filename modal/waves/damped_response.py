@@ -20,7 +20,8 @@ from modal.progress import progress
 from modal.solvers.complex_factor import factorise_complex
 from modal.stiffness.damping import ContactDamping
 from modal.stiffness.imposed import WallMoves, put_on
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.stiffness.matrices import stiffness_matrix
+from modal.stiffness.root_mass import RootMass
 from modal.waves.receivers import Receivers
 from modal.workload import refuse_above
 
@@ -33,28 +34,29 @@ def damped_rows(
     """Shape (nf, receivers.count): what is observed at the frequencies (nf,), Hz, above 0.
 
     The first two are the forces on the walls, springs and dashpots together, as of a wave:
-    `receivers` observe the motion itself, not mass-scaled. InputError where the factorisations
-    would take more than the memory or more than a day.
+    InputError where the factorisations would take more than the memory or more than a day.
     """
     dashpots = damping.dashpots(network)
-    K, C = (stiffness_matrix(of).tocsr() for of in (network, dashpots))
-    mass = sp.diags(mass_diagonal(network), format="csr")
+    root = RootMass.of(network)
+    A, C = (root.around(stiffness_matrix(of)) for of in (network, dashpots))
+    identity = sp.identity(A.shape[0], format="csr")
     viscous = put_on(dashpots, (), WallMoves(SOURCE_WALL, receivers.axis))
     beyond = put_on(dashpots, (), WallMoves(RECEIVER_WALL, receivers.axis))
-    drag, to_source, to_receiver = viscous.push[:, 0], viscous.pull[:, 0], beyond.pull[:, 0]
+    drag = viscous.push[:, 0]
+    to_source, to_receiver = root.over(np.hstack([viscous.pull, beyond.pull])).T
     held = float(viscous.held[0, 0])
     rows: Complex = np.empty((len(frequency), receivers.count), complex)
     parts = np.empty((2, receivers.count))
     started = clock.perf_counter()
     for k in progress(len(frequency), "response"):
         omega = 2 * np.pi * frequency[k]
-        factor = factorise_complex((K - omega**2 * mass).tocsr(), -omega * C, REMEDY)
-        u = factor.solve(receivers.source - 1j * omega * drag)
+        factor = factorise_complex((A - omega**2 * identity).tocsr(), -omega * C, REMEDY)
+        v = factor.solve(root.over(receivers.source - 1j * omega * drag))
         factor.release()
-        for part, out in zip((u.real, u.imag), parts, strict=True):
+        for part, out in zip((v.real, v.imag), parts, strict=True):
             receivers.observe(np.ascontiguousarray(part), out)
         rows[k] = parts[0] + 1j * parts[1]
-        rows[k, :2] -= 1j * omega * np.array([to_source @ u - held, to_receiver @ u])
+        rows[k, :2] -= 1j * omega * np.array([to_source @ v - held, to_receiver @ v])
         if k == 0:
             seconds = len(frequency) * (clock.perf_counter() - started)
             task = f"a damped response at {len(frequency)} frequencies takes"

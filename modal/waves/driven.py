@@ -69,7 +69,6 @@ class Driven:
             pre_stress=pre_stress,
             particles=particles,
             direction=direction,
-            mass_scaled=True,
         )
         part, self.repeats, self.difference = network, 1, 0.0
         first: Ints | slice = slice(None)

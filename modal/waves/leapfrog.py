@@ -15,9 +15,9 @@ import numpy as np
 from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.progress import progress
-from modal.solvers.spectrum import GrowthError, bound_of_spectrum
-from modal.stiffness.matrices import mass_diagonal
+from modal.solvers.spectrum import GrowthError, bound_of_spectrum, dot
 from modal.stiffness.operator import ContactOperator
+from modal.stiffness.root_mass import RootMass
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
@@ -55,9 +55,14 @@ def leapfrog(
         raise InputError("the time step must be positive and no longer than the duration")
     started = clock.perf_counter()
     motion = motion or Pulse()
-    receivers = Receivers(network, pre_stress=pre_stress, particles=particles, direction=direction)
-    scaled = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
-    top, _ = bound_of_spectrum(scaled)
+    receivers = Receivers(
+        network,
+        pre_stress=pre_stress,
+        particles=particles,
+        direction=direction,
+    )
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+    top, _ = bound_of_spectrum(operator)
     limit = 2 / np.sqrt(top) if top > 0 else np.inf
     if not time_step < limit:
         raise InputError(
@@ -66,14 +71,12 @@ def leapfrog(
         )
     refuse_endless(
         f"a wave of {duration:g} s in steps of {time_step:g} s",
-        scaled,
+        operator,
         products=duration / time_step,
         bytes_needed=8 * duration / time_step * (3 + receivers.count / every),
         remedy="take a shorter duration",
     )
-    operator = ContactOperator(network, pre_stress=pre_stress)
-    mass = mass_diagonal(network)
-    per_mass = time_step / mass
+    push = RootMass.of(network).over(receivers.source)
     steps = round(duration / time_step)
     wall = motion.displacement(time_step * np.arange(-1, steps + 2, dtype=float))
     work = 0.0
@@ -84,12 +87,12 @@ def leapfrog(
             receivers.observe(u, rows[k // every])
         before, now, after = wall[k : k + 3]
         work += (after - before) / 2 * receivers.source_force(u, now)
-        np.multiply(receivers.source, now, out=force)
+        np.multiply(push, now, out=force)
         operator.accumulate(u, force, -1.0)
-        force *= per_mass
+        force *= time_step
         velocity += force
         if k % LOOK == LOOK - 1 or k == steps:
-            kinetic = 0.5 * float(np.einsum("i,i,i", mass, velocity, velocity))
+            kinetic = 0.5 * dot(velocity, velocity)
             stretch = np.sqrt(receivers.source_stiffness / 8) * abs(after - now)
             if not kinetic <= EXCESS**2 * _most_kinetic(work, time_step / limit, stretch):
                 raise GrowthError(velocity, k + 1)

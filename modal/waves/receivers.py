@@ -18,12 +18,12 @@ from modal.waves.source import Motion
 
 
 class Receivers:
-    """What is recorded of a motion u (6n,), as one row of `count` numbers, each linear in u.
+    """What is recorded of a motion M^1/2 u (6n,), as one row of `count` numbers, each linear in it.
 
     The source wall moves along `direction`, x, y or z, and all is recorded along it. In order:
     force on the source and on the receiver wall (N, walls at rest), displacements of the chain,
-    their layer means, and those of all particles where `particles` is asked. With `mass_scaled` it
-    is M^1/2 u, not u, that is observed. InputError where the wall cannot move anything that way.
+    their layer means, and those of all particles where `particles` is asked. InputError
+    where the wall cannot move anything that way.
     """
 
     def __init__(
@@ -32,7 +32,6 @@ class Receivers:
         *,
         pre_stress: str = "none",
         particles: bool = False,
-        mass_scaled: bool = False,
         direction: str = "z",
     ) -> None:
         if direction not in DIRECTIONS:
@@ -51,13 +50,14 @@ class Receivers:
                 f"{'normal' if direction == 'z' else 'tangential'} stiffness"
             )
         there = put_on(network, terms, WallMoves(RECEIVER_WALL, self.axis))
-        self._near_source = np.flatnonzero(to_source)
-        self._to_source = to_source[self._near_source]
+        root = RootMass.of(network)
+        scaled = root.over(to_source)
+        self._near_source = np.flatnonzero(scaled)
+        self._to_source = scaled[self._near_source]
         self.area = network.area
-        self._rows = self._observing(to_source, there.pull[:, 0])
+        rows = self._observing(to_source, there.pull[:, 0])
+        self._rows = (rows @ root.inverse()).tocsr()
         self.count = self._rows.shape[0]
-        if mass_scaled:
-            self._rows = (self._rows @ RootMass.of(network).inverse()).tocsr()
 
     def _observing(self, *to_walls: Floats) -> sp.csr_matrix:
         """Shape (count, 6n): what a motion is multiplied by; `to_walls` (6n,) are the first rows.
@@ -90,12 +90,12 @@ class Receivers:
         self._rows.sum_duplicates()
 
     def source_force(self, u: Floats, displacement: float) -> float:
-        """The force, N, that holds the source wall at `displacement`, m, in the motion u (6n,)."""
+        """The force, N, that holds the source wall at `displacement`, m, in the motion M^1/2 u."""
         pull = float(self._to_source @ u[self._near_source])
         return self.source_stiffness * displacement - pull
 
     def observe(self, u: Floats, out: Floats) -> None:
-        """Write the row (count,) of the motion u (6n,), m and rad, into `out`."""
+        """Write the row (count,) of the motion M^1/2 u (6n,) into `out`."""
         out[:] = self._rows @ u
 
     def reach(self) -> Floats:

@@ -151,16 +151,17 @@ def test_ioffe_regel_on_lines_of_known_width():
 def test_participation_ratio():
     """Plane standing waves 2/3, a motion of all alike 1, one sphere 1/n; a rotation counts too."""
     from modal.modes.observables import participation_ratio
+    from modal.stiffness.root_mass import RootMass
 
     n = 1000
     z = (np.arange(n) + 0.5) / n
-    mass, inertia = np.full(n, 2.0), np.full(n, 0.5)
+    root = RootMass(np.sqrt(np.tile([2.0] * 3 + [0.5] * 3, n)))
     shape = np.zeros((4, n, 6))
     shape[0, :, 2] = 1
     shape[1, :, 0] = np.sin(3 * np.pi * z)
     shape[2, 7, 1] = 5
     shape[3, : n // 2, 0], shape[3, n // 2 :, 4] = 1, 2  # 2 of m v^2 against 2 of I w^2
-    assert participation_ratio(shape, mass, inertia) == pytest.approx([1, 2 / 3, 1 / n, 1])
+    assert participation_ratio(shape, root) == pytest.approx([1, 2 / 3, 1 / n, 1])
     # Walls give way: the waves end a little beyond them, by a layer or two of 200.
     network = modal.fcc(cells=(1, 1, 200))
     found = modal.eigenmodes(network, lowest=3)

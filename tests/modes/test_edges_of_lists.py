@@ -127,7 +127,7 @@ def test_residuals_where_a_symmetry_is_used_are_those_of_the_whole():
     problem = Eigenproblem.of(network)
     found = all_modes(problem)
     assert found.attributes["solver"] == "symmetry 3x3"
-    vector = found.shapes().reshape(len(found.frequency), -1).T * np.sqrt(problem.mass)[:, None]
+    vector = problem.root.times(found.shapes().reshape(len(found.frequency), -1).T)
     square = (2 * np.pi * found.frequency) ** 2
     own = np.linalg.norm(problem.scaled @ vector - square * vector, axis=0) / square
     # Standing waves are halves of travelling ones: their residual differs by sqrt(2) at most.

@@ -238,7 +238,7 @@ def test_every_producer_gives_the_same_residual(monkeypatch, make):
         "highest": lambda: modes.highest_modes(problem, 9),
         "interval": lambda: intervals.modes_between(problem, 5e3, 2e4),
     }[make]()
-    vector = found.mode_shape.reshape(len(found.frequency), -1).T * np.sqrt(problem.mass)[:, None]
+    vector = problem.root.times(found.mode_shape.reshape(len(found.frequency), -1).T)
     square = (2 * np.pi * found.frequency) ** 2
     own = np.linalg.norm(problem.scaled @ vector - square * vector, axis=0) / square
     # Round-off of the product and of the shapes: some eps |A| in each of the two.

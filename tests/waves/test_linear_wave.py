@@ -53,9 +53,9 @@ def test_wave_equals_modal_superposition(network):
     problem = Eigenproblem.of(network)
     square, vector = np.linalg.eigh(problem.scaled.toarray())
     source, _, _ = wall_pattern(network, SOURCE_WALL)
-    weight = vector.T @ (source / np.sqrt(problem.mass))
+    weight = vector.T @ (source / problem.root.diagonal)
     y = Pulse(2.5e-9, 1e5).response(np.maximum(square, 0), wave.signals.time)
-    motion = (vector @ (weight[:, None] * y)).T / np.sqrt(problem.mass)
+    motion = (vector @ (weight[:, None] * y)).T / problem.root.diagonal
     expected = motion[:, 6 * wave.signals.chain_particle + 2]
     found = wave.signals.chain_displacement
     # The tolerance of 1e-12 times some hundred coefficients.
@@ -73,7 +73,7 @@ def test_work_of_the_source_is_the_energy_of_the_packing():
     problem = Eigenproblem.of(network)
     square, vector = np.linalg.eigh(problem.scaled.toarray())
     source, _, _ = wall_pattern(network, SOURCE_WALL)
-    weight = vector.T @ (source / np.sqrt(problem.mass)) * 2.5e-9
+    weight = vector.T @ (source / problem.root.diagonal) * 2.5e-9
     near = 1.5e-5 + np.array([-1e-10, 0, 1e-10])
     y = Pulse(1.0, 1e5).response(square, near)
     rate = (y[:, 2] - y[:, 0]) / 2e-10
