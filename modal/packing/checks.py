@@ -144,6 +144,7 @@ def check(network: Columns) -> None:
             _check_ends(part, first)
             if spheres:
                 _check_spheres(part, first)
+            _check_meeting(part, first)
             _check_shear(part, first, least)
         if spheres:
             _check_pairs(network)
@@ -234,17 +235,21 @@ def _check_bonds(network: Columns) -> None:
 
 
 def _check_ends(network: Columns, first: int) -> None:
-    """Normals are unit vectors, levers end in one point; `first` is that of the contacts."""
+    """Normals are unit vectors, walls have no levers; `first` is that of the contacts."""
     normal, wall = network.normal, network.with_wall
     fault = "has a normal that is not a unit vector"
     refuse(abs(_dot(normal, normal) - 1) > 2e-6, "contact", fault, first)
     held = np.zeros(len(wall), bool)
     held[wall] = network.lever_j[wall].any(axis=1)
     refuse(held, "contact", "is with a wall, whose lever_j must be zero", first)
+
+
+def _check_meeting(network: Columns, first: int) -> None:
+    """Levers end in one point, as the centres lie; `first` is that of the contacts."""
     branch = network.branch
     missed = network.lever_i - network.lever_j
     missed -= branch
-    missed[wall] = 0.0
+    missed[network.with_wall] = 0.0
     misfit = _dot(missed, missed) > MISFIT**2 * _dot(branch, branch)
     refuse(misfit, "contact", "has levers that do not end in one point", first)
 

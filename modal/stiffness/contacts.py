@@ -107,18 +107,18 @@ class Carried:
         def asked(name: str, *by: str) -> Floats | None:
             return network.known(name, purpose) if set(by) & set(terms) else None
 
-        carried = {
-            "normal": asked("force_normal", NORMAL),
-            "shear": asked("force_tangential", SHEAR, GROWTH),
-            "growth": asked("shear_growth", GROWTH),
-            "shortening": asked("torque_shortening", ARMS),
-        }
+        carried = {"shortening": asked("torque_shortening", ARMS)}
         if ARMS in terms:
             overlap = network.known("overlap", purpose)
             for name in ("motion", "torque"):
                 share = network.known(f"{name}_shortening", purpose)
                 carried[name] = (0.5 - share) * overlap
-        return cls(**carried)
+        return cls(
+            normal=asked("force_normal", NORMAL),
+            shear=asked("force_tangential", SHEAR, GROWTH),
+            growth=asked("shear_growth", GROWTH),
+            **carried,
+        )
 
 
 @dataclass(frozen=True)
