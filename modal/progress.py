@@ -39,6 +39,11 @@ class Minute:
         Minute._said = now
         return True
 
+    @classmethod
+    def begin(cls) -> None:
+        """A new run begins, which has said nothing yet."""
+        cls._asked = -math.inf
+
     @staticmethod
     def tell(state: str) -> None:
         """A line on standard error about where the loop is."""

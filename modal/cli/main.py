@@ -16,6 +16,7 @@ from modal.cli.terminal import page, put
 from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
 from modal.loading import undisturbed, when_used
+from modal.progress import Minute
 from modal.workload import peak_memory
 
 COMMANDS = {
@@ -76,6 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     2 for a user's mistake (one line on stderr), 3 for a product that falls short of what was asked.
     """
     start = time.perf_counter()
+    Minute.begin()
     try:
         arguments = sys.argv[1:] if argv is None else argv
         check_text(arguments)

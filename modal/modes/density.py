@@ -217,7 +217,7 @@ def density_of_states(
     refuse_endless(
         f"a density with resolution {resolution:g} Hz and tolerance {tolerance:g}",
         operator,
-        products=size if exact else vectors * count / 2,
+        products=products if exact else vectors * count / 2,
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
