@@ -81,7 +81,7 @@ study() { # Snakemake's options: what it says beside the study's own lines is le
     return "${PIPESTATUS[0]}"
 }
 # No more jobs side by side than the memory that is free now, or granted, has room for.
-memory=$("$python" -c 'from modal.workload import memory_at_hand; print(int(memory_at_hand() / 2**20))')
+memory=$("$python" -c 'from modal.tools.workload import memory_at_hand; print(int(memory_at_hand() / 2**20))')
 how=(--cores "$jobs" --resources "mem_mb=$memory")
 if [ -n "$slurm" ]; then
     command -v sbatch > /dev/null || fail "--slurm: no sbatch in PATH; run it where jobs are submitted"

@@ -16,10 +16,10 @@ import numpy as np
 from analysis.estimators.fk import frequency_wavenumber
 from analysis.estimators.source_motion import recorded_motion
 from analysis.table import Table
-from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 Line = dict[str, str]
 KINDS = "fcc", "random"

@@ -9,13 +9,14 @@ from pathlib import Path
 from analysis.case import Case, find
 from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
 from modal.elasticity.moduli_file import SCHEMA as MODULI
-from modal.formats.hdf5 import InputError, complete, open_h5
+from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import Choice
 from modal.packing.network_file import SCHEMA as NETWORK
 from modal.packing.sample import SCHEMA as SAMPLE
+from modal.tools.errors import InputError
 from modal.waves.response import SCHEMA as RESPONSE
 from modal.waves.signals import SCHEMA as SIGNALS
 from modal.waves.signals import read_signals

@@ -18,13 +18,13 @@ from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import has_its_spheres, is_its_specimen, matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.modes.density import read_density
 from modal.modes.mode_set import ModeSet, read_modes, read_z_shapes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
 from modal.packing.state import FORCES, stress_tensor
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.response import Response, read_response
 from modal.waves.signals import Signals, read_signals
@@ -282,7 +282,7 @@ class Case(CaseFiles):
 
         Where there is no record, ten times a period of the pulse for one passage. Like everything
         called linear here it is that of the springs alone; `pre_stress`
-        (`modal.stiffness.contacts`) adds what the contacts' forces do.
+        (`modal.system.contacts`) adds what the contacts' forces do.
         """
         recorded, motion, interval = self.recorded, self.motion, 0.1 / self.motion.frequency
         if recorded is not None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Source, packing_of, require_same_packing
+from modal.tools.errors import InputError
 
 KINDS = ("network", "modes", "translations.modes", "signals")
 """What `status` lists: made by ./run_cases.sh."""

@@ -13,7 +13,7 @@ from analysis.measures import Measures, groups
 from analysis.measures.estimate import Estimate
 from analysis.shear_table import table_of_shear
 from analysis.table import Table
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 RESONANCES = 10
 """Rows of Table 2."""

@@ -34,8 +34,8 @@ from analysis.estimators.transfer import (
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
 from analysis.paper import stated
 from analysis.table import Table
-from modal.formats.hdf5 import InputError
 from modal.packing.state import void_ratio
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade", "paper")

@@ -19,7 +19,7 @@ from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.stiffness.operator import ContactOperator
+from modal.system.operator import ContactOperator
 from modal.waves.response import frequency_response, write_response
 
 KINDS = "response", "density", "structure"

@@ -15,9 +15,9 @@ import numpy as np
 from analysis.case import Case
 from analysis.figures.picture import Panel, Picture
 from analysis.table import Table
-from modal.formats.hdf5 import InputError
 from modal.modes.damped import damped_modes, decay_rates
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
 
 NEAREST = 6
 """Complex modes near each frequency."""

@@ -12,8 +12,9 @@ from analysis.figures.render import save
 from analysis.measures import Measures
 from analysis.page import Section, figure_html, list_html, made_by, page, table_html
 from analysis.table import Table
-from modal.formats.hdf5 import InputError, sha256, write_text
+from modal.formats.hdf5 import sha256, write_text
 from modal.formats.provenance import read_provenance
+from modal.tools.errors import InputError
 
 ABSENT = {
     "signals": "no record of a YADE run; linear wave instead",

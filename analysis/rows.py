@@ -18,7 +18,7 @@ from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import PowerLaw, power_law
 from analysis.measures import Measures
 from analysis.measures.estimate import NOTHING, Estimate
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 PERCENT = {0.02: "2", 0.01: "1", 0.03: "3"}
 """Thresholds of the tables, and how their columns call them."""

@@ -12,7 +12,7 @@ from analysis.case import Case
 from analysis.case_files import EXTRA_KINDS, KINDS, OTHER_WAVES
 from analysis.estimators import structure_factor
 from modal.elasticity import moduli_file
-from modal.formats.hdf5 import InputError, open_h5
+from modal.formats.hdf5 import open_h5
 from modal.formats.provenance import (
     PACKING,
     Provenance,
@@ -24,6 +24,7 @@ from modal.formats.provenance import (
 )
 from modal.modes import density, mode_set
 from modal.packing import network_file, sample
+from modal.tools.errors import InputError
 from modal.waves import response, signals
 
 FORMATS = {

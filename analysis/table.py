@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from modal.formats.hdf5 import InputError, write_text
+from modal.formats.hdf5 import write_text
+from modal.tools.errors import InputError
 
 
 @dataclass

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from benchmarks import defaults
 from benchmarks.harness import machine
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "contact_loop", "scaling")
 NAMED = (*JOBS, "compression", "threads", "large")

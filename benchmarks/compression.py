@@ -19,14 +19,14 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import ROOT, measured, run_command
 from benchmarks.harness.packing import SAMPLE, STRESS
 from benchmarks.harness.report import Page, Rows
-from modal.formats.hdf5 import InputError
+from modal.dem.motion import Dynamics
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.compress import Pace
 from modal.preparation.durations import duration, steps_of, time_step
-from modal.preparation.dynamics import Dynamics
 from modal.preparation.random_packing import random_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, Servo
+from modal.tools.errors import InputError
 
 TITLE = "Compression: from a cloud to states at rest"
 SPHERES, WIDTH = {True: 300, False: 35_201}, {True: 5.0, False: 14.65}

@@ -22,13 +22,13 @@ from benchmarks.harness import diagram, product
 from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import sample_or_small
 from benchmarks.harness.report import Page, Rows
-from modal.formats.arrays import Ints
-from modal.formats.hdf5 import InputError
-from modal.loops import numba, prange, threads_for
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.packed_contacts import PackedContacts
+from modal.system.operator import ContactOperator
+from modal.system.packed import PackedContacts
+from modal.tools.arrays import Ints
+from modal.tools.errors import InputError
+from modal.tools.loops import numba, prange, threads_for
 
 TITLE = "One product K u against copying its bytes and against adding at the ends of the contacts"
 ROUNDS = {True: 5, False: 400}

@@ -14,9 +14,9 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import ROOT, run_command
 from benchmarks.harness.packing import SAMPLE, STRESS
 from benchmarks.harness.report import Page, Rows
-from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.preparation.random_packing import random_network
+from modal.tools.errors import InputError
 
 TITLE = "Whole commands on all cores, and large samples"
 WAVE = "wave, 0.6 ms"

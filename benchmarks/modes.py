@@ -27,7 +27,7 @@ from modal.modes.lowest import lowest_modes
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing.network_file import read_network
 from modal.solvers.factor import SOLVERS, available, factorise
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
 
 TITLE = "Modes: this program against scipy's own solvers"
 SPHERES = {True: 250, False: 700}

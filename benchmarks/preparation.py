@@ -21,11 +21,11 @@ import numpy as np
 from benchmarks.harness import diagram
 from benchmarks.harness.measure import measured
 from benchmarks.harness.report import Page, Rows
+from modal.dem.motion import Dynamics
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation import protocol
 from modal.preparation.compress import Pace
 from modal.preparation.durations import duration, steps_of, time_step
-from modal.preparation.dynamics import Dynamics
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_sample
 from modal.preparation.relax import balance_of

@@ -31,8 +31,8 @@ from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import stiffness_matrix
+from modal.system.operator import ContactOperator
 from modal.waves.propagate import propagate
 
 TITLE = "Scaling: seconds and bytes against the number of spheres, and all cores"

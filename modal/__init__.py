@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from modal.description import describe
     from modal.elasticity.moduli import elastic_moduli
-    from modal.formats.hdf5 import InputError
     from modal.modes.counts import count_modes
     from modal.modes.density import density_of_states
     from modal.modes.eigenmodes import eigenmodes
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from modal.packing.reading import read_packing as read
     from modal.preparation.packings import random_packing
     from modal.theory.fcc import FccLattice
+    from modal.tools.errors import InputError
     from modal.waves.propagate import propagate
     from modal.waves.response import frequency_response
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from modal.interrupted import end_at_interrupt
+from modal.tools.interrupted import end_at_interrupt
 
 __all__ = ["main"]
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from modal.arguments import checked
-from modal.display import quantity, table
-from modal.formats.hdf5 import InputError
 from modal.modes.collective import easily_known_floppy
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.packing.summary import summary
+from modal.tools.arguments import checked
+from modal.tools.display import quantity, table
+from modal.tools.errors import InputError
 
 
 @checked

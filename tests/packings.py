@@ -12,9 +12,9 @@ from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
-from modal.stiffness.contacts import Contacts, terms_of
-from modal.stiffness.imposed import WallMoves, put_on
-from modal.stiffness.matrices import block
+from modal.system.assembly import block
+from modal.system.contacts import Contacts, terms_of
+from modal.system.imposed import WallMoves, put_on
 
 YOUNG, POISSON = 60e9, 0.2
 

@@ -30,8 +30,8 @@ import h5py
 import numpy as np
 
 import modal
-from modal.formats.arrays import Floats
-from modal.waves.chain import wall_to_wall_chain
+from modal.packing.chain import wall_to_wall_chain
+from modal.tools.arrays import Floats
 
 ROUND_OFF = 1e-9
 """Relative to the largest number of an array: a move may change the order of a sum, and Lanczos'

@@ -11,42 +11,24 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 BELOW = {
-    "progress": set(),
-    "display": set(),
-    "interrupted": set(),
-    "formats": {"interrupted"},
-    "arguments": {"formats"},
-    "loading": set(),
-    "loops": {"formats", "loading"},
-    "pairs": {"formats", "loops"},
-    "workload": {"formats"},
-    "packing": {"arguments", "display", "formats", "pairs", "workload"},
-    "solvers": {"formats", "progress", "workload"},
-    "stiffness": {"arguments", "formats", "loops", "packing", "solvers"},
-    "preparation": {
-        *("arguments", "formats", "loops", "packing", "pairs", "progress", "solvers", "stiffness"),
-    },
-    "waves": {
-        *("arguments", "display", "formats", "packing", "progress", "solvers", "stiffness"),
-        "workload",
-    },
-    "theory": {"display", "formats", "packing", "stiffness"},
-    "modes": {
-        *("arguments", "display", "formats", "packing", "progress", "solvers", "stiffness"),
-        *("waves", "workload"),
-    },
-    "elasticity": {
-        *("arguments", "display", "formats", "modes", "packing", "solvers", "stiffness"),
-        "workload",
-    },
-    "description": {"arguments", "display", "formats", "modes", "packing"},
-    "exchange": {"display", "formats", "packing", "stiffness"},
+    "tools": set(),
+    "formats": {"tools"},
+    "solvers": {"tools"},
+    "packing": {"formats", "tools"},
+    "system": {"packing", "tools"},
+    "dem": {"packing", "tools"},
+    "waves": {"formats", "packing", "solvers", "system", "tools"},
+    "modes": {"formats", "packing", "solvers", "system", "tools"},
+    "elasticity": {"formats", "modes", "packing", "solvers", "system", "tools"},
+    "preparation": {"dem", "formats", "packing", "solvers", "system", "tools"},
+    "theory": {"packing", "system", "tools"},
+    "exchange": {"formats", "packing", "system", "tools"},
+    "description": {"modes", "packing", "tools"},
     "cli": {
-        *("display", "loading"),
-        *("exchange", "formats", "packing", "progress", "solvers", "stiffness", "workload"),
-        *("preparation", "waves", "theory", "modes", "elasticity"),
+        *("elasticity", "exchange", "formats", "modes", "packing", "preparation", "solvers"),
+        *("system", "theory", "tools", "waves"),
     },
-    "__main__": {"cli", "interrupted"},
+    "__main__": {"cli", "tools"},
 }
 """Room of modal: the rooms that it may import from, besides itself."""
 ANALYSIS_BELOW = {

@@ -16,7 +16,6 @@ from scipy.linalg import qr
 
 from analysis.estimators.layer_lattice import LayerLattice
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below, count_negative
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
@@ -27,8 +26,9 @@ from modal.packing.neighbours import tangents
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample
-from modal.stiffness.contacts import with_sliding
+from modal.system.contacts import with_sliding
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 
 EPS = np.finfo(float).eps

@@ -24,10 +24,11 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import HOST, InputError, refuse_unwritable
+from modal.formats.hdf5 import HOST, refuse_unwritable
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample
+from modal.tools.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from modal.loading import undisturbed, when_used
+from modal.tools.loading import undisturbed, when_used
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -64,9 +64,9 @@ def test_a_command_loads_no_compiler_of_fortran_and_who_wants_it_has_it():
 def test_what_is_absent_or_loaded_stays_so():
     when_used("modal.no_such_room")
     assert "modal.no_such_room" not in sys.modules
-    before = sys.modules["modal.loading"]
-    when_used("modal.loading")
-    assert sys.modules["modal.loading"] is before
+    before = sys.modules["modal.tools.loading"]
+    when_used("modal.tools.loading")
+    assert sys.modules["modal.tools.loading"] is before
 
 
 def test_analysis_without_matplotlib_is_one_line(tmp_path):

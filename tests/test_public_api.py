@@ -22,7 +22,7 @@ from modal.__main__ import main
 from modal.modes.damped import decay_rates
 from modal.modes.mode_set import read_modes, write_modes
 from modal.packing.network_file import write_network
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
 
 ROOT = Path(__file__).resolve().parents[1]
 OFFERED = {
@@ -295,7 +295,7 @@ def test_examples_in_docstrings(name):
 
 
 def test_examples_of_numbers_for_people():
-    assert doctest.testmod(importlib.import_module("modal.display")).failed == 0
+    assert doctest.testmod(importlib.import_module("modal.tools.display")).failed == 0
 
 
 def test_the_script_in_examples(capsys):

@@ -9,9 +9,9 @@ from pathlib import Path
 CONFTEST = Path(__file__).with_name("conftest.py")
 TESTS = """
 import pytest
-from modal.stiffness import operator
+from modal.system import operator
 from modal.solvers.factor import available
-from modal import loops
+from modal.tools import loops
 
 def test_what_is_hidden():
     assert operator.numba is None and loops.numba is None

@@ -8,7 +8,7 @@ import scipy.linalg
 import modal
 from modal.packing.network import SOURCE_WALL, Network
 from modal.packing.state import coordination_by_size, profile, void_ratio
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
 

@@ -26,7 +26,6 @@ import numpy as np
 from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
-from modal.formats.hdf5 import InputError
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.durations import REFERENCE, steps_of
@@ -34,7 +33,8 @@ from modal.preparation.protocol import Stage, Study
 from modal.preparation.sizes import MIXTURE
 from modal.preparation.strain_control import ConstantRate
 from modal.preparation.walk import cost, walk
-from modal.progress import time_left
+from modal.tools.errors import InputError
+from modal.tools.progress import time_left
 from yade_scripts import servo
 from yade_scripts.scene import Report, before_motion, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell

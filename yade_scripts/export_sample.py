@@ -18,13 +18,13 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, is_current, packing_of, set_aside, versions
 from modal.packing.layers import Layers
 from modal.packing.network_file import read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import read_sample
 from modal.preparation.durations import time_step
+from modal.tools.errors import InputError
 from yade_scripts import servo
 from yade_scripts.export import contact_network
 from yade_scripts.scene import finish, products_folder

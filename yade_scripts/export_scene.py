@@ -27,11 +27,11 @@ if __name__ == "__main__":
 import numpy as np
 from yade import O, config
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.checks import named
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.network_file import write_network
+from modal.tools.errors import InputError
 from yade_scripts.export import spheres, springs
 
 WALLS = ("Wall", "Facet", "Box")

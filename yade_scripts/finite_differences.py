@@ -4,8 +4,8 @@
 
 Every particle is moved by +h and by -h along each axis and turned about it, all else at rest; the
 forces and torques on it and its neighbours are read. OUT holds the matrix K, minus the forces per
-motion, as row, column, value (N/m, N, N m), six rows a particle as in modal/stiffness/matrices.py.
-Sliding is suppressed. A tool for the tests of modal/stiffness/contacts.py, meant for some hundred
+motion, as row, column, value (N/m, N, N m), six rows a particle as in modal/system/assembly.py.
+Sliding is suppressed. A tool for the tests of modal/system/contacts.py, meant for some hundred
 particles.
 """
 
@@ -17,8 +17,9 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 from yade import O
 
-from modal.formats.hdf5 import InputError, atomic_h5, put
+from modal.formats.hdf5 import atomic_h5, put
 from modal.packing.sample import read_sample
+from modal.tools.errors import InputError
 from yade_scripts.scene import finish
 from yade_scripts.state import build_scene
 from yade_scripts.tangent import Tangent

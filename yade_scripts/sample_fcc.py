@@ -17,11 +17,11 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, is_current, set_aside, versions
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.crystal import FccPacking
 from modal.packing.network_file import read_network, write_network
+from modal.tools.errors import InputError
 from yade_scripts.export import contact_network
 from yade_scripts.scene import find_contacts, finish, place, products_folder, set_engines
 from yade_scripts.servo import wall_stresses

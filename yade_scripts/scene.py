@@ -24,9 +24,9 @@ from yade.wrapper import (
     NewtonIntegrator,
 )
 
-from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity
-from modal.progress import LOG_INTERVAL
+from modal.tools.errors import InputError
+from modal.tools.progress import LOG_INTERVAL
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS

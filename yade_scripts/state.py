@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from yade import Matrix3, O, Vector3
 
-from modal.formats.hdf5 import InputError
 from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.tools.errors import InputError
 from yade_scripts.scene import (
     NO_TIME,
     before_motion,

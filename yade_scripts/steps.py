@@ -5,7 +5,7 @@
 The settings: steps, dt (s), damping, interval (steps between two settings of the strain rates),
 and either stress (Pa) or rate (1/s). `study/stresses` of OUT has the principal stresses at each
 setting.
-A tool for the tests of modal/preparation/dynamics.py.
+A tool for the tests of modal/dem/motion.py.
 """
 
 import json
@@ -19,9 +19,9 @@ import numpy as np
 from yade import O
 from yade.utils import PyRunner
 
-from modal.formats.hdf5 import InputError
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
+from modal.tools.errors import InputError
 from yade_scripts.scene import before_motion, finish
 from yade_scripts.servo import Drive
 from yade_scripts.state import build_scene, read_scene, resume_cell

@@ -27,7 +27,6 @@ import numpy as np
 from yade import O, config
 from yade.utils import readParamsFromTable
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import (
     Provenance,
     Source,
@@ -42,7 +41,8 @@ from modal.modes.mode_set import read_modes
 from modal.packing.affine import affine_velocity
 from modal.packing.network_file import read_network
 from modal.packing.sample import sample_of_network
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
 from modal.waves.source import Pulse, read_motion
 from yade_scripts.scene import finish, products_folder

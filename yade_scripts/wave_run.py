@@ -7,10 +7,10 @@ import numpy as np
 from yade import O
 from yade.utils import PyRunner
 
-from modal.formats.hdf5 import InputError
+from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
-from modal.progress import time_left
-from modal.waves.chain import wall_to_wall_chain
+from modal.tools.errors import InputError
+from modal.tools.progress import time_left
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import Report, before_motion

@@ -25,7 +25,7 @@ from analysis.report import report as write_report
 from analysis.status import stale_files, status_table
 from modal.cli.options import NewFolder
 from modal.cli.terminal import put
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 COMPARED = (
     "signals",

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from analysis.cli import cases, packings, study, waves
 from modal.cli.options import Parser, check_files, check_text, say_error
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 
 def parser() -> argparse.ArgumentParser:

@@ -21,8 +21,8 @@ from analysis.quality import picture_of, quality_of, table_of
 from analysis.table import Table
 from modal.cli.options import NewFolder, add_output, json_text
 from modal.cli.terminal import put
-from modal.formats.hdf5 import InputError
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
 
 
 def add(commands: Any) -> None:

@@ -11,7 +11,7 @@ from analysis.cli.options import add_command, add_products
 from analysis.study.whole import study
 from modal.cli.options import NewFolder
 from modal.cli.terminal import put
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 
 def add(commands: Any) -> None:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 INSTRUMENT = 40

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 UNEVEN = 0.5

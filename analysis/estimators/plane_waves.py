@@ -18,11 +18,11 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from analysis.estimators.structure_factor import StructureFactor, power_of_patterns
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.errors import InputError
 
 POLARISATIONS = ("L", "T")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse, SampledMotion
 

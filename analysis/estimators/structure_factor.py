@@ -17,14 +17,15 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError, complete, get, open_h5, put
+from modal.formats.hdf5 import complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
 from modal.waves.signals import DIRECTIONS
 
 SCHEMA = "granular-structure-factor"

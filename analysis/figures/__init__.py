@@ -14,7 +14,7 @@ from analysis.figures.picture import Picture
 from analysis.figures.render import save
 from analysis.measures import Measures
 from analysis.rows import row_of
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.figures.groups import column, styles
 from analysis.figures.picture import Panel, Picture
 from analysis.rows import Row
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 SHOWN = 15
 """Maxima of the gain that are drawn."""

@@ -10,7 +10,7 @@ from analysis.figures.groups import PAPER, STRESS_MARKS, column, points, styles
 from analysis.figures.picture import Panel, Picture
 from analysis.paper import FRICTIONS, RANGES, stated
 from analysis.rows import Row, law_of
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 
 def velocity_cases(rows: list[Row]) -> Picture:

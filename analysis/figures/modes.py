@@ -7,8 +7,8 @@ import numpy as np
 from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.measures import Measures
 from analysis.paper import stated
-from modal.formats.hdf5 import InputError
 from modal.packing.rattlers import firmly_held
+from modal.tools.errors import InputError
 
 BINS = 90
 TOP = 0.03

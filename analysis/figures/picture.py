@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError, write_text
+from modal.formats.hdf5 import write_text
+from modal.tools.errors import InputError
 
 KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
 DIGITS, SHADES = 5, 3

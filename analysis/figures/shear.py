@@ -9,7 +9,7 @@ from analysis.figures.picture import Panel, Picture
 from analysis.figures.waves import POINTS
 from analysis.measures import Measures
 from analysis.measures.shear_wave import ShearWave
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 
 def shear_waves(cases: list[Measures]) -> Picture:

@@ -9,8 +9,8 @@ from analysis.estimators.fk import fk_map
 from analysis.figures.picture import Panel, Picture, columns_for
 from analysis.figures.waves import producer_name
 from analysis.measures import Measures
-from modal.formats.hdf5 import InputError
 from modal.theory.fcc import dispersion as eq_9
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 FAINTEST = 0.02

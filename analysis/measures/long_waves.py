@@ -13,10 +13,10 @@ from analysis.estimators.effective_medium import moduli_of, of_contacts, of_mean
 from analysis.estimators.own_wave import coherent_of
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.measures.estimate import Estimate
-from modal.formats.hdf5 import InputError
+from modal.elasticity.static_velocity import static_velocity
 from modal.packing.contact_law import sphere_volume
 from modal.packing.state import contacts_per_particle, coordination_without_rattlers, void_ratio
-from modal.stiffness.static_load import static_velocity
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 LOW_ORDER = 10

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.arrays import Floats
+from modal.tools.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,15 @@ from analysis.estimators.layer_lattice import is_fcc
 from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import COORDINATION_AT_1_KPA, has_its_spheres, matching_case, stated
 from analysis.table import Table
-from modal.formats.hdf5 import InputError, sha256
+from modal.elasticity.static_velocity import static_velocity
+from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
 from modal.packing.network import Network
 from modal.packing.network_file import read_network
 from modal.packing.sample import read_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import balance_of
-from modal.stiffness.static_load import static_velocity
+from modal.tools.errors import InputError
 
 HEADER = (
     "sample",

@@ -17,7 +17,7 @@ import numpy as np
 from analysis.batch_table import lines_of
 from analysis.packings.state import QUANTITIES
 from analysis.table import Table, read_csv
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 KEPT, MEANS = "seeds.csv", "means.csv"
 OWN = "own"

@@ -11,12 +11,12 @@ from analysis.estimators.coherent import longest_waves
 from analysis.estimators.layer_lattice import is_fcc
 from analysis.estimators.low_pass import UNKNOWN, Edge, Passband
 from analysis.estimators.own_wave import coherent_of, own_wave
-from modal.formats.hdf5 import InputError
+from modal.elasticity.static_velocity import static_velocity
 from modal.packing.network import Network
 from modal.packing.sample import read_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import balance_of
-from modal.stiffness.static_load import static_velocity
+from modal.tools.errors import InputError
 
 QUANTITIES = {
     "e": "void ratio, wall to wall",

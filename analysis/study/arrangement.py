@@ -12,7 +12,7 @@ from analysis.figures.picture import Panel, Picture, merged, share_limits
 from analysis.figures.render import save
 from analysis.page import figure_html
 from analysis.rows import Row
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,13 @@ from analysis.study.elasticity import add_elasticity
 from analysis.study.other_seeds import row_of_seed
 from analysis.table import Table
 from modal.cli.terminal import put
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 SECOND_TABLE = 2, 6, 10, 14, 18, 22, 26, 30
 """Cases of Table 2: all that are under 100 kPa."""
 
 THREADS = "OMP_NUM_THREADS"
-"""How many threads a process takes: heeded by BLAS and by the loops of `modal.loops`."""
+"""How many threads a process takes: heeded by BLAS and by the loops of `modal.tools.loops`."""
 
 
 @dataclass(frozen=True)

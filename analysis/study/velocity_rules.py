@@ -23,9 +23,9 @@ from analysis.measures.long_waves import LOW_ORDER
 from analysis.rows import Row, groups_of, law_of
 from analysis.study.frictions import powers
 from analysis.table import Table
+from modal.elasticity.static_velocity import static_velocity
 from modal.packing.examples import fcc
 from modal.packing.state import contacts_per_particle, void_ratio
-from modal.stiffness.static_load import static_velocity
 from modal.theory.fcc import FccLattice
 
 RULES = {

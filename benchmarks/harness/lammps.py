@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.harness.measure import Measured, median_of, run_command
 from benchmarks.harness.packing import step_and_records
+from modal.packing.chain import wall_to_wall_chain
 from modal.packing.contact_law import GLASS
 from modal.packing.network import Network
-from modal.waves.chain import wall_to_wall_chain
 from modal.waves.leapfrog import leapfrog
 from modal.waves.signals import Signals
 from modal.waves.source import INPUT_FREQUENCY, Pulse

@@ -17,7 +17,7 @@ from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
-from modal.stiffness.contacts import Contacts
+from modal.system.contacts import Contacts
 from modal.waves.source import INPUT_FREQUENCY
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from modal.stiffness.operator import ContactOperator
+from modal.system.operator import ContactOperator
 
 OPERATIONS = 85
 """Multiplications and additions that the loop makes for a contact of two spheres whose levers lie

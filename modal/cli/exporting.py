@@ -19,12 +19,13 @@ from modal.exchange.picture import (
     sphere_fields,
     wave_frames,
 )
-from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import InputError, open_h5
+from modal.formats.hdf5 import open_h5
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.modes.mode_set import read_modes
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
+from modal.tools.arrays import Array, Floats
+from modal.tools.errors import InputError
 from modal.waves.plane_file import SCHEMA as PLANE
 from modal.waves.plane_file import read_plane_wave
 from modal.waves.plane_source import PlaneWave

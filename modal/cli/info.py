@@ -8,7 +8,6 @@ from typing import Any
 
 from modal.cli.options import NewFile, network_command
 from modal.cli.terminal import COST, Groups
-from modal.display import quantity
 from modal.modes.collective import summary_at_zero
 from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
@@ -16,6 +15,7 @@ from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import contacts_per_particle, profile, write_profile
 from modal.packing.summary import summary
 from modal.preparation.protocol import PREPARATION
+from modal.tools.display import quantity
 
 GROUPS = {
     "packing": ("particles", "contacts", "wall_contacts", "length_m", "degrees_of_freedom"),

@@ -13,11 +13,11 @@ from types import ModuleType
 from modal import __version__
 from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say, say_error
 from modal.cli.terminal import page, put
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import is_current, made_by
-from modal.loading import undisturbed, when_used
-from modal.progress import Minute
-from modal.workload import peak_memory
+from modal.tools.errors import InputError
+from modal.tools.loading import undisturbed, when_used
+from modal.tools.progress import Minute
+from modal.tools.workload import peak_memory
 
 COMMANDS = {
     "pack": "pack",

@@ -7,7 +7,6 @@ from typing import Any
 
 from modal.cli.options import SHORT, add_if_stale, add_output, network_command, say
 from modal.cli.reading import add_sliding, packing_of
-from modal.formats.hdf5 import InputError
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
@@ -15,6 +14,7 @@ from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.observables import PLANAR
 from modal.modes.problem import SMALL, Eigenproblem
 from modal.solvers.factor import SOLVERS
+from modal.tools.errors import InputError
 
 read_product = read_modes
 

@@ -15,7 +15,7 @@ from modal.elasticity.response import SOLVERS
 from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
 from modal.elasticity.waves import unit_vector
 from modal.formats.hdf5 import sha256
-from modal.stiffness.contacts import TANGENTS
+from modal.system.contacts import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 

@@ -13,8 +13,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from modal.display import quantity
-from modal.formats.hdf5 import InputError, refuse_unwritable
+from modal.formats.hdf5 import refuse_unwritable
+from modal.tools.display import quantity
+from modal.tools.errors import InputError
 
 SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample

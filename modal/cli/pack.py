@@ -8,13 +8,13 @@ from typing import Any
 
 from modal.cli.options import NewFolder, add_command, say, typed
 from modal.cli.terminal import COST, Groups
-from modal.formats.hdf5 import InputError
 from modal.packing.plausibility import WIDE, read_remarked
 from modal.packing.sample import read_sample
 from modal.preparation.packings import pack as packed
 from modal.preparation.protocol import Study
 from modal.preparation.random_packing import ASPECT, PEAK, TOLERANCE, WALK
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
+from modal.tools.errors import InputError
 
 WITH_FRICTION = {
     "approach_rate": "strain rate of the agitated spheres, 1/s",

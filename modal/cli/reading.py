@@ -6,7 +6,7 @@ import argparse
 
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
-from modal.stiffness.contacts import SLIDING, with_sliding
+from modal.system.contacts import SLIDING, with_sliding
 
 
 def add_sliding(command: argparse.ArgumentParser) -> None:

@@ -7,13 +7,13 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from modal.cli.options import NewFile, add_command, add_if_stale, add_output, say
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import MAX_STEPS, TOLERANCE, Balance, relax
-from modal.progress import Minute
+from modal.tools.errors import InputError
+from modal.tools.progress import Minute
 
 read_product = read_sample
 

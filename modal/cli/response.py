@@ -8,8 +8,8 @@ from typing import Any
 from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command
 from modal.cli.reading import add_sliding, packing_of
 from modal.formats.hdf5 import sha256
-from modal.stiffness.contacts import TANGENTS
-from modal.stiffness.damping import ContactDamping
+from modal.system.contacts import TANGENTS
+from modal.system.damping import ContactDamping
 from modal.waves.response import frequency_response, write_response
 from modal.waves.signals import DIRECTIONS
 

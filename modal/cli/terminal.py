@@ -11,8 +11,8 @@ import os
 import sys
 from typing import Any
 
-from modal.display import quantities, quantity, table
-from modal.formats.hdf5 import InputError
+from modal.tools.display import quantities, quantity, table
+from modal.tools.errors import InputError
 
 UNITS = {
     "_kg_per_m3": "kg/m^3",

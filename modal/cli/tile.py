@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from modal.cli.options import add_output, network_command
-from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.tiling import repeat, repeat_sample
-from modal.workload import refuse_above_memory
+from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above_memory
 
 SAMPLE_BYTES, SHEARED_BYTES, NETWORK_BYTES = 100.0, 900.0, 1500.0
 """Memory for each sphere of the result, measured: of a sample, of one whose contacts carry shear

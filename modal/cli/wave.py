@@ -8,10 +8,11 @@ from typing import Any
 
 from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command, say, typed
 from modal.cli.reading import add_sliding, packing_of
-from modal.formats.hdf5 import InputError, open_h5, sha256
+from modal.formats.hdf5 import open_h5, sha256
 from modal.packing.network import Network
-from modal.stiffness.contacts import TANGENTS
-from modal.stiffness.damping import ContactDamping
+from modal.system.contacts import TANGENTS
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog, steps_between_records
 from modal.waves.plane_file import SCHEMA as PLANE
 from modal.waves.plane_file import read_plane_wave, write_plane_wave

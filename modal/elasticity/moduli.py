@@ -19,19 +19,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.arguments import checked
-from modal.display import axes_of, quantity, table
 from modal.elasticity.response import steady_motion
 from modal.elasticity.slab import GRIP, Bulk, affine_stiffness, bulk_stiffness
 from modal.elasticity.strain import STRAINED, STRAINS, has_walls
 from modal.elasticity.waves import anisotropy, isotropic_mean, plane_waves
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.stiffness.contacts import Contacts, with_sliding
-from modal.stiffness.imposed import put_on
+from modal.system.contacts import Contacts, with_sliding
+from modal.system.imposed import put_on
+from modal.tools.arguments import checked
+from modal.tools.arrays import Floats
+from modal.tools.display import axes_of, quantity, table
+from modal.tools.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

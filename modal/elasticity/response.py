@@ -12,14 +12,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.modes.effort import factorisation
 from modal.modes.problem import Eigenproblem
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
 from modal.solvers.factor import available, factorise
-from modal.stiffness.matrices import own_blocks
-from modal.workload import memory_at_hand
+from modal.system.assembly import own_blocks
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.tools.workload import memory_at_hand
 
 SOLVERS = ("pardiso", "gradients")
 """With a factor of K, or with the own blocks of the spheres."""

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.elasticity.strain import AXES, STRAINED, gradients, voigt
-from modal.formats.arrays import Floats
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
-from modal.stiffness.contacts import Contacts
+from modal.system.contacts import Contacts
+from modal.tools.arrays import Floats
 
 FADE = 4.0
 """Depth over which the bulk begins, mean diameters."""

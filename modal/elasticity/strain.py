@@ -2,7 +2,7 @@
 
 A uniform displacement gradient G moves the centre at x by G x, and what is periodic or touches a
 wall with it. The spheres turn with the rotation in G. What the strains do to the contacts is in
-`modal.stiffness.imposed`. Shears with z slide horizontal planes over each other,
+`modal.system.imposed`. Shears with z slide horizontal planes over each other,
 as walls can; which rotation is in G makes no difference to a packing that is free to turn.
 """
 
@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.stiffness.imposed import Gradients
+from modal.system.imposed import Gradients
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 STRAINS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Names of the strains, in the order of Voigt."""

@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.strain import has_walls
 from modal.elasticity.waves import INDEX, unit_vector
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
-from modal.stiffness.contacts import Contacts, terms_of
-from modal.stiffness.imposed import Gradients
+from modal.system.contacts import Contacts, terms_of
+from modal.system.imposed import Gradients
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 AT_ONCE = 20_000
 """Contacts whose 9 x 9 tangents are held at once."""
@@ -35,7 +35,7 @@ def stressed_stiffness(network: Network, moduli: ElasticModuli, pre_stress: str)
     """Shape (3, 3, 3, 3), Pa: A of a cell periodic in all directions, not symmetric.
 
     `moduli` are those of its springs, with `non_affine`; `pre_stress` is one of `TANGENTS`
-    (`modal.stiffness.contacts`). InputError for a packing with walls.
+    (`modal.system.contacts`). InputError for a packing with walls.
     """
     if moduli.non_affine is None:
         raise InputError("the moduli lack the motions; ask for non_affine")

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 INDEX = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 """Of a pair of axes: its place in the order of Voigt."""

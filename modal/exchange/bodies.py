@@ -9,9 +9,9 @@ import numpy as np
 
 from modal.exchange.program_law import ProgramLaw
 from modal.exchange.rows import Rows
-from modal.formats.arrays import Bools, Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.errors import InputError
 
 NARROW = 2.0
 """A period must exceed this many of the largest diameters, or images are not told apart."""

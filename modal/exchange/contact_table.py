@@ -16,10 +16,10 @@ from modal.exchange.found import Found, network_of
 from modal.exchange.program_law import Units
 from modal.exchange.rows import Rows, fault, last_step
 from modal.exchange.table_head import cell_of, table_of
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.checks import check_force_ratio, named
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
 
 SPHERES = ("id", "x", "y", "z", "radius", "mass")
 CONTACTS = ("i", "j", "kn", "kt")

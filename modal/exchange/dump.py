@@ -9,7 +9,7 @@ from typing import IO
 import numpy as np
 
 from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
-from modal.formats.arrays import Bools, Floats
+from modal.tools.arrays import Bools, Floats
 
 SEVERAL = 5
 """Steps that a message lists."""

@@ -10,7 +10,7 @@ from modal.exchange.bodies import Cell, Spheres
 from modal.exchange.dump import ROUNDED, Frame
 from modal.exchange.program_law import Units
 from modal.exchange.rows import fault, last_step
-from modal.formats.arrays import Floats, Ints
+from modal.tools.arrays import Floats, Ints
 
 
 def cell_of(frame: Frame, units: Units) -> Cell:

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from modal.exchange.rows import fault, read_lines
-from modal.formats.arrays import Array, Floats
 from modal.formats.hdf5 import write_whole
 from modal.packing.network import Network
+from modal.tools.arrays import Array, Floats
 
 
 def write_frames(

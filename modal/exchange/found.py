@@ -29,10 +29,10 @@ from modal.exchange.listed import (
     unlisted,
 )
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
-from modal.formats.arrays import Bools, Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.checks import WIDEST, named
 from modal.packing.network import SOURCE_WALL, Network
+from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.errors import InputError
 
 BLURRED = 1e-6
 """The same from which overlaps are taken from the forces where these are told."""

@@ -21,7 +21,7 @@ from modal.exchange.lammps_script import Script, read_log, typed_pair
 from modal.exchange.lammps_walls import TYPED, law_of_wall, planes_of, walls_of
 from modal.exchange.program_law import SI, ProgramLaw, Units
 from modal.exchange.rows import fault
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
 """What LAMMPS' systems of units are in SI; `lj` has none."""

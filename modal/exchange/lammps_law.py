@@ -20,8 +20,8 @@ from modal.exchange.program_law import (
     ProgramLaw,
     Units,
 )
-from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import YOUNG, Elasticity
+from modal.tools.errors import InputError
 
 TANGENTIAL = {
     "linear_nohistory": (2, False, FORCE),

@@ -14,7 +14,7 @@ from modal.exchange.bodies import LawOf
 from modal.exchange.lammps_law import Coefficients, coefficients, mixed
 from modal.exchange.lammps_script import Script
 from modal.exchange.program_law import ProgramLaw, Units
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 LAST = sys.maxsize
 """The highest type, whatever it is."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from modal.exchange.lammps_law import without_suffix
 from modal.exchange.logged import logged_lines
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 REFUSED_FIXES = {
     "rigid": "clumps are not spheres; a network knows single spheres alone",

@@ -18,9 +18,9 @@ from modal.exchange.lammps_law import coefficients
 from modal.exchange.lammps_script import Script
 from modal.exchange.program_law import ProgramLaw, Units
 from modal.exchange.rows import fault
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
 
 CODES = (SOURCE_WALL, RECEIVER_WALL)
 TYPED = "--wall"

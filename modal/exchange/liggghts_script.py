@@ -18,8 +18,8 @@ from modal.exchange.lammps_law import material_of
 from modal.exchange.logged import logged_lines
 from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ProgramLaw, Units
 from modal.exchange.rows import fault
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.tools.errors import InputError
 
 PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 EXAMPLE = (

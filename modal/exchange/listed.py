@@ -11,8 +11,8 @@ import numpy as np
 
 from modal.exchange.bodies import Cell, Contacts, Spheres, touching_pairs
 from modal.exchange.rows import fault
-from modal.formats.arrays import Bools, Floats, Ints
-from modal.formats.hdf5 import InputError
+from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.errors import InputError
 
 DROWNED = 1e-3
 """Error of an overlap by the digits of positions, over the median overlap, that is refused."""

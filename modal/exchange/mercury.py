@@ -18,8 +18,8 @@ from modal.exchange.mercury_restart import Restart
 from modal.exchange.mercury_walls import ALONE, OTHER, planes_of
 from modal.exchange.program_law import ProgramLaw, Units
 from modal.exchange.rows import fault, last_step, read_lines, significant_digits
-from modal.formats.arrays import Floats
 from modal.packing.network import SOURCE_WALL
+from modal.tools.arrays import Floats
 
 
 def import_mercury(path: str | Path, units: Units) -> Found:

@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.exchange.program_law import ProgramLaw
 from modal.exchange.rows import fault
-from modal.formats.arrays import Floats
+from modal.tools.arrays import Floats
 
 STRAIGHT = 1e-6
 """Largest component of an axis' unit vector along the others."""

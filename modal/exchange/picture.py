@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle
+from modal.tools.arrays import Array, Floats
 
 VISIBLE = 0.5
 """Largest displacement in a frame, in mean radii, unless a scale is given."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.formats.arrays import Floats
+from modal.tools.arrays import Floats
 
 FORCE, DISPLACEMENT, ONE_SIDED = "force", "displacement", "displacement, shrunk on unloading"
 """What a contact keeps of its shear."""

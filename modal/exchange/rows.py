@@ -16,8 +16,8 @@ from typing import IO, NoReturn, cast
 
 import numpy as np
 
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
 
 SHOWN = 60
 """Characters of a file that a message quotes."""

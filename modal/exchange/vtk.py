@@ -14,8 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from modal.exchange.picture import Lines
-from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import HOST, InputError, unwritable, write_whole
+from modal.formats.hdf5 import HOST, unwritable, write_whole
+from modal.tools.arrays import Array, Floats
+from modal.tools.errors import InputError
 
 
 def write_spheres(path: Path, position: Floats, fields: dict[str, Array]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.packing.network import Network
-from modal.stiffness.contacts import GROWTH, SHEAR, TANGENTS, Contacts
+from modal.system.contacts import GROWTH, SHEAR, TANGENTS, Contacts
 
 NEEDS_SHEAR = SHEAR, GROWTH
 """Terms that are not known where shear forces are not told."""

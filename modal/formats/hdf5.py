@@ -28,8 +28,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.arrays import Array
-from modal.interrupted import UNFINISHED
+from modal.tools.arrays import Array
+from modal.tools.errors import InputError
+from modal.tools.interrupted import UNFINISHED
 
 CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
@@ -42,10 +43,6 @@ _HEAP = b"GCOL\x01\0\0\0"
 HOST = f"{zlib.crc32(platform.node().encode()):08x}"
 """This machine in names of partial files: a process of another one may be at work on the same disk,
 and its number means nothing here. A digest, as names of hosts may be long."""
-
-
-class InputError(ValueError):
-    """A user's mistake; the message says in one line what is wrong, why, and what to do."""
 
 
 @contextmanager

@@ -23,7 +23,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import InputError, atomic_h5, complete, open_h5, refuse_absent, sha256
+from modal.formats.hdf5 import atomic_h5, complete, open_h5, refuse_absent, sha256
+from modal.tools.errors import InputError
 
 GROUP = "provenance"
 PACKING = "packing"

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigvalsh, qr
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below, refuse_unstable, unstable_modes
 from modal.modes.effort import factorisation
 from modal.modes.problem import Eigenproblem, frequency_of
@@ -25,7 +23,9 @@ from modal.modes.zero_modes import FloppyModes
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import start_block
-from modal.workload import refuse_above_memory
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above_memory
 
 EASY = 3.0
 """Seconds, by estimate, of a count that is made in any packing."""

@@ -16,16 +16,16 @@ from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from modal.arguments import checked
-from modal.formats.arrays import Array, Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.modes.effort import factorisation, refuse_endless_search
 from modal.modes.problem import COUNTED, SMALL, Eigenproblem
 from modal.packing.network import Network
-from modal.progress import progress
 from modal.solvers.factor import SingularError, available, factorise
 from modal.solvers.lanczos import start_block
-from modal.stiffness.contacts import with_sliding
+from modal.system.contacts import with_sliding
+from modal.tools.arguments import checked
+from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
 
 BEYOND = 4.0
 """Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is

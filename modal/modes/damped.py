@@ -18,20 +18,20 @@ import scipy.sparse as sp
 from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from modal.arguments import checked
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Complex, Floats
-from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem, check_count
 from modal.packing.network import Network
-from modal.progress import progress
 from modal.solvers.complex_factor import factorise_complex
 from modal.solvers.lanczos import SEED
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.operator import ContactOperator
-from modal.workload import refuse_above
+from modal.system.assembly import stiffness_matrix
+from modal.system.damping import ContactDamping
+from modal.system.operator import ContactOperator
+from modal.tools.arguments import checked
+from modal.tools.arrays import Complex, Floats
+from modal.tools.display import axes_of, quantity
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
+from modal.tools.workload import refuse_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

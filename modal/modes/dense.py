@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.modes.effort import of_blocks, refuse_endless_search
 from modal.modes.from_vectors import (
     TOGETHER,
@@ -24,6 +23,7 @@ from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.observables import chi_z, particle_motion, planar_resonances, rotation_share
 from modal.modes.problem import Eigenproblem, frequency_of
 from modal.modes.translations import LateralTranslations, lateral_translations, symmetry_blocks
+from modal.tools.arrays import Array, Floats, Ints
 
 DENSE_LIMIT = 6000
 """Degrees of freedom up to which the dense solver (1.7 GB, two minutes) is used unasked."""

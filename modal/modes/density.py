@@ -20,19 +20,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from modal.arguments import checked
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.modes.collective import every_floppy
 from modal.modes.problem import Eigenproblem, frequencies
 from modal.packing.network import Network
-from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
-from modal.stiffness.contacts import with_sliding
-from modal.stiffness.operator import ContactOperator, component_sums
-from modal.workload import refuse_endless
+from modal.system.contacts import with_sliding
+from modal.system.operator import ContactOperator, component_sums
+from modal.tools.arguments import checked
+from modal.tools.arrays import Floats
+from modal.tools.display import axes_of, quantity
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
+from modal.tools.workload import refuse_endless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

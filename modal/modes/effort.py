@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.modes.problem import Eigenproblem
 from modal.solvers.factor import available
-from modal.workload import refuse_above
+from modal.tools.workload import refuse_above
 
 FILL = 1.2
 """Entries of a nested-dissection factor for each nonzero of A and sphere across the packing."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.arguments import checked
-from modal.formats.hdf5 import InputError
 from modal.modes.collective import every_floppy
 from modal.modes.counts import refuse_unstable
 from modal.modes.dense import all_modes
@@ -14,8 +12,10 @@ from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
-from modal.stiffness.contacts import with_sliding
-from modal.workload import LONGEST
+from modal.system.contacts import with_sliding
+from modal.tools.arguments import checked
+from modal.tools.errors import InputError
+from modal.tools.workload import LONGEST
 
 FEW = 10
 """Lowest modes where nothing else is asked for."""

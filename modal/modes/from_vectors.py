@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.modes.mode_set import OBSERVABLES, Choice, ModeSet
 from modal.modes.observables import (
     PLANAR,
@@ -16,6 +15,7 @@ from modal.modes.observables import (
     rotation_share,
 )
 from modal.modes.problem import Eigenproblem, frequency_of
+from modal.tools.arrays import Array, Floats, Ints
 
 TOGETHER = 24
 """Modes that are measured together: bounds the memory."""

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below
 from modal.modes.dense import dense_modes
 from modal.modes.effort import from_the_top, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.problem import SMALL, Eigenproblem, check_count
 from modal.modes.search import SearchFromTop
+from modal.tools.errors import InputError
 
 
 def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) -> ModeSet:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats
 from modal.modes.mode_set import ModeSet
 from modal.packing.network import Network
-from modal.stiffness.operator import ContactOperator
+from modal.system.operator import ContactOperator
+from modal.tools.arrays import Floats
 
 
 def shift_by_law(network: Network, modes: ModeSet) -> Floats | None:

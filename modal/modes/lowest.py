@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import count_below
 from modal.modes.dense import DENSE_LIMIT, dense_modes
@@ -26,7 +24,9 @@ from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import available
 from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.workload import memory_at_hand
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.tools.workload import memory_at_hand
 
 SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""

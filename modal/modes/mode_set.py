@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, get, open_h5, put
+from modal.formats.hdf5 import get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.modes.observables import chi_z, participation_ratio
 from modal.packing.network import Network
-from modal.stiffness.root_mass import RootMass
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Floats
+from modal.tools.display import axes_of, quantity
+from modal.tools.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
-from modal.stiffness.root_mass import RootMass
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Array, Floats, Ints
 
 PLANAR = 0.999
 """chi_z above which a mode moves along z only."""

@@ -11,17 +11,17 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.modes.zero_modes import FloppyModes, floppy_modes
+from modal.packing.chain import wall_to_wall_chain
 from modal.packing.columns import Made
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS
-from modal.stiffness.matrices import own_blocks, stiffness_matrix
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
-from modal.waves.chain import wall_to_wall_chain
-from modal.workload import LONGEST
+from modal.system.assembly import own_blocks, stiffness_matrix
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
+from modal.tools.workload import LONGEST
 
 SMALL = 600
 """Degrees of freedom up to which the dense spectrum costs less than anything else."""

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Bools, Floats, Ints
 from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.problem import Eigenproblem, frequency_of
@@ -25,6 +24,7 @@ from modal.solvers.lanczos import (
 )
 from modal.solvers.low_end import LowEnd
 from modal.solvers.top_mode import top_mode
+from modal.tools.arrays import Bools, Floats, Ints
 
 ABOVE = 1e-7
 """Distance of the shift from the highest mode, at least, relative to its omega^2."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
+from modal.tools.arrays import Array, Floats, Ints
 
 COMMUTE_TOLERANCE = 1e-9
 """Largest |P K P^T - K| relative to the largest entry of K that round-off explains."""

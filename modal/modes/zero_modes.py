@@ -22,13 +22,13 @@ from scipy.sparse.csgraph import (
     reverse_cuthill_mckee,
 )
 
-from modal.formats.arrays import Bools, Floats, Ints
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
 from modal.solvers.spectrum import dot, norm
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.assembly import stiffness_matrix
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Bools, Floats, Ints
 
 NEW = 1e-8
 """A motion of which the modes known before leave less, of its square, is one of them."""

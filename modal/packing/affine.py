@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats
 from modal.packing.network import Network
+from modal.tools.arrays import Floats
 
 
 def affine_stiffness(network: Network) -> Floats:

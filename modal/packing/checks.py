@@ -17,8 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Array, Bools, Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.columns import (
     CELL,
     CONTACTS,
@@ -29,6 +27,8 @@ from modal.packing.columns import (
     Columns,
 )
 from modal.packing.contact_law import sphere_volume
+from modal.tools.arrays import Array, Bools, Floats
+from modal.tools.errors import InputError
 
 KINDS = {
     "f": ("fiu", "numbers", np.float64),

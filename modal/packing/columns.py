@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from modal.formats.arrays import Array, Bools, Floats, Ints
+from modal.tools.arrays import Array, Bools, Floats, Ints
 
 SOURCE_WALL = -1
 """Value of particle_j for the wall at low z, which sends the wave."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.formats.arrays import Floats
+from modal.tools.arrays import Floats
 
 RADIUS = 1.27e-3
 """Particle radius of the study, m (Otsubo et al. 2017, section 2)."""

@@ -10,8 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import sqrt
 
-from modal.arguments import refuse_other_kinds
-from modal.formats.hdf5 import InputError
 from modal.packing.checks import DEEPEST
 from modal.packing.contact_law import (
     GLASS,
@@ -22,6 +20,8 @@ from modal.packing.contact_law import (
     stiffness_normal,
     stiffness_tangential,
 )
+from modal.tools.arguments import refuse_other_kinds
+from modal.tools.errors import InputError
 
 
 @dataclass(frozen=True)

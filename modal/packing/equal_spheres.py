@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Bools, Floats
 from modal.packing.contact_law import (
     Elasticity,
     Material,
@@ -17,6 +16,7 @@ from modal.packing.contact_law import (
 )
 from modal.packing.neighbours import Touching
 from modal.packing.network import Network, handed_over
+from modal.tools.arrays import Bools, Floats
 
 
 def network_of(

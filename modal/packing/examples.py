@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.arguments import checked
-from modal.formats.arrays import Bools, Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.checks import DEEPEST
 from modal.packing.contact_law import GLASS, RADIUS, Material, overlap_of_force
 from modal.packing.crystal import FccPacking
@@ -17,7 +14,10 @@ from modal.packing.equal_spheres import network_of
 from modal.packing.neighbours import Touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import void_ratio
-from modal.workload import refuse_above_memory
+from modal.tools.arguments import checked
+from modal.tools.arrays import Bools, Floats
+from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above_memory
 
 SPHERE_BYTES = 4000.0
 """Memory for each sphere of a crystal while its contacts are listed, measured."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.rattlers import firmly_held
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 EDGE = 1e-9
 """Of a slab: a centre less than this below the upper edge of a slab counts to the slab above, so

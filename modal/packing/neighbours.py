@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.arrays import Floats, Ints
 from modal.packing.columns import RECEIVER_WALL, SOURCE_WALL
-from modal.workload import refuse_above_memory
+from modal.tools.arrays import Floats, Ints
+from modal.tools.workload import refuse_above_memory
 
 SPHERE_BYTES, PAIR_BYTES = 800.0, 150.0
 """Memory for each sphere, and for each pair that is looked at, while contacts are found and
@@ -61,7 +61,7 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     `position` (n, 3) with x and y inside the periodic cell of `side` (2,); z is not periodic.
     i <= j, and a point meets its own image on one side only.
     """
-    from modal.pairs import pairs_by_cells, suit_cells  # not at import: it loads numba
+    from modal.tools.pairs import pairs_by_cells, suit_cells  # not at import: it loads numba
 
     low = position[:, 2].min(initial=np.inf)
     lengths = np.array([*side, max(position[:, 2].max(initial=low) - low, distance)])

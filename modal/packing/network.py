@@ -11,13 +11,13 @@ from hashlib import sha256
 
 import numpy as np
 
-from modal.display import quantity, table
-from modal.formats.arrays import Array, Bools, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.checks import check, converted
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
 from modal.packing.columns import UNKNOWN, Columns
+from modal.tools.arrays import Array, Bools, Ints
+from modal.tools.display import quantity, table
+from modal.tools.errors import InputError
 
 
 def handed_over(**columns: Array) -> dict[str, Array]:

@@ -9,10 +9,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import InputError, atomic_h5, get, open_h5, put
+from modal.formats.hdf5 import atomic_h5, get, open_h5, put
 from modal.packing.checks import named
 from modal.packing.columns import CONTACTS, OF_BONDS, OPTIONAL, PARTICLES
 from modal.packing.network import Network, handed_over
+from modal.tools.errors import InputError
 
 SCHEMA = "granular-contact-network"
 VERSIONS = (1, 2)

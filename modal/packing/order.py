@@ -13,9 +13,9 @@ from math import factorial
 import numpy as np
 from numpy.polynomial.legendre import Legendre
 
-from modal.formats.arrays import Bools
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
+from modal.tools.arrays import Bools
 
 REACH = 1.3
 """Distance of neighbours, diameters: between first and second shell of FCC (1 and 1.41)."""

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Floats
 from modal.packing.checks import density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
 from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import net_forces, profile
 from modal.packing.summary import crystalline_shares
+from modal.tools.arrays import Floats
 
 LAWS = {"Hertz": 2 / 3, "linear": 1.0}
 """Force over stiffness times overlap."""

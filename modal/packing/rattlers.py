@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Bools, Floats
 from modal.packing.network import Network
+from modal.tools.arrays import Bools, Floats
 
 HELD = 0.05
 """Largest contact force, over the mean one, from which a particle counts as firmly held."""

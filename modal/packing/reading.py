@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from modal.arguments import checked
 from modal.packing.checks import named
 from modal.packing.network import Network
 from modal.packing.network_file import read_network
 from modal.packing.sample import read_sample
+from modal.tools.arguments import checked
 
 
 def is_sample(path: str | Path) -> bool:
@@ -28,7 +28,7 @@ def read_packing(path: str | Path) -> Network:
     >>> modal.read("nowhere.network.h5")
     Traceback (most recent call last):
         ...
-    modal.formats.hdf5.InputError: nowhere.network.h5: no such file; check the name
+    modal.tools.errors.InputError: nowhere.network.h5: no such file; check the name
     """
     if not is_sample(path):
         return read_network(path)

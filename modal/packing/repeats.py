@@ -14,9 +14,9 @@ from math import gcd
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.columns import CONTACTS, OF_BONDS, RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network import Network
+from modal.tools.arrays import Array, Floats, Ints
 
 SAME = 1e-9
 """Largest `difference` that round-off explains. Of the crystals of the study it is

@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, atomic_h5, complete, get, open_h5, put
+from modal.formats.hdf5 import atomic_h5, complete, get, open_h5, put
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
 from modal.packing.equal_spheres import constants, network_of
 from modal.packing.neighbours import Touching, tangents, touching
 from modal.packing.network import Network
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
 VERSION = 1

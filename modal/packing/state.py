@@ -14,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.arrays import Array, Bools, Floats, Ints
-from modal.formats.hdf5 import InputError, write_text
+from modal.formats.hdf5 import write_text
 from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
+from modal.tools.arrays import Array, Bools, Floats, Ints
+from modal.tools.errors import InputError
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.order import crystalline
 from modal.packing.state import (
@@ -22,6 +21,7 @@ from modal.packing.state import (
     volume_between_walls,
     wall_stress,
 )
+from modal.tools.errors import InputError
 
 
 def summary(network: Network, friction: float | None = None) -> dict[str, Any]:

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import Network
 from modal.packing.sample import Sample
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
 
 
 def order_along_z(position: Floats) -> Ints:

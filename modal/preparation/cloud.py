@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import RADIUS
 from modal.packing.sample import Sample
 from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
+from modal.tools.errors import InputError
 
 ROUNDS = 1000
 """Random points tried, in units of the number of spheres."""

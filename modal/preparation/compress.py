@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from modal.dem.motion import Dynamics
 from modal.packing.sample import Sample, validate
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.durations import REFERENCE, steps_of
-from modal.preparation.dynamics import Dynamics
 from modal.preparation.protocol import Stage, Study
 from modal.preparation.strain_control import ConstantRate, Servo
 from modal.preparation.walk import cost
 from modal.preparation.walk import walk as walk_by
-from modal.progress import Minute, progress, time_left
+from modal.tools.progress import Minute, progress, time_left
 
 
 class Pace:

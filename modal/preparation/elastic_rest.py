@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Bools, Floats
-from modal.formats.hdf5 import InputError
+from modal.dem.contacts import MovingContacts
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used
-from modal.preparation.moving_contacts import MovingContacts
 from modal.solvers.conjugate_gradients import conjugate_gradients
-from modal.stiffness.matrices import own_blocks
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import own_blocks
+from modal.system.operator import ContactOperator
+from modal.tools.arrays import Bools, Floats
+from modal.tools.errors import InputError
 
 STRIDE = 1.0
 """Median overlaps that a sphere may go at once; its neighbours go nearly as far, and the overlaps

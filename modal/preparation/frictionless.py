@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modal.dem.central_forces import CentralForces
 from modal.packing.contact_law import stiffness_normal
 from modal.packing.sample import Sample
-from modal.preparation.central_forces import CentralForces
 
 CHECK_EVERY = 25
 """Steps between two looks at the convergence, whose sums cost a fifth of a step."""

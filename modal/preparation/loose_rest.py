@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.formats.arrays import Bools, Floats
+from modal.dem.contacts import MovingContacts
+from modal.dem.damped_motion import DampedMotion
 from modal.packing.sample import Sample
-from modal.preparation.damped_motion import DampedMotion
-from modal.preparation.moving_contacts import MovingContacts
+from modal.tools.arrays import Bools, Floats
 
 FEW, PART = 0.01, 0.3
 """Largest share of spheres that are loose, and of those that move or stand around them: with more,

@@ -10,8 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from modal.arguments import checked
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
@@ -26,6 +24,8 @@ from modal.preparation.random_packing import (
     cloud,
     walk,
 )
+from modal.tools.arguments import checked
+from modal.tools.errors import InputError
 
 SHRINKS = 1.08
 """Width at the nominal solid fraction over that of a packing without friction at 10 MPa."""

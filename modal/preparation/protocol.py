@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.preparation.durations import STABILITY, duration, own_time, time_step
 from modal.preparation.sizes import MIXTURE, densities_of, radii_of, wall_material
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
+from modal.tools.errors import InputError
 
 CONTROL = 0.0127
 """Between two settings of the strain rates; 5 steps of `STABILITY` at the target stress."""

@@ -14,7 +14,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import STATE, Provenance, Source, is_current
 from modal.packing.contact_law import RADIUS
 from modal.packing.neighbours import refuse_more_than_fit
@@ -23,7 +22,8 @@ from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
 from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
 from modal.preparation.protocol import CHECKPOINT, by_tens
 from modal.preparation.sizes import densities_of, radii_of, wall_material
-from modal.progress import Minute
+from modal.tools.errors import InputError
+from modal.tools.progress import Minute
 
 PEAK = 2e8
 """Pressure, Pa, under which the cloud is packed before it is unloaded."""

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.dem.contacts import MovingContacts
+from modal.dem.damped_motion import DampedMotion
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, net_forces
-from modal.preparation.damped_motion import DampedMotion
 from modal.preparation.elastic_rest import elastic_motion
 from modal.preparation.loose_rest import loose_rest
-from modal.preparation.moving_contacts import MovingContacts
+from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10
 """Mean net force over mean contact force at which a sample counts as balanced. What is left moves

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import RADIUS, YOUNG, Elasticity
+from modal.tools.errors import InputError
 
 WIDEST = 10.0
 """Ratio of the largest to the smallest radius: pairs are sought as far as the largest reach."""

@@ -13,10 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import Provenance
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation.protocol import CHECKPOINT, END, PREPARATION, Study
+from modal.tools.errors import InputError
 
 
 def walk(

@@ -17,8 +17,8 @@ import scipy.sparse as sp
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from modal.formats.arrays import Floats
-from modal.progress import progress
+from modal.tools.arrays import Floats
+from modal.tools.progress import progress
 
 FEWEST = 200
 """Rows of a block at least, so that free particles do not become a block each."""

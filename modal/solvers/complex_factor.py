@@ -14,10 +14,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from modal.formats.arrays import Complex
-from modal.formats.hdf5 import InputError
 from modal.solvers.factor import SUPERLU_FILL, available, factorise
-from modal.workload import refuse_above_memory
+from modal.tools.arrays import Complex
+from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above_memory
 
 PARDISO_FILL = 1.1e3
 """Bytes of PARDISO's factor of the real form for each nonzero of W."""

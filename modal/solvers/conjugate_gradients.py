@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
-from modal.progress import Minute
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.tools.progress import Minute
 
 SHARE = 0.25
 """Of the steps: where hundreds are needed, some tens may gain little before others gain more."""

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.solvers.band import Band, BandCholesky
-from modal.workload import memory_at_hand
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.tools.workload import memory_at_hand
 
 SOLVERS = ("pardiso", "banded", "superlu")
 SUPERLU_FILL = 1.4e3

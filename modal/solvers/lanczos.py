@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import LinAlgError, cholesky, eigh, qr, solve_triangular
 
-from modal.formats.arrays import Bools, Floats
-from modal.progress import progress
 from modal.solvers.low_end import LowEnd
+from modal.tools.arrays import Bools, Floats
+from modal.tools.progress import progress
 
 BLOCK = 12
 """Right-hand sides of one solve. Of twice as many each costs four fifths, but 300 modes take 1.4

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats
+from modal.tools.arrays import Array, Floats
 
 REACH = 7.5
 """Logarithm of twice what a mode at zero is lifted to. A larger one takes more products for each
@@ -23,7 +23,7 @@ vector of the basis, and fewer vectors: on a model of the spectrum of 35,201 sph
 
 
 class Renumbering(Protocol):
-    """What is needed of A: `modal.stiffness.operator.ContactOperator.renumbered`."""
+    """What is needed of A: `modal.system.operator.ContactOperator.renumbered`."""
 
     def inward(self, u: Floats) -> Floats:
         """Vectors (size, k) in the operator's own numbering."""

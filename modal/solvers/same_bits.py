@@ -11,7 +11,7 @@ from math import isqrt
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats
+from modal.tools.arrays import Array, Floats
 
 ALONE, DEEP = 2**18, 256
 """Multiplications of a block, and terms of its sums, at most. Of 512 terms a block would be 22

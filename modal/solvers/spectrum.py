@@ -16,9 +16,9 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.solvers.lanczos import start_block
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 MARGIN = 0.02
 """Relative amount by which the largest Ritz value may lie below the top of the spectrum. Of an
@@ -42,7 +42,7 @@ errors relative to a tolerance grow by it, too."""
 
 
 class ScaledOperator(Protocol):
-    """What is needed of A: `modal.stiffness.operator.ContactOperator` with `mass_scaled`."""
+    """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
 
     shape: tuple[int, int]
     pre_stress: str

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from modal.formats.arrays import Floats
-from modal.progress import progress
 from modal.solvers.lanczos import TOLERANCE, Nearest, start_block
 from modal.solvers.spectrum import ScaledOperator, lanczos_steps, norm
+from modal.tools.arrays import Floats
+from modal.tools.progress import progress
 
 LOOK = 5
 """Steps between two looks at the largest Ritz value."""

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Complex, Floats
 from modal.packing.crystal import FccPacking
-from modal.stiffness.contacts import cross_matrix
+from modal.system.contacts import cross_matrix
+from modal.tools.arrays import Complex, Floats
+from modal.tools.display import axes_of, quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,11 +14,11 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import InputError
-from modal.progress import progress
 from modal.solvers.spectrum import GrowthError, largest_growth, norm, top_of_spectrum, wider_top
-from modal.stiffness.operator import ContactOperator
+from modal.system.operator import ContactOperator
+from modal.tools.arrays import Array, Floats
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
 
 LOOK = 50
 """Products between two looks at the growth of a recurrence."""

@@ -16,19 +16,19 @@ import time as clock
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from modal.formats.arrays import Array, Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.progress import progress
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.imposed import WallMoves, put_on
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.damping import ContactDamping
+from modal.system.imposed import WallMoves, put_on
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Array, Floats
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
+from modal.tools.workload import refuse_endless
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion
-from modal.workload import refuse_endless
 
 RADIANS = 8.0
 """Of the fastest mode in a step. The terms of the series rise to exp(8) before they fall: round-off

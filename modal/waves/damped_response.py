@@ -13,17 +13,17 @@ import time as clock
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Complex, Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.progress import progress
 from modal.solvers.complex_factor import factorise_complex
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.imposed import WallMoves, put_on
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.root_mass import RootMass
+from modal.system.assembly import stiffness_matrix
+from modal.system.damping import ContactDamping
+from modal.system.imposed import WallMoves, put_on
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Complex, Floats
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
+from modal.tools.workload import refuse_above
 from modal.waves.receivers import Receivers
-from modal.workload import refuse_above
 
 REMEDY = "take fewer frequencies, or a smaller packing"
 

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats, Ints
 from modal.packing.network import Network
 from modal.packing.repeats import lateral_repeats
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Floats, Ints
 from modal.waves.receivers import Receivers
 
 

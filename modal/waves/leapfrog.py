@@ -12,16 +12,16 @@ import time as clock
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
-from modal.progress import progress
 from modal.solvers.spectrum import GrowthError, bound_of_spectrum, dot
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
+from modal.tools.workload import refuse_endless
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
-from modal.workload import refuse_endless
 
 LOOK = 50
 """Steps between two looks at the energy."""
@@ -45,7 +45,7 @@ def leapfrog(
     """The wave by leapfrog; its signals are recorded at every `every`-th step.
 
     `duration` and `time_step` in s; `motion` of the source wall, by default the pulse of the study;
-    `pre_stress` as in `modal.stiffness.contacts`; `particles` records every particle;
+    `pre_stress` as in `modal.system.contacts`; `particles` records every particle;
     `direction`, x, y or z, is that of the wall and of all that is recorded;
     `network_sha256` is noted in the signals. InputError where the time step exceeds the stability
     limit 2 / omega_max. GrowthError where the network is unstable: its velocities then exceed what

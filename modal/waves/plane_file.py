@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError, complete, get, open_h5, put
+from modal.formats.hdf5 import complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
+from modal.tools.errors import InputError
 from modal.waves.plane_source import PlaneWave
 from modal.waves.signals import DIRECTIONS
 

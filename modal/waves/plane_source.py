@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modal.arguments import checked
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import Network
-from modal.stiffness.contacts import with_sliding
-from modal.stiffness.imposed import PlaneOpens, put_on
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.root_mass import RootMass
+from modal.system.contacts import with_sliding
+from modal.system.imposed import PlaneOpens, put_on
+from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
+from modal.tools.arguments import checked
+from modal.tools.arrays import Floats
+from modal.tools.display import axes_of, quantity
+from modal.tools.errors import InputError
 from modal.waves.propagate import carried
 from modal.waves.signals import DIRECTIONS
 from modal.waves.source import Motion, Pulse

@@ -18,21 +18,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modal.arguments import checked
-from modal.display import quantity
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
-from modal.stiffness.contacts import with_sliding
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.operator import ContactOperator
+from modal.system.contacts import with_sliding
+from modal.system.damping import ContactDamping
+from modal.system.operator import ContactOperator
+from modal.tools.arguments import checked
+from modal.tools.arrays import Floats
+from modal.tools.display import quantity
+from modal.tools.errors import InputError
+from modal.tools.workload import refuse_endless
 from modal.waves.chebyshev import Observer, summed
 from modal.waves.damped import propagate_damped
 from modal.waves.driven import Driven
 from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion, Pulse
 from modal.waves.weights import Expansion, orders_of
-from modal.workload import refuse_endless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,9 +93,9 @@ def propagate(
     all is recorded along it: "z" sends P-waves, "x" and "y" send S-waves.
 
     `duration` and recording `interval` in s; `motion` of the source wall, by default the pulse of
-    the study. `pre_stress` as in `modal.stiffness.contacts`, `sliding` as of `modal.eigenmodes`;
+    the study. `pre_stress` as in `modal.system.contacts`, `sliding` as of `modal.eigenmodes`;
     `particles` records every particle; `network_sha256` is noted in the signals. `damping` gives
-    the contacts dashpots (`modal.stiffness.damping`), which takes some ten times as many products.
+    the contacts dashpots (`modal.system.damping`), which takes some ten times as many products.
     A packing of equal parts side by side, as a crystal, is computed in one of them where that is
     exact to the `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it.
     InputError for impossible arguments, for a network without stiffness, and where the run would

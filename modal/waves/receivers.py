@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Array, Floats, Ints
-from modal.formats.hdf5 import InputError
+from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.stiffness.contacts import terms_of
-from modal.stiffness.imposed import WallMoves, put_on
-from modal.stiffness.root_mass import RootMass
-from modal.waves.chain import wall_to_wall_chain
+from modal.system.contacts import terms_of
+from modal.system.imposed import WallMoves, put_on
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.errors import InputError
 from modal.waves.signals import DIRECTIONS, Signals
 from modal.waves.source import Motion
 

@@ -21,22 +21,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modal.arguments import checked
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Complex, Floats, Ints
-from modal.formats.hdf5 import InputError, complete, get, open_h5, put
+from modal.formats.hdf5 import complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.stiffness.contacts import with_sliding
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.operator import ContactOperator
+from modal.system.contacts import with_sliding
+from modal.system.damping import ContactDamping
+from modal.system.operator import ContactOperator
+from modal.tools.arguments import checked
+from modal.tools.arrays import Complex, Floats, Ints
+from modal.tools.display import axes_of, quantity
+from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import summed
 from modal.waves.damped_response import REMEDY, damped_rows
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
 from modal.waves.weights import CHUNK, Resolvent
-from modal.workload import refuse_above, refuse_endless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,10 +124,10 @@ def frequency_response(
     leaves out of each record: of the motions, the stress on the source and that on the receiver
     wall, relative to the largest of each at any of the frequencies. Where a stress is small, as at
     an antiresonance, it and the gain are off by more of their own. `pre_stress` as in
-    `modal.stiffness.contacts`, `sliding` as of `modal.eigenmodes`; `direction` of the wall's
+    `modal.system.contacts`, `sliding` as of `modal.eigenmodes`; `direction` of the wall's
     motion, x or y for S-waves.
 
-    With `damping` (`modal.stiffness.damping`) the contacts have dashpots and the response is that
+    With `damping` (`modal.system.damping`) the contacts have dashpots and the response is that
     at real frequencies, which are as close as said, by a factorisation for each of them.
 
     InputError for packings without walls or stiffness, and where it would take more than a day or

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.display import axes_of, quantity
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError, complete, get, open_h5, put
+from modal.formats.hdf5 import complete, get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
+from modal.tools.arrays import Floats, Ints
+from modal.tools.display import axes_of, quantity
+from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
 
 if TYPE_CHECKING:

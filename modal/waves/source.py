@@ -14,9 +14,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from modal.arguments import refuse_other_kinds
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError, write_text
+from modal.formats.hdf5 import write_text
+from modal.tools.arguments import refuse_other_kinds
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 from modal.waves.signals import source_pulse
 
 AMPLITUDE = 2.5e-9

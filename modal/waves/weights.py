@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Complex, Floats
 from modal.solvers.same_bits import same_bits_product
+from modal.tools.arrays import Complex, Floats
 from modal.waves.chebyshev import ROUNDING
 from modal.waves.source import Motion
 

@@ -9,9 +9,9 @@ from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
 from analysis.case import Case
 from analysis.case_files import OTHER_WAVES
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals, write_signals

@@ -19,11 +19,12 @@ from analysis.measures import Measures
 from analysis.report import provenance_table
 from analysis.table import Table
 from modal.__main__ import main as modal_main
-from modal.formats.hdf5 import InputError, atomic_h5, sha256
+from modal.formats.hdf5 import atomic_h5, sha256
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
 from modal.packing.sample import sample_of_network, write_sample
 from modal.preparation.random_packing import random_network
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.signals import write_signals
 from modal.waves.source import Pulse

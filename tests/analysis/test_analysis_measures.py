@@ -15,13 +15,13 @@ from analysis.estimators.resonances import standing_modes
 from analysis.measures import Measures
 from analysis.measures.estimate import Estimate
 from analysis.paper import matching_case, stated, stated_range
-from modal.formats.hdf5 import InputError
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet
 from modal.modes.problem import Eigenproblem
 from modal.packing.examples import column, fcc
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
 

@@ -19,15 +19,15 @@ from analysis.estimators.structure_factor import (
 )
 from analysis.figures import FIGURES
 from analysis.figures.picture import Panel, Picture, read_picture, write_picture
-from modal.formats.hdf5 import InputError
 from modal.packing.affine import affine_stiffness, affine_velocity
 from modal.packing.contact_law import Material
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.operator import ContactOperator
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.signals import write_signals
 
 CHAIN = LayerLattice.of_crystal(FccLattice(1e5))

@@ -15,8 +15,8 @@ import pytest
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
-from modal.formats.hdf5 import InputError
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 CHAIN = LayerLattice.of_crystal(FccLattice(1e5))

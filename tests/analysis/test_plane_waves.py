@@ -16,9 +16,9 @@ from analysis.estimators.plane_waves import (
     wave_vectors,
 )
 from analysis.estimators.structure_factor import StructureFactor, read_structure, write_structure
-from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 
 CRYSTAL = FccLattice(1e5)
 
@@ -151,7 +151,7 @@ def test_ioffe_regel_on_lines_of_known_width():
 def test_participation_ratio():
     """Plane standing waves 2/3, a motion of all alike 1, one sphere 1/n; a rotation counts too."""
     from modal.modes.observables import participation_ratio
-    from modal.stiffness.root_mass import RootMass
+    from modal.system.root_mass import RootMass
 
     n = 1000
     z = (np.arange(n) + 0.5) / n

@@ -7,11 +7,11 @@ import modal
 from analysis.__main__ import main
 from analysis.belonging import cases_of_files
 from analysis.quality import quality_of
-from modal import progress, workload
 from modal.modes import damped
 from modal.modes.mode_set import write_modes
 from modal.packing.network_file import write_network
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
+from modal.tools import progress, workload
 
 
 def test_table_and_figure_of_elastic_and_of_complex_modes(tmp_path, capsys):

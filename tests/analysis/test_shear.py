@@ -16,9 +16,9 @@ from analysis.measures import Measures
 from analysis.rows import row_of
 from analysis.study.elasticity import add_elasticity, table_of_elasticity
 from modal.elasticity.moduli_file import write_moduli
-from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.response import frequency_response, write_response
 from modal.waves.signals import write_signals

@@ -19,16 +19,16 @@ from benchmarks.harness.measure import Measured, measured, median_of, run_comman
 from benchmarks.harness.packing import by_energy, resized, spectrum
 from benchmarks.harness.report import Page, read_csv
 from benchmarks.harness.yade import in_yades_order
-from modal.formats.hdf5 import InputError
 from modal.modes.density import density_of_states
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
-from modal.stiffness import contact_loops
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.packed_contacts import PackedContacts
+from modal.system import loops as contact_loops
+from modal.system.assembly import stiffness_matrix
+from modal.system.packed import PackedContacts
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse

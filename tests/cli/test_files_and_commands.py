@@ -12,13 +12,13 @@ import pytest
 
 from modal.__main__ import main
 from modal.cli.options import json_text
-from modal.formats.hdf5 import InputError
 from modal.modes.mode_set import read_modes
 from modal.packing import examples as gallery
+from modal.packing.chain import wall_to_wall_chain
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
-from modal.waves.chain import wall_to_wall_chain
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 

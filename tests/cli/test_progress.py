@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import progress as module
-from modal import workload
+from modal.tools import progress as module
+from modal.tools import workload
 
 
 class Screen(io.StringIO):
@@ -93,7 +93,7 @@ def test_peak_memory_is_that_of_the_process_alone(monkeypatch):
     if not Path("/proc/self/status").exists():
         pytest.skip("only Linux tells a process's own peak")
     held = np.ones(60_000_000)  # 480 MB
-    code = "from modal.workload import peak_memory; print(peak_memory())"
+    code = "from modal.tools.workload import peak_memory; print(peak_memory())"
     # Forked, as a shell does it: the child's first pages are those of its parent.
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=lambda: None

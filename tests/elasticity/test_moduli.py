@@ -13,14 +13,14 @@ from modal.__main__ import main
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
 from modal.elasticity.waves import anisotropy, christoffel, isotropic_mean, plane_waves
-from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.state import stress_tensor
-from modal.stiffness.matrices import mass_diagonal
+from modal.system.assembly import mass_diagonal
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 
 CUBE = {"<100>": (1, 1, 0), "<001>": (0, 0, 1), "<110>": (1, 0, 0), "<111>": (0, 1, np.sqrt(0.5))}
 """Directions of the cube in the axes of the packing, which are turned by 45 degrees about z."""

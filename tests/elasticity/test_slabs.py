@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from modal.elasticity.moduli import elastic_moduli
-from modal.formats.hdf5 import InputError
+from modal.elasticity.static_velocity import static_velocity
 from modal.packing import examples as gallery
 from modal.packing.network import Network
-from modal.stiffness.static_load import static_velocity
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 
 
 def test_crystal_between_walls_has_the_bulk_of_the_endless_one():

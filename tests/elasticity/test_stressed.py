@@ -14,10 +14,10 @@ from test_moduli import bloch_matrix, without_loose_spheres
 from modal.__main__ import main
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
+from modal.tools.errors import InputError
 
 
 def long_waves(network: Network, wavevector: np.ndarray, pre_stress: str) -> np.ndarray:

@@ -18,7 +18,7 @@ import modal
 from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
 from modal.packing.network_file import read_network
-from modal.stiffness.matrices import stiffness_matrix
+from modal.system.assembly import stiffness_matrix
 
 FILE = "out.network.h5"
 

@@ -24,8 +24,8 @@ from modal.exchange.report import summary_of
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.preparation.random_packing import random_sample
-from modal.stiffness.contacts import TANGENTS, Contacts
-from modal.stiffness.matrices import assembled
+from modal.system.assembly import assembled
+from modal.system.contacts import TANGENTS, Contacts
 from modal.waves.leapfrog import leapfrog
 from modal.waves.source import read_motion
 

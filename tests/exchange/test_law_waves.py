@@ -10,14 +10,14 @@ from scipy.integrate import solve_ivp
 
 from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
-from modal.formats.hdf5 import InputError
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
-from modal.stiffness.contacts import asymmetry
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.contacts import asymmetry
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse

@@ -16,8 +16,8 @@ from program_files import imported, refused
 from modal.exchange.liggghts import import_liggghts
 from modal.exchange.program_law import SI
 from modal.packing.network_file import read_network
-from modal.stiffness.contacts import TANGENTS, Contacts
-from modal.stiffness.matrices import assembled
+from modal.system.assembly import assembled
+from modal.system.contacts import TANGENTS, Contacts
 
 FOLDER = ROOT / "examples" / "packings" / "liggghts"
 ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log.liggghts"))

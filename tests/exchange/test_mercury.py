@@ -15,8 +15,8 @@ from modal.exchange.mercury import import_mercury
 from modal.exchange.program_law import SI
 from modal.packing.network import SOURCE_WALL, Network
 from modal.packing.network_file import read_network
-from modal.stiffness.contacts import TANGENTS, Contacts
-from modal.stiffness.matrices import assembled
+from modal.system.assembly import assembled
+from modal.system.contacts import TANGENTS, Contacts
 
 FILE = "out.network.h5"
 

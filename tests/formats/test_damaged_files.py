@@ -21,13 +21,14 @@ from places import SHEARED
 
 from analysis.__main__ import main as analysis_main
 from modal.__main__ import main as modal_main
-from modal.formats.hdf5 import InputError, open_h5, sha256
+from modal.formats.hdf5 import open_h5, sha256
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import read_modes, write_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample, write_sample
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals
 

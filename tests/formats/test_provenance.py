@@ -24,7 +24,7 @@ from analysis.measures import Measures
 from analysis.packings.samples import table
 from analysis.report import provenance_table
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError, sha256
+from modal.formats.hdf5 import sha256
 from modal.formats.provenance import (
     Provenance,
     changes,
@@ -37,6 +37,7 @@ from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, sample_of_network, write_sample
+from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
 from modal.waves.signals import read_signals, write_signals
 

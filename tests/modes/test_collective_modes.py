@@ -15,7 +15,7 @@ from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import available
-from modal.stiffness.contacts import with_sliding
+from modal.system.contacts import with_sliding
 
 SHARES = 0.3, 0.45, 0.5
 """Of contacts left out of a crystal without tangential springs: 1, 6 and 19 zero modes of 960 that

@@ -12,13 +12,13 @@ from packings import (
     with_contacts,
 )
 
-from modal.formats.hdf5 import InputError
 from modal.modes.counts import count_below, count_negative, layers_of_contacts
 from modal.modes.lowest import lowest_modes
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.solvers.factor import _certain, available, factorise
-from modal.stiffness.matrices import stiffness_matrix
+from modal.system.assembly import stiffness_matrix
+from modal.tools.errors import InputError
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4])

@@ -10,14 +10,15 @@ from scipy.linalg import eigh
 from scipy.special import ndtr
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError, sha256
+from modal.formats.hdf5 import sha256
 from modal.modes.density import DensityOfStates, density_of_states, read_density
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ from packings import columns_side_by_side, diluted, scaled
 
 import modal
 from modal.cli.main import main
-from modal.formats.hdf5 import InputError
 from modal.modes import search
 from modal.modes.collective import summary_at_zero
 from modal.modes.dense import all_modes
@@ -18,6 +17,7 @@ from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.tiling import repeat
 from modal.solvers.factor import available
+from modal.tools.errors import InputError
 
 
 def unstable(cells: tuple[int, int, int]) -> Network:

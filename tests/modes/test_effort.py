@@ -8,7 +8,6 @@ import pytest
 from places import ROOT
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes import effort
 from modal.modes.counts import count_below
 from modal.modes.highest import highest_modes
@@ -19,6 +18,7 @@ from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.solvers.factor import available
+from modal.tools.errors import InputError
 
 SAMPLE = ROOT / "results/samples/case06.sample.h5"
 """The random packing of 35,201 spheres at 100 kPa."""
@@ -131,7 +131,7 @@ def test_memory_and_hours_decide(tmp_path, capsys, monkeypatch):
     assert main(command) == 0
     assert main([*command, "--hours", "1e-6"]) == 2
     assert "more hours" in capsys.readouterr().err
-    monkeypatch.setattr("modal.workload.memory_at_hand", lambda: 1e5)
+    monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 1e5)
     for choice in (["--lowest", "5"], ["--highest", "5"], ["--all"]):
         assert main(["modes", str(path), *choice]) == 2
         assert "0.0001 GB are free" in capsys.readouterr().err
@@ -140,7 +140,7 @@ def test_memory_and_hours_decide(tmp_path, capsys, monkeypatch):
 def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     """A factor of 100 MB, 20 MB at hand: the mode is found, and why it is not certified is said."""
     problem = Eigenproblem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
-    monkeypatch.setattr("modal.workload.memory_at_hand", lambda: 2e7)
+    monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 2e7)
     monkeypatch.delattr("modal.modes.counts.factorise")
     found = highest_modes(problem, 1)
     assert len(found.frequency) == 1 and not found.attributes["certified"]

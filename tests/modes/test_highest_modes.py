@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes import counts as inertia
 from modal.modes import search
 from modal.modes.dense import all_modes
@@ -18,6 +17,7 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.solvers.factor import SingularError, available, factorise
+from modal.tools.errors import InputError
 
 
 def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:

@@ -11,7 +11,6 @@ import pytest
 from packings import kinematics, scaled
 from scipy.linalg import eigh_tridiagonal
 
-from modal.formats.hdf5 import InputError
 from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes.counts import count_below
@@ -20,9 +19,10 @@ from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.contact_law import Material, stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
-from modal.stiffness.contacts import Contacts
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.contacts import Contacts
 from modal.theory.fcc import FccLattice, dispersion
+from modal.tools.errors import InputError
 
 
 def slab_frequencies(crystal: FccLattice, layers: int) -> np.ndarray:

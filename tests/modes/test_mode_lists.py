@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes import lowest as intervals
@@ -25,7 +24,8 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.solvers import lanczos
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
 

@@ -10,7 +10,7 @@ from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.stiffness.contacts import with_sliding
+from modal.system.contacts import with_sliding
 
 
 def zero_modes(problem: Eigenproblem) -> int:

@@ -34,16 +34,16 @@ from tests.mutation.mutants import Mutant, drawn, mutants_of
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 TESTS = {
-    "stiffness/contacts": "bodies stiffness operator tangent law_waves linear_wave",
-    "stiffness/imposed": "bodies statics linear_wave shear_waves plane_source moduli",
-    "stiffness/root_mass": "bodies operator linear_wave",
-    "stiffness/matrices": "stiffness operator tangent counts lowest_modes zero_modes",
-    "stiffness/operator": "operator linear_wave",
+    "system/contacts": "bodies stiffness operator tangent law_waves linear_wave",
+    "system/imposed": "bodies statics linear_wave shear_waves plane_source moduli",
+    "system/root_mass": "bodies operator linear_wave",
+    "system/assembly": "stiffness operator tangent counts lowest_modes zero_modes",
+    "system/operator": "operator linear_wave",
     "packing/checks": "consistency",
     "packing/columns": "consistency tiling operator",
     "packing/plausibility": "consistency",
     "exchange/mercury_names": "mercury",
-    "preparation/dynamics": "dynamics",
+    "dem/motion": "dynamics",
     "modes/collective": "edges_of_lists collective_modes zero_modes",
     "modes/search": "edges_of_lists mode_lists",
     "modes/counts": "counts zero_modes lowest_modes edges lattice_and_modes",

@@ -11,7 +11,7 @@ import pytest
 from packings import contact_matrices
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
+from modal.elasticity.static_velocity import static_velocity
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
@@ -19,8 +19,8 @@ from modal.packing.rattlers import firmly_held
 from modal.packing.sample import Sample, sample_of_network
 from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress
 from modal.packing.tiling import repeat
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.static_load import static_velocity
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 
 

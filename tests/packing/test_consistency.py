@@ -10,12 +10,12 @@ import packings
 import pytest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.checks import _check_pairs
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
+from modal.tools.errors import InputError
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 8))
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.rattlers import firmly_held, force_bearing
+from modal.tools.errors import InputError
 from modal.waves.signals import Signals, read_signals, write_signals
 
 

@@ -10,7 +10,7 @@ from modal.packing.network import Network
 from modal.packing.repeats import SAME, lateral_repeats
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
-from modal.stiffness.matrices import stiffness_matrix
+from modal.system.assembly import stiffness_matrix
 
 RANDOM = random_network(60, 1e5, seed=2, aspect=4)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.contact_law import RADIUS
 from modal.packing.neighbours import periodic_pairs, tangents
 from modal.packing.sample import Sample, read_sample, shear_components, write_sample
+from modal.tools.errors import InputError
 
 
 @pytest.mark.parametrize("side", [(0.9, 1.3), (2.2, 3.1), (6.0, 5.0)])

@@ -6,18 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal import pairs, workload
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.formats.provenance import packing_of, require_same_packing
-from modal.packing import neighbours
+from modal.packing import chain, neighbours
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network_file import read_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.packing.tiling import number_of, order_along_z, repeat, repeat_sample, tiled
 from modal.preparation.random_packing import random_network, random_sample
-from modal.waves import chain
+from modal.tools import pairs, workload
+from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 
 

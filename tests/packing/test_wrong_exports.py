@@ -17,14 +17,14 @@ import numpy as np
 import packings
 import pytest
 
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
 from modal.packing.state import stress_tensor
 from modal.packing.summary import summary
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.tools.errors import InputError
 
 PARTICLES = ("position", "radius", "mass", "inertia")
 ENDS = ("particle_i", "particle_j")

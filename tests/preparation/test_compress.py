@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from modal import progress
 from modal.__main__ import main
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
 from modal.preparation import compress, protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.protocol import Study
+from modal.tools import progress
 
 SMALL = ["pack", "--friction", "0.4", "--spheres", "100", "--aspect", "1.3"]
 

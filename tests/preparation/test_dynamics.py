@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from modal import loops
-from modal.formats.hdf5 import InputError
+from modal.dem import contacts as moving_contacts
+from modal.dem import forces as contact_forces
+from modal.dem import motion as dynamics
+from modal.dem.contacts import MovingContacts
+from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation import contact_forces, dynamics, moving_contacts
 from modal.preparation.durations import time_step
-from modal.preparation.dynamics import Dynamics
-from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
+from modal.tools import loops
+from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
 STEP = time_step(3e5)
@@ -278,7 +280,7 @@ THREADS = """
 import sys
 import numba
 sys.path[:0] = ["tests", "tests/preparation"]
-from modal import loops
+from modal.tools import loops
 from test_dynamics import agitated, run
 loops.ENOUGH = 1
 sample = agitated()

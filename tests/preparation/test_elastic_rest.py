@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from modal.dem.contacts import MovingContacts
 from modal.packing.state import net_forces, stress_tensor
 from modal.preparation import relax as relaxation
 from modal.preparation.elastic_rest import STRIDE, elastic_motion
 from modal.preparation.loose_rest import loose_rest
-from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import FIRST, LOOK, RESERVE, Balance, balance_of, relax
 
@@ -189,7 +189,7 @@ THREADS = """
 import sys
 import numba
 sys.path[:0] = ["tests/preparation"]
-from modal import loops
+from modal.tools import loops
 from modal.preparation.relax import relax
 from test_elastic_rest import made, shaken
 loops.ENOUGH = 1

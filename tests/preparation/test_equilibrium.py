@@ -9,17 +9,20 @@ import pytest
 
 from modal.__main__ import main
 from modal.cli import relax as relax_command
-from modal.formats.hdf5 import InputError, sha256
+from modal.dem import contacts as moving_contacts
+from modal.dem import damped_motion
+from modal.dem import forces as contact_forces
+from modal.dem.contacts import MovingContacts
+from modal.formats.hdf5 import sha256
 from modal.formats.provenance import packing_of
 from modal.packing.network_file import read_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
-from modal.preparation import contact_forces, damped_motion, moving_contacts
 from modal.preparation import relax as relaxation
-from modal.preparation.moving_contacts import MovingContacts
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import NEAR, RESERVE, Balance, balance_of, relax
-from modal.stiffness.matrices import stiffness_matrix
+from modal.system.assembly import stiffness_matrix
+from modal.tools.errors import InputError
 
 
 def moved(sample, motion):
@@ -192,7 +195,7 @@ def test_stress_from_contacts_equals_wall_force_per_area(sheared):
 
 def test_forces_change_by_the_full_tangent(sheared):
     """Central differences of the finite law against the exact tangent of
-    `modal.stiffness.contacts`."""
+    `modal.system.contacts`."""
     network = sheared.network()
     K = stiffness_matrix(network, pre_stress="full")
     motion = np.random.default_rng(33).standard_normal((network.n_particles, 6))

@@ -11,7 +11,6 @@ from places import ROOT
 import modal
 from analysis.agreement import Agreement, compare
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity
 from modal.packing.network_file import read_network, write_network
@@ -24,6 +23,7 @@ from modal.preparation.protocol import Stage, Study
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import relax
 from modal.preparation.sizes import densities_of
+from modal.tools.errors import InputError
 from modal.waves.signals import read_signals
 
 STEEL = 2.1e11, 0.3

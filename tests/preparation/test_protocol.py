@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal.formats.hdf5 import InputError
 from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.cloud import random_places
@@ -14,6 +13,7 @@ from modal.preparation.durations import duration, highest_frequency, own_time, s
 from modal.preparation.protocol import PREPARATION, Stage, Study
 from modal.preparation.strain_control import Servo
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 
 STUDY = Study(spheres=400, width=4.2)
 

@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from modal import progress
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError, sha256
+from modal.dem import central_forces
+from modal.dem.central_forces import CentralForces, NearContacts
+from modal.dem.forces import forces_by_arrays, forces_by_loop
+from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
 from modal.packing.contact_law import GLASS
 from modal.packing.neighbours import periodic_pairs
@@ -25,13 +27,13 @@ from modal.packing.reading import read_packing
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces, stress_tensor, void_ratio
 from modal.packing.summary import summary
-from modal.preparation import central_forces, random_packing
-from modal.preparation.central_forces import CentralForces, NearContacts
-from modal.preparation.contact_forces import forces_by_arrays, forces_by_loop
+from modal.preparation import random_packing
 from modal.preparation.frictionless import minimise
 from modal.preparation.packings import sound_aspect
 from modal.preparation.random_packing import cloud, random_network, random_sample
 from modal.preparation.sizes import radii_of
+from modal.tools import progress
+from modal.tools.errors import InputError
 
 
 def _crowd(spheres=200, aspect=2.0):

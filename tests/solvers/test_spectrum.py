@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from modal.formats.hdf5 import InputError
 from modal.modes import density
 from modal.modes.collective import every_floppy
 from modal.modes.density import density_of_states
@@ -19,8 +18,9 @@ from modal.solvers.spectrum import (
     top_of_spectrum,
     wider_top,
 )
-from modal.stiffness import operator
-from modal.stiffness.operator import ContactOperator
+from modal.system import operator
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
 from modal.waves import chebyshev
 from modal.waves import propagate as wave
 from modal.waves.chebyshev import Recurrence, summed

@@ -11,7 +11,7 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.solvers.lanczos import TOLERANCE
 from modal.solvers.top_mode import top_mode
-from modal.stiffness.operator import ContactOperator
+from modal.system.operator import ContactOperator
 
 MOST = 330
 

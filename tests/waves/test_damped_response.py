@@ -8,14 +8,14 @@ from packings import wall_pattern
 
 import modal
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes.damped import damped_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network_file import write_network
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
 from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
 

@@ -8,15 +8,15 @@ from scipy.linalg import eig, expm
 
 import modal
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes import damped
 from modal.modes.damped import damped_modes, decay_rates
 from modal.modes.problem import Eigenproblem
 from modal.packing.examples import column
 from modal.packing.network_file import write_network
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.damping import ContactDamping
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.source import Pulse, SampledMotion
 
 CRYSTAL = FccLattice(1e5)

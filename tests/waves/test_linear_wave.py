@@ -8,9 +8,7 @@ import pytest
 from packings import scaled, wall_pattern
 from places import SHEARED
 
-from modal import workload
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import SOURCE_WALL, Network
@@ -18,9 +16,11 @@ from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
 from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
-from modal.stiffness.damping import ContactDamping
-from modal.stiffness.matrices import mass_diagonal
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import mass_diagonal
+from modal.system.damping import ContactDamping
+from modal.system.operator import ContactOperator
+from modal.tools import workload
+from modal.tools.errors import InputError
 from modal.waves import chebyshev
 from modal.waves.chebyshev import Recurrence
 from modal.waves.leapfrog import leapfrog

@@ -8,9 +8,9 @@ from scipy.integrate import quad
 
 import modal
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
 from modal.waves.source import (
     Pulse,
     SampledMotion,

@@ -12,11 +12,11 @@ import modal
 from analysis.__main__ import main as analysis_main
 from analysis.estimators.layer_lattice import driven_by_pulse
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.packing.network_file import write_network
-from modal.stiffness.imposed import crossings
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.imposed import crossings
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.plane_file import read_plane_wave, write_plane_wave
 from modal.waves.plane_source import propagate_from_plane
 from modal.waves.source import Pulse

@@ -12,10 +12,10 @@ import modal
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.shear_lattice import ShearLattice
 from modal.__main__ import main
-from modal.formats.hdf5 import InputError
 from modal.modes.problem import Eigenproblem
 from modal.packing.network_file import write_network
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.response import read_response, write_response
 from modal.waves.signals import read_signals, write_signals
@@ -100,7 +100,7 @@ def test_response_against_a_dense_solve():
     )
     A = Eigenproblem.of(network).scaled.toarray()
     square, vector = eigh(A)
-    from modal.stiffness.matrices import mass_diagonal
+    from modal.system.assembly import mass_diagonal
 
     scale = 1 / np.sqrt(mass_diagonal(network))
     source, _, held = wall_pattern(network, -1, axis=0)

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 import modal
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.waves.source import Pulse, SampledMotion, chirp, step
 
 PACKINGS = {

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from places import ROOT
 
 from modal.packing.network_file import read_network
-from modal.stiffness.matrices import stiffness_matrix
+from modal.system.assembly import stiffness_matrix
 
 SCENE = ROOT / "tests" / "yade" / "two_sizes.py"
 

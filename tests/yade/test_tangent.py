@@ -9,13 +9,13 @@ import scipy.sparse as sp
 from packings import contact_matrices, scaled
 from places import ROOT
 
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
-from modal.stiffness.contacts import asymmetry
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import stiffness_matrix
+from modal.system.contacts import asymmetry
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
 
 SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
 """150 spheres at 100 kPa, compressed with friction 0.4 in YADE and at rest."""

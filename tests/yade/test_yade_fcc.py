@@ -15,7 +15,7 @@ from modal.modes.dense import all_modes
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
-from modal.stiffness.damping import ContactDamping
+from modal.system.damping import ContactDamping
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, chirp, write_motion

@@ -7,7 +7,7 @@ first contact: every vector goes through memory once.
 
 from __future__ import annotations
 
-from modal.loops import (
+from modal.tools.loops import (
     compiled,
     compiled_part,
     cross,

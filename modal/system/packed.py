@@ -1,8 +1,8 @@
-"""Contacts in the order in which the loops of `modal.stiffness.contact_loops` go through them.
+"""Contacts in the order in which the loops of `modal.system.loops` go through them.
 
 They are sorted along z by their lower sphere, whatever the numbers of the spheres: both bodies of a
 contact are then still in the cache from the contacts before. Slabs of them share the cores
-(`modal.loops`), and pieces of a slab say which spheres are met there for the first time.
+(`modal.tools.loops`), and pieces of a slab say which spheres are met there for the first time.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.formats.arrays import Floats, Ints
-from modal.loops import slabs_of
 from modal.packing.columns import PART
 from modal.packing.network import Network
-from modal.stiffness.contacts import Carried, centre_distance, terms_of
+from modal.system.contacts import Carried, centre_distance, terms_of
+from modal.tools.arrays import Floats, Ints
+from modal.tools.loops import slabs_of
 
 ACROSS = 64
 """Diameters: a wider packing is worked through in columns so wide, whose layers a cache holds."""
@@ -52,7 +52,7 @@ class PackedContacts:
 
     @classmethod
     def of(cls, network: Network, pre_stress: str) -> PackedContacts:
-        """The contacts of a network; `pre_stress` as in `modal.stiffness.contacts`."""
+        """The contacts of a network; `pre_stress` as in `modal.system.contacts`."""
         order, slabs = _order_along_z(network)
         ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
         lateral = None

@@ -10,9 +10,9 @@ import modal
 from modal.packing import examples as gallery
 from modal.packing.columns import UNKNOWN
 from modal.packing.network import Network
-from modal.stiffness.imposed import WallTurns, put_on
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.root_mass import RootMass
+from modal.system.assembly import stiffness_matrix
+from modal.system.imposed import WallTurns, put_on
+from modal.system.root_mass import RootMass
 
 BEAM = {"EA": 8e3, "GA": 3e3, "EI": 2e-3, "GJ": 1.5e-3, "line": 0.7, "turning": 4e-7}
 """Stiffnesses, N, N, N m^2, N m^2, mass and moment of inertia per length, kg/m, kg m."""

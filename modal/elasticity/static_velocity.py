@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
-from modal.stiffness.imposed import WallMoves, put_on
-from modal.stiffness.matrices import own_blocks
-from modal.stiffness.operator import ContactOperator
+from modal.system.assembly import own_blocks
+from modal.system.imposed import WallMoves, put_on
+from modal.system.operator import ContactOperator
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 MAX_PRODUCTS = 5000
 """Products K u after which a load counts as one that the springs cannot balance."""

@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_typ
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -40,7 +40,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     >>> modal.eigenmodes("mine.network.h5")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
         ...
-    modal.formats.hdf5.InputError: eigenmodes: network is 'mine.network.h5', not a Network; ...
+    modal.tools.errors.InputError: eigenmodes: network is 'mine.network.h5', not a Network; ...
     """
 
     @wraps(function)

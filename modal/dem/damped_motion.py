@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Bools, Floats
-from modal.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
-from modal.preparation.moving_contacts import MovingContacts
+from modal.dem.contacts import MovingContacts
+from modal.tools.arrays import Bools, Floats
+from modal.tools.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
 
 PACE = 0.3
 """Squared time step over mass per sum of kn. For each contact kn (n.d)^2 + kt |d_t|^2 is at most

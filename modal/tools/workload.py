@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import InputError
+from modal.tools.errors import InputError
 
 LONGEST = 86400.0
 """Seconds on this machine above which a computation is refused: a day."""
@@ -63,7 +63,7 @@ def refuse_endless(
 ) -> None:
     """InputError where so many products K u would take more than a day, or more than the memory.
 
-    `operator` as `modal.stiffness.operator.ContactOperator`, compiled already: one product is
+    `operator` as `modal.system.operator.ContactOperator`, compiled already: one product is
     timed. The message begins with the `task`, as in "a wave of 10 s", and ends with the `remedy`.
     """
     motion = np.zeros(operator.shape[0])

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import loops
-from modal.loops import free_cores
 from modal.packing import examples as gallery
 from modal.packing.network import Network
-from modal.stiffness import packed_contacts
-from modal.stiffness.contacts import PRE_STRESS
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.operator import ContactOperator
-from modal.stiffness.packed_contacts import PackedContacts
+from modal.system import packed as packed_contacts
+from modal.system.assembly import stiffness_matrix
+from modal.system.contacts import PRE_STRESS
+from modal.system.operator import ContactOperator
+from modal.system.packed import PackedContacts
+from modal.tools import loops
+from modal.tools.loops import free_cores
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -46,9 +46,9 @@ BY_THREADS = """
 import sys
 import numba
 import numpy as np
-sys.path.insert(0, "tests/stiffness")
-from modal import loops
-from modal.stiffness.operator import ContactOperator
+sys.path.insert(0, "tests/system")
+from modal.tools import loops
+from modal.system.operator import ContactOperator
 from test_cores import crystal, renumbered
 loops.ENOUGH = 1
 network = crystal()

@@ -4,7 +4,7 @@ A contact with history has a shear force. A step turns it with its contact and w
 two spheres, lets it grow by ks times the shear displacement, a contact's first step included, and
 cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by term (there `ScGeom`
 without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
-`modal.stiffness.contacts` with finite increments. Without friction there is no history.
+`modal.system.contacts` with finite increments. Without friction there is no history.
 
 `radius` (n,) is that of each sphere, m; `moduli` are E* and G*, Pa, of two spheres and then those
 of a sphere and a wall. The lever arms of a contact end in the middle of its overlap; of equal
@@ -18,17 +18,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.loops import (
-    compiled,
-    compiled_part,
-    cross,
-    dot,
-    elementwise,
-    fingerprint,
-    numba,
-    plus,
-    prange,
-)
 from modal.packing import contact_law
 from modal.packing.contact_law import (
     Moduli,
@@ -39,6 +28,17 @@ from modal.packing.contact_law import (
     stiffness_tangential,
 )
 from modal.packing.network import SOURCE_WALL
+from modal.tools.loops import (
+    compiled,
+    compiled_part,
+    cross,
+    dot,
+    elementwise,
+    fingerprint,
+    numba,
+    plus,
+    prange,
+)
 
 TOTALS = (
     *("normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"),

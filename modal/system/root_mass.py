@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Array, Floats, Ints
 from modal.packing.network import Network
+from modal.tools.arrays import Array, Floats, Ints
 
 
 @dataclass(frozen=True)

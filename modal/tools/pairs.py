@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.formats.arrays import Floats, Ints
-from modal.loops import called, numba
+from modal.tools.arrays import Floats, Ints
+from modal.tools.loops import called, numba
 
 EMPTY = 100
 """Cells per point above which pairs are not sought by cells."""

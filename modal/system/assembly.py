@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Floats, Ints
 from modal.packing.network import Network
-from modal.stiffness.contacts import Contacts, terms_of
+from modal.system.contacts import Contacts, terms_of
+from modal.tools.arrays import Floats, Ints
 
 ENDS = (np.array([0, 1, 2, 3, 4, 5]), -1.0), (np.array([0, 1, 2, 6, 7, 8]), 1.0)
 """Of the bodies i and j: which parts of a contact's motion (w, theta_i, theta_j) are theirs, and
@@ -25,7 +25,7 @@ def stiffness_matrix(
 ) -> sp.csr_matrix:
     """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
 
-    `pre_stress` as in `modal.stiffness.contacts`: with "full" and "law" K is not symmetric. A
+    `pre_stress` as in `modal.system.contacts`: with "full" and "law" K is not symmetric. A
     particle that touches itself through a period has both sides of the contact on one block;
     repeated pairs add up.
     """

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.arguments import refuse_other_kinds
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
+from modal.tools.arguments import refuse_other_kinds
+from modal.tools.errors import InputError
 
 LARGEST = 1e4
 """Of the ratios: an overdamped contact creeps and stops at rates four times its square apart, which

@@ -9,15 +9,15 @@ from packings import scaled, wall_pattern
 from scipy.linalg import eigh, eigvalsh_tridiagonal
 from scipy.sparse.linalg import spsolve
 
-from modal.formats.hdf5 import InputError
+from modal.elasticity import static_velocity as statics
+from modal.elasticity.static_velocity import STRAIN_TOLERANCE, spring_motion, static_velocity
 from modal.packing import examples as gallery
 from modal.packing.layers import Layers
 from modal.packing.state import WALL_ZONE, net_forces
 from modal.preparation.random_packing import random_network
-from modal.stiffness import static_load as statics
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
-from modal.stiffness.static_load import STRAIN_TOLERANCE, spring_motion, static_velocity
+from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
+from modal.tools.errors import InputError
 
 
 def test_motion_solves_the_shifted_system():

@@ -1,7 +1,7 @@
 """Contacts of spheres that move: which pairs are near, and the history of those that touch.
 
 The list of nearby pairs holds while no sphere has gone far; a new one takes over the normals and
-shear forces of the contacts that go on. The law itself is `modal.preparation.contact_forces`.
+shear forces of the contacts that go on. The law itself is `modal.dem.forces`.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.loops import slabs_of
+from modal.dem.forces import TOTALS, forces_by_loop
+from modal.dem.near_contacts import contacts_in_reach, near_enough
 from modal.packing.neighbours import tangents
 from modal.packing.sample import Sample
-from modal.preparation.contact_forces import TOTALS, forces_by_loop
-from modal.preparation.near_contacts import contacts_in_reach, near_enough
+from modal.tools.loops import slabs_of
 
 SKIN = 0.02
 """Reach of the list of pairs beyond touch, diameters of the largest sphere: it holds while no

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.arrays import Ints
-from modal.loading import undisturbed
+from modal.tools.arrays import Ints
+from modal.tools.loading import undisturbed
 
 try:
     import numba

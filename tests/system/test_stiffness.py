@@ -12,7 +12,7 @@ from modal.packing.contact_law import (
     overlap_of_force,
     stiffness_normal,
 )
-from modal.stiffness.matrices import mass_diagonal, stiffness_matrix
+from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
 
 

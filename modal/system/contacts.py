@@ -31,9 +31,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from modal.formats.arrays import Bools, Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.network import Network
+from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.errors import InputError
 
 NORMAL, SHEAR, TWIST = "normal force", "shear force", "twist"
 GROWTH, ARMS = "growing circle", "lever arms"

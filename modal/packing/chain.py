@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import dijkstra
 
-from modal.formats.arrays import Floats, Ints
-from modal.formats.hdf5 import InputError
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
 
 CORRIDOR = 8.0
 """Distance from the line, largest diameters, within which the chain is sought first."""
@@ -72,6 +70,9 @@ def _cheapest(
 
     A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of where it leads.
     """
+    import scipy.sparse as sp  # the DEM program's own Python may lack scipy
+    from scipy.sparse.csgraph import dijkstra
+
     i, j = ends
     come, go = np.concatenate([i, j]), np.concatenate([j, i])
     cost = np.concatenate([length, length]) * weight[go]

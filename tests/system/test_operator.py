@@ -7,14 +7,15 @@ from hypothesis import strategies as st
 from packings import contact_matrices
 from scipy.sparse.linalg import eigsh
 
-from modal.formats.hdf5 import InputError
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.tiling import repeat
-from modal.stiffness import operator, packed_contacts
-from modal.stiffness.contacts import PRE_STRESS
-from modal.stiffness.matrices import mass_diagonal, own_blocks, stiffness_matrix
-from modal.stiffness.operator import ContactOperator
+from modal.system import operator
+from modal.system import packed as packed_contacts
+from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
+from modal.system.contacts import PRE_STRESS
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
 

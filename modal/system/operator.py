@@ -12,23 +12,23 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
-from modal.formats.arrays import Array, Floats, Ints
-from modal.formats.hdf5 import InputError
-from modal.loops import numba, threads_for
 from modal.packing.network import Network
-from modal.stiffness import contact_loops
-from modal.stiffness.contacts import SYMMETRIC, terms_of
-from modal.stiffness.matrices import stiffness_matrix
-from modal.stiffness.packed_contacts import PackedContacts
-from modal.stiffness.root_mass import RootMass
+from modal.system import loops as contact_loops
+from modal.system.assembly import stiffness_matrix
+from modal.system.contacts import SYMMETRIC, terms_of
+from modal.system.packed import PackedContacts
+from modal.system.root_mass import RootMass
+from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.errors import InputError
+from modal.tools.loops import numba, threads_for
 
 
 class ContactOperator(LinearOperator):
     """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) arrays.
 
     Six entries a particle, u (m) then theta; three with `translations_only`. `mass_scaled` gives
-    the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.stiffness.contacts`.
-    Equal to the matrix of `modal.stiffness.matrices` up to round-off, and symmetric unless
+    the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
+    Equal to the matrix of `modal.system.assembly` up to round-off, and symmetric unless
     `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix. Real
     numbers are what it is made for; complex ones take two products.
     """

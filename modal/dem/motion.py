@@ -14,12 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.formats.arrays import Floats
-from modal.formats.hdf5 import InputError
-from modal.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
+from modal.dem.contacts import MovingContacts
+from modal.dem.near_contacts import still_complete
 from modal.packing.sample import Sample, void_ratio
-from modal.preparation.moving_contacts import MovingContacts
-from modal.preparation.near_contacts import still_complete
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.tools.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
 
 SKIN, WIDEST = 0.03, 0.24
 """First and largest reach of the list of pairs beyond touch, diameters. A list that has lasted

@@ -1,6 +1,6 @@
 """Motions that are put on a packing from outside: of walls, of a plane that opens, of a strain.
 
-Each is a motion of the contacts alone, e (s, m, 9) in the terms of `modal.stiffness.contacts`, on
+Each is a motion of the contacts alone, e (s, m, 9) in the terms of `modal.system.contacts`, on
 top of which the bodies move freely. What a wall, an opening plane or a uniform strain does to a
 packing, and what they feel of its motion, then follows from the contacts' tangents k in one way:
 
@@ -18,10 +18,10 @@ from typing import Protocol
 
 import numpy as np
 
-from modal.formats.arrays import Bools, Floats, Ints
 from modal.packing.network import Network
-from modal.stiffness.contacts import Contacts
-from modal.stiffness.matrices import ENDS
+from modal.system.assembly import ENDS
+from modal.system.contacts import Contacts
+from modal.tools.arrays import Bools, Floats, Ints
 
 
 class Imposed(Protocol):
