@@ -172,11 +172,11 @@ def test_stages_of_a_compression_stand_in_their_order():
 
 def test_a_reader_that_has_seen_enough_is_no_error():
     """As with `python -m modal lattice | true`: what it read stays, nothing is said."""
-    run = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "modal", "lattice"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-    )
-    run.stdout.close()
-    assert run.stderr.read() == b""
-    assert run.wait() == 0
+    ) as run:
+        run.stdout.close()
+        assert run.stderr.read() == b""
+    assert run.returncode == 0
