@@ -16,14 +16,14 @@ from modal.packing.network import Network, handed_over
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-contact-network"
-VERSIONS = (1, 2)
+VERSION = (1, 2)
 """With a column of `OF_BONDS` a file says 2, which a reader that would miss it refuses."""
 
 
 def write_network(path: str | Path, network: Network) -> None:
     """Write the network atomically; the 4-byte integers of the format are chosen here."""
     with atomic_h5(path) as file:
-        version = VERSIONS[any(getattr(network, name) is not None for name in OF_BONDS)]
+        version = VERSION[any(getattr(network, name) is not None for name in OF_BONDS)]
         file.attrs.update(schema=SCHEMA, schema_version=version, creator="granular-wave-modes")
         for group, fields in (("particles", PARTICLES), ("contacts", CONTACTS)):
             for name, (kind, _, units) in fields.items():
@@ -41,7 +41,7 @@ def write_network(path: str | Path, network: Network) -> None:
 
 def read_network(path: str | Path) -> Network:
     """Read and validate a network; raises InputError with one line for anything wrong."""
-    with open_h5(path, SCHEMA, VERSIONS) as file:
+    with open_h5(path, SCHEMA, VERSION) as file:
         columns: dict[str, Any] = {}
         for group, fields in (("particles", PARTICLES), ("contacts", CONTACTS)):
             _refuse_unknown(file, group, fields)

@@ -149,10 +149,11 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     particles = np.bincount(layer, minlength=count)
     ends = np.bincount(layer, contacts_per_particle(network), count)
     reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
+    own, empty = np.diff(solid), np.full(count, np.inf)
     return Profile(
         edges=edges,
         stress=_stress_along_z(network, edges) / volume if has_forces(network) else None,
-        void_ratio=volume / np.maximum(np.diff(solid), np.finfo(float).tiny) - 1,
+        void_ratio=np.divide(volume, own, out=empty, where=own > 0) - 1,
         coordination=ends / np.maximum(particles, 1),
         particles=particles,
         bulk=periodic | ((edges[:-1] >= reach[0]) & (edges[1:] <= reach[1])),
