@@ -90,11 +90,12 @@ def _along_z(network: Network) -> dict[str, Any]:
     result: dict[str, Any] = dict(crystalline_shares(network, layers))
     if layers.bulk.any():
         density = 1 / (1 + layers.void_ratio[layers.bulk])
-        result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)
         weight, ends = layers.particles[layers.bulk], layers.coordination[layers.bulk]
         result["coordination_number_of_bulk"] = float(ends @ weight / max(weight.sum(), 1))
-        result["solid_fraction_deviation_along_z"] = float(density.std() / density.mean())
-        result["coordination_number_deviation_along_z"] = float(ends.std() / ends.mean())
+        with np.errstate(divide="ignore", invalid="ignore"):  # a bulk without spheres or contacts
+            result["void_ratio_of_bulk"] = float(1 / density.mean() - 1)
+            result["solid_fraction_deviation_along_z"] = float(density.std() / density.mean())
+            result["coordination_number_deviation_along_z"] = float(ends.std() / ends.mean())
         if layers.stress is not None:
             along = layers.stress[layers.bulk]
             scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)

@@ -368,7 +368,7 @@ def test_operations_of_a_contact_are_those_that_its_loop_makes():
         for shape in ((2, 6, 1), (2, 6, 1), (1, 7), (2, 2))
     )
     Counted.done = 0
-    loop(0, 1, x, y, True, 2.0, rows, np.array([[0, 1]]), None, None, scale)
+    loop(0, 1, x, y, True, 2.0, rows, np.array([[0, 1]]), None, None, None, scale)
     assert Counted.done == product.OPERATIONS
 
 
