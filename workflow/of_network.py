@@ -31,7 +31,7 @@ def wave(study: Study, times: float, options: str = "") -> Command:
         own, slower = (options, times) if direction == "z" else (f"--direction {direction}", 2)
         pulse = f"--amplitude {study.amplitude(case)} --input-frequency {row['input_frequency']}"
         # Every step of YADE's, which a table may ask for as 0, is none of the linear wave's.
-        interval = f"--interval {row['interval']}" * (float(row.get("interval", 0)) > 0)
+        interval = f"--interval {row['interval']}" if float(row.get("interval", 0)) > 0 else ""
         duration = slower * study.duration(case)
         return f"modal wave {input} {own} {pulse} {interval} --duration {duration} -o {output}"
 

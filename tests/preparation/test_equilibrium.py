@@ -276,7 +276,7 @@ def test_bad_input_is_one_line(fault, packed, tmp_path, capsys):
 def test_far_from_rest_is_said(packed):
     position = (
         packed.position
-        + np.random.default_rng(34).standard_normal(packed.position.shape) * 0.05 * packed.radius
+        + np.random.default_rng(34).standard_normal(packed.position.shape) * 0.02 * packed.radius
     )
     position[:, :2] %= packed.side
     with pytest.raises(InputError, match="does not come to rest"):
