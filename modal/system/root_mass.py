@@ -83,5 +83,5 @@ class RootMass:
         blocks = np.zeros((len(self.unturning), 6, 6))
         np.einsum("naa->na", blocks)[:] = 1 / self.diagonal.reshape(-1, 6)
         blocks[:, 3:, 3:] = self.unturning
-        number = np.arange(len(blocks) + 1)
-        return sp.bsr_matrix((blocks, number[:-1], number)).tocsr()
+        number, size = np.arange(len(blocks) + 1), 6 * len(blocks)
+        return sp.bsr_matrix((blocks, number[:-1], number), (size, size)).tocsr()

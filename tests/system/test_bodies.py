@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 import modal
+from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.columns import UNKNOWN
 from modal.packing.network import Network
@@ -162,6 +163,21 @@ def test_a_clump_is_the_limit_of_stiff_bonds(seed):
         errors.append(abs(found[: len(wanted)] - wanted).max() / wanted.max())
     assert errors[1] < 1e-2
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
+
+
+def test_modes_of_clumps_are_those_of_the_dense_matrices():
+    """All modes, and those without energy of bodies that few contacts hold."""
+    for contacts in (40, 9):
+        clump = joined(random_bodies(3, m=contacts), None)
+        dense = RootMass.of(clump).around(stiffness_matrix(clump)).toarray()
+        wanted = np.linalg.eigvalsh(dense)
+        # Round-off of the matrix, in omega^2.
+        assert (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2 == pytest.approx(
+            wanted.clip(0), abs=1e-12 * wanted[-1]
+        )
+        zero = Eigenproblem.of(clump).floppy
+        assert zero.total == (wanted < 1e-11 * wanted[-1]).sum()
+        assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * wanted[-1]
 
 
 def test_a_turning_wall_twists_a_beam():
