@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -9,11 +10,13 @@ from scipy.linalg import eigh
 import modal
 from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
-from modal.packing.columns import UNKNOWN
+from modal.packing.columns import OF_BONDS, UNKNOWN
 from modal.packing.network import Network
+from modal.packing.network_file import read_network, write_network
 from modal.system.assembly import stiffness_matrix
 from modal.system.imposed import WallTurns, put_on
 from modal.system.root_mass import RootMass
+from modal.tools.errors import InputError
 
 BEAM = {"EA": 8e3, "GA": 3e3, "EI": 2e-3, "GJ": 1.5e-3, "line": 0.7, "turning": 4e-7}
 """Stiffnesses, N, N, N m^2, N m^2, mass and moment of inertia per length, kg/m, kg m."""
@@ -208,3 +211,20 @@ def test_a_turning_wall_twists_a_beam():
     u = np.linalg.solve(stiffness_matrix(ends).toarray(), coupling.push[:, 0])
     torque = coupling.held[0, 0] - coupling.pull[:, 0] @ u
     assert torque == pytest.approx(chain.stiffness_twisting[0] / (count + 1), rel=1e-10)
+
+
+def test_a_file_of_bonds_says_version_2_and_hides_nothing(tmp_path):
+    """It is read back whole; a column that the reader does not know is refused by name."""
+    path, chain = tmp_path / "beam.network.h5", bonded_chain(6)
+    write_network(path, chain)
+    again = read_network(path)
+    for name in OF_BONDS:
+        np.testing.assert_array_equal(getattr(again, name), getattr(chain, name))
+    # A straight chain under a strain along it has EA over the area of its cell.
+    modulus = modal.elastic_moduli(again).stiffness[2, 2]
+    assert modulus * LENGTH**2 == pytest.approx(BEAM["EA"], rel=1e-12)
+    with h5py.File(path, "a") as file:
+        assert file.attrs["schema_version"] == 2
+        file["contacts/stiffness_of_glue"] = np.ones(6)
+    with pytest.raises(InputError, match="contacts/stiffness_of_glue is unknown"):
+        read_network(path)
