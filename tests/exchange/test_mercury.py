@@ -285,6 +285,23 @@ def test_walls_that_no_sphere_touches_are_left_out(tmp_path, capsys):
     np.testing.assert_allclose(found.force_normal, [2, 4, 2], rtol=1e-9)
 
 
+def test_a_walls_normal_may_have_any_length(tmp_path, capsys):
+    """Of today's format: the same walls, turned by quaternions that are twice as long."""
+    unit = PACKINGS / "mercury_CubicPacking.restart"
+    imported(capsys, unit, "-o", tmp_path / "unit.network.h5")
+    longer, count = re.subn(
+        r"(?m)^(InfiniteWall .*? orientation) (\S+) (\S+) (\S+) (\S+)",
+        lambda m: " ".join([m[1], *(str(2 * float(m[k])) for k in range(2, 6))]),
+        unit.read_text(),
+    )
+    assert count > 0
+    (tmp_path / "longer.restart").write_text(longer)
+    imported(capsys, tmp_path / "longer.restart", "-o", tmp_path / FILE)
+    found, wanted = read_network(tmp_path / FILE), read_network(tmp_path / "unit.network.h5")
+    assert found.wall_position == pytest.approx(wanted.wall_position, rel=1e-12)
+    assert np.array_equal(found.particle_j, wanted.particle_j)
+
+
 def test_finite_walls_without_listed_contacts_are_refused(tmp_path, capsys):
     """Nothing tells whether a sphere touches them."""
     file = spoilt(tmp_path, "InfiniteWall", "TriangleWall")

@@ -12,6 +12,7 @@ from packings import (
     with_contacts,
 )
 
+import modal
 from modal.modes.counts import count_below, count_negative, layers_of_contacts
 from modal.modes.lowest import lowest_modes
 from modal.modes.problem import SMALL, Eigenproblem, frequency_of
@@ -112,6 +113,19 @@ def test_a_mode_at_the_frequency_asked_is_refused(solver):
         # Some round-off decides for all or for none of the equal modes.
         low, high = (frequency < hz * (1 - 1e-9)).sum(), (frequency < hz * (1 + 1e-9)).sum()
         assert count is None or low <= count <= high
+
+
+@pytest.mark.parametrize("solver", ["pardiso", "superlu"])
+def test_solutions_show_a_mode_that_a_count_cannot_lie_on(solver):
+    """Beside a frequency of sixty equal modes all of them are on one side."""
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    network = columns_side_by_side(60)
+    hz = float(frequency_of(dense_squares(Eigenproblem.of(network)))[-200])
+    below, above = modal.count_modes(network, [hz * (1 - 1e-6), hz * (1 + 1e-6)], solver=solver)
+    assert (above - below) % 60 == 0 < above - below
+    with pytest.raises(InputError, match="slightly different"):
+        modal.count_modes(network, hz, solver=solver)
 
 
 @pytest.mark.parametrize("contacts_apart", [1, 3])

@@ -12,6 +12,7 @@ import pytest
 from modal.__main__ import main
 from modal.packing import examples as gallery
 from modal.packing.checks import _check_pairs
+from modal.packing.columns import SOURCE_WALL
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.packing.plausibility import plausibility
@@ -315,6 +316,52 @@ def test_info_tells_of_what_no_check_can():
     assert plausibility(packings.cohesive())["pulling_contacts"] == 1
     low, _, high = plausibility(MIXED)["density_kg_per_m3"]
     assert (low, high) == pytest.approx((2230, 7850))
+
+
+def test_depth_of_overlaps_and_the_number_of_what_is_wrong():
+    """Two spheres overlap by 0.25 and by 0.35 of a radius: where 0.3 is the limit."""
+
+    def pair(overlap: float) -> Network:
+        half = np.array([0, 0, 1 - overlap / 2])
+        return Network(
+            position=np.array([[2, 2, 2], [2, 2, 4 - overlap]]),
+            radius=np.ones(2),
+            mass=np.full(2, 4e3),
+            inertia=np.full(2, 1.6e3),
+            particle_i=np.array([0]),
+            particle_j=np.array([1]),
+            normal=np.array([[0, 0, 1.0]]),
+            lever_i=half[None],
+            lever_j=-half[None],
+            stiffness_normal=np.ones(1),
+            stiffness_tangential=np.ones(1),
+            cell_size=np.full(3, 8.0),
+            cell_periodic=np.ones(3, bool),
+            wall_position=np.array([0, 8.0]),
+        )
+
+    assert pair(0.25).n_contacts == 1
+    with pytest.raises(InputError, match="overlap by more than 0.3 of the smaller radius"):
+        pair(0.35)
+    with pytest.raises(InputError, match="^particle 2 has mass <= 0"):
+        changed(PLAIN, mass=lambda mass: np.where(np.arange(len(mass)) == 2, 0, mass))
+    along = 1e-3 * PLAIN.force_normal.mean() * PLAIN.normal
+    with pytest.raises(InputError, match="^contact 5 has a tangential force along its normal"):
+        changed(
+            PLAIN,
+            force_tangential=lambda _: np.where(np.arange(len(along))[:, None] == 5, along, 0),
+        )
+
+
+def test_contacts_that_are_left_out_are_told_with_their_number():
+    """Three between spheres and two with the lower wall, of a crystal that has all."""
+    crystal = replace(PLAIN, study={})
+    pairs = np.flatnonzero(crystal.particle_j >= 0)[:3]
+    walls = np.flatnonzero(crystal.particle_j == SOURCE_WALL)[:2]
+    left = np.setdiff1d(np.arange(crystal.n_contacts), [*pairs, *walls])
+    remarks = plausibility(packings.with_contacts(crystal, left))["remarks"]
+    assert any(remark.startswith("5 places where spheres, or wall, overlap") for remark in remarks)
+    assert not any("places where" in remark for remark in plausibility(crystal)["remarks"])
 
 
 @pytest.mark.parametrize("radius", [1e-3, 3.1e-4, 7e-6])

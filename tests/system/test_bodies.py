@@ -15,6 +15,7 @@ from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.system.assembly import stiffness_matrix
 from modal.system.imposed import WallTurns, put_on
+from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.errors import InputError
 
@@ -151,6 +152,24 @@ def joined(network: Network, stiffness: float | None) -> Network:
     return network.unchecked(
         **changed, **rows, inertia=np.einsum("naa->n", tensor) / 3, inertia_tensor=tensor
     )
+
+
+def test_roots_of_tensors_of_inertia():
+    """Twice M^1/2 is M, entry by entry; M^-1/2 undoes it; products with A by either way."""
+    clump = joined(random_bodies(3), None)
+    mass = np.zeros((6 * clump.n_particles,) * 2)
+    for body in range(clump.n_particles):
+        at = 6 * body
+        mass[at : at + 3, at : at + 3] = clump.mass[body] * np.eye(3)
+        mass[at + 3 : at + 6, at + 3 : at + 6] = clump.inertia_tensor[body]
+    root = RootMass.of(clump)
+    motions = np.random.default_rng(5).standard_normal((len(mass), 2))
+    for u in (motions, motions[:, 0]):
+        assert root.times(root.times(u)) == pytest.approx(mass @ u, rel=1e-12, abs=1e-13)
+        assert root.over(root.times(u)) == pytest.approx(u, rel=1e-12, abs=1e-12)
+        A = root.around(stiffness_matrix(clump))
+        found = ContactOperator(clump, mass_scaled=True).apply(np.ascontiguousarray(u))
+        assert found == pytest.approx(A @ u, rel=1e-12, abs=1e-12 * abs(A).max())
 
 
 @pytest.mark.parametrize("seed", [1, 2])
