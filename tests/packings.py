@@ -288,3 +288,16 @@ def kinematics(network: Network) -> np.ndarray:
         B[:, :, 9 + axis] = np.cross(unit, network.lever_j)
     B[network.with_wall, :, 6:] = 0
     return B
+
+
+def changed(network: Network, **columns) -> Network:
+    """The network with functions of its columns in their place."""
+    return replace(network, **{name: f(getattr(network, name)) for name, f in columns.items()})
+
+
+def times(factor: float):
+    return lambda data: factor * data
+
+
+def permuted(data: np.ndarray) -> np.ndarray:
+    return np.random.default_rng(1).permutation(data)

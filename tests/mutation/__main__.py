@@ -41,7 +41,7 @@ TESTS = {
     "system/operator": "operator bodies linear_wave density",
     "packing/checks": "consistency bodies",
     "packing/columns": "consistency tiling operator bodies",
-    "packing/plausibility": "consistency",
+    "packing/plausibility": "plausibility",
     "exchange/mercury_names": "mercury",
     "dem/motion": "dynamics",
     "modes/collective": "edges_of_lists collective_modes zero_modes",

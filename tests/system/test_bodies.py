@@ -155,7 +155,10 @@ def joined(network: Network, stiffness: float | None) -> Network:
 
 
 def test_roots_of_tensors_of_inertia():
-    """Twice M^1/2 is M, entry by entry; M^-1/2 undoes it; products with A by either way."""
+    """M^1/2 applied twice is M, M^-1/2 undoes it, A is the same as matrix and as operator.
+
+    Masses and moments are of order 1: the limits are some hundred roundings.
+    """
     clump = joined(random_bodies(3), None)
     mass = np.zeros((6 * clump.n_particles,) * 2)
     for body in range(clump.n_particles):
@@ -163,11 +166,11 @@ def test_roots_of_tensors_of_inertia():
         mass[at : at + 3, at : at + 3] = clump.mass[body] * np.eye(3)
         mass[at + 3 : at + 6, at + 3 : at + 6] = clump.inertia_tensor[body]
     root = RootMass.of(clump)
+    A = root.around(stiffness_matrix(clump))
     motions = np.random.default_rng(5).standard_normal((len(mass), 2))
     for u in (motions, motions[:, 0]):
         assert root.times(root.times(u)) == pytest.approx(mass @ u, rel=1e-12, abs=1e-13)
         assert root.over(root.times(u)) == pytest.approx(u, rel=1e-12, abs=1e-12)
-        A = root.around(stiffness_matrix(clump))
         found = ContactOperator(clump, mass_scaled=True).apply(np.ascontiguousarray(u))
         assert found == pytest.approx(A @ u, rel=1e-12, abs=1e-12 * abs(A).max())
 

@@ -109,11 +109,6 @@ def test_equal_to_a_loop_in_python(slow_K):
     assert abs(found - K).max() <= 1e-13 * abs(K).max()
 
 
-def packed_forces() -> Network:
-    """A crystal, whose contacts carry normal and no shear forces."""
-    return gallery.fcc(cells=(1, 1, 2))
-
-
 def test_accumulate_and_out():
     network = random_springs(1)
     applied = ContactOperator(network)
@@ -128,7 +123,7 @@ def test_accumulate_and_out():
         with pytest.raises(ValueError, match="shape"):
             applied.apply(wrong, out)
     with pytest.raises(InputError, match="not symmetric"):
-        _ = ContactOperator(packed_forces(), pre_stress="full").H
+        _ = ContactOperator(gallery.fcc(cells=(1, 1, 2)), pre_stress="full").H
     # Arrays in no order that a compiled loop takes are written to all the same.
     scattered = np.zeros((len(x), 2))[:, 0]
     assert np.array_equal(applied.accumulate(x, scattered), applied.accumulate(x, np.zeros(len(x))))
