@@ -24,10 +24,10 @@ from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
 from modal.modes.lowest import lowest_modes
-from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing.network_file import read_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.linear_system import LinearSystem, frequency_of
 
 TITLE = "Modes: this program against scipy's own solvers"
 SPHERES = {True: 250, False: 700}
@@ -52,7 +52,7 @@ def program(path: str, solver: str | None, count: int) -> Task:
 
     def action() -> list[float]:
         fresh = replace(network)  # nothing is kept from an earlier run
-        return lowest_modes(Eigenproblem.of(fresh, solver=solver), count).frequency.tolist()
+        return lowest_modes(LinearSystem.of(fresh, solver=solver), count).frequency.tolist()
 
     return action
 
@@ -100,7 +100,7 @@ def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> 
 def packing_rows(packing: KnownPacking, quick: bool) -> Rows:
     """Every method on one random packing; where a method fails, why."""
     floppy, exact, rows = packing.floppy, packing.exact.copy(), []
-    exact[floppy : floppy + LOWEST] = by_energy(packing.problem, floppy, LOWEST)
+    exact[floppy : floppy + LOWEST] = by_energy(packing.system, floppy, LOWEST)
 
     def add(method: str, setting: str, task: str, times: int = 1, **arguments: Any) -> None:
         task, path = f"benchmarks.modes:{task}", str(packing.path)

@@ -27,11 +27,11 @@ from modal.modes.counts import count_below
 from modal.modes.density import density_of_states
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.system.assembly import stiffness_matrix
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.waves.propagate import propagate
 
@@ -95,7 +95,7 @@ def modes(network: Network, which: str, limits: Sequence[float]) -> str:
     """The highest or lowest modes, or all between two frequencies; how they were found."""
     top = partial(highest_modes, certify=False)
     find = {"highest": top, "lowest": lowest_modes, "between": modes_between}[which]
-    found = find(Eigenproblem.of(network, shapes=False), *limits)
+    found = find(LinearSystem.of(network, shapes=False), *limits)
     exact = "certified" if found.attributes["certified"] else "not certified"
     last, solver = found.frequency[-1], found.attributes["solver"]
     return f"{len(found.frequency)} modes to {last:.0f} Hz, {exact}, {solver}"
@@ -109,7 +109,7 @@ ACTIONS: dict[str, Callable[..., str]] = {
     "density": lambda network, width: (
         f"{density_of_states(network, resolution=width).products} products"
     ),
-    "count": lambda network, at: f"{count_below(Eigenproblem.of(network), at)} modes",
+    "count": lambda network, at: f"{count_below(LinearSystem.of(network), at)} modes",
     "modes": modes,
 }
 """What is done with a network; returns what the table says of the result."""

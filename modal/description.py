@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from modal.modes.collective import easily_known_floppy
-from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.packing.summary import summary
+from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.display import quantity, table
 from modal.tools.errors import InputError
@@ -41,7 +41,7 @@ def describe(network: Network) -> str:
 def _floppy(network: Network) -> str:
     """Their number and kinds, or why it is not known."""
     try:
-        floppy = easily_known_floppy(Eigenproblem.of(network))
+        floppy = easily_known_floppy(LinearSystem.of(network))
     except InputError as error:
         return str(error)
     kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)

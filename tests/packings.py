@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from places import SHEARED
 
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
@@ -15,6 +14,7 @@ from modal.packing.tiling import repeat
 from modal.system.assembly import block
 from modal.system.contacts import Contacts, terms_of
 from modal.system.imposed import WallMoves, put_on
+from modal.system.linear_system import LinearSystem
 
 YOUNG, POISSON = 60e9, 0.2
 
@@ -239,9 +239,9 @@ def diluted(share: float, seed: int, layers: int = 6) -> Network:
     return with_contacts(network, np.random.default_rng(seed).random(network.n_contacts) > share)
 
 
-def dense_squares(problem: Eigenproblem) -> np.ndarray:
+def dense_squares(system: LinearSystem) -> np.ndarray:
     """All omega^2, ascending, by a dense solver."""
-    return np.linalg.eigvalsh(problem.scaled.toarray())
+    return np.linalg.eigvalsh(system.scaled.toarray())
 
 
 def columns_side_by_side(copies: int, high: int = 2) -> Network:

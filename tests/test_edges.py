@@ -20,13 +20,14 @@ from modal.modes.counts import count_below, count_negative
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.neighbours import tangents
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.sample import Sample, read_sample
 from modal.system.contacts import with_sliding
+from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
@@ -69,7 +70,7 @@ def bound(f: np.ndarray, top: float, size: int) -> np.ndarray:
 def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
     """P resonances against the chain of layers; stress 2e-8 Pa is an overlap of 1e-12 R."""
     network = gallery.fcc(stress, (1, 1, 20))
-    modes = all_modes(Eigenproblem.of(network))
+    modes = all_modes(LinearSystem.of(network))
     omega, _ = LayerLattice.of_network(network).eigenmodes()
     assert modes.resonance_frequency == pytest.approx(omega / 2 / np.pi, rel=1e-11)
     # A compact sample keeps positions: an overlap is a difference of them.
@@ -102,15 +103,15 @@ def test_mass_contrast_of_polydisperse_spheres(decades):
 
 
 def _compare_with_singular_values(network: Network) -> None:
-    problem, exact = Eigenproblem.of(network), exact_frequencies(network)
-    found, top = all_modes(problem).frequency, exact[-1]
-    assert (abs(found / exact - 1) < bound(exact, top, problem.size)).all()
-    lowest = lowest_modes(problem, 4)
+    system, exact = LinearSystem.of(network), exact_frequencies(network)
+    found, top = all_modes(system).frequency, exact[-1]
+    assert (abs(found / exact - 1) < bound(exact, top, system.size)).all()
+    lowest = lowest_modes(system, 4)
     assert lowest.attributes["certified"]
-    assert (abs(lowest.frequency / exact[:4] - 1) < bound(exact[:4], top, problem.size)).all()
-    assert highest_modes(problem, 2).frequency == pytest.approx(exact[-2:], rel=1e-10)
+    assert (abs(lowest.frequency / exact[:4] - 1) < bound(exact[:4], top, system.size)).all()
+    assert highest_modes(system, 2).frequency == pytest.approx(exact[-2:], rel=1e-10)
     between = (exact[100] + exact[101]) / 2
-    assert count_below(problem, between) == 101
+    assert count_below(system, between) == 101
 
 
 def test_more_contrast_than_double_precision_holds_is_refused():
@@ -121,20 +122,20 @@ def test_more_contrast_than_double_precision_holds_is_refused():
         mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
     )
     with pytest.raises(InputError, match="no mode converged"):
-        lowest_modes(Eigenproblem.of(network), 6)
+        lowest_modes(LinearSystem.of(network), 6)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-6, 1e-3, 0.5, 1.0])
 def test_tangential_over_normal_stiffness(ratio):
     network = gallery.fcc(cells=(2, 2, 6))
     network = replace(network, stiffness_tangential=ratio * network.stiffness_normal)
-    problem, exact = Eigenproblem.of(network), exact_frequencies(network)
-    found = all_modes(problem).frequency
-    error = problem.size * EPS * exact[-1] ** 2
+    system, exact = LinearSystem.of(network), exact_frequencies(network)
+    found = all_modes(system).frequency
+    error = system.size * EPS * exact[-1] ** 2
     assert abs(np.sign(found) * found**2 - exact**2).max() < error
     spins = 3 * network.n_particles if ratio == 0 else 0
     # Without tangential springs every sphere spins and the whole slides along both walls.
-    assert problem.floppy.total == spins + 2 * (ratio == 0)
+    assert by_structure(system).total == spins + 2 * (ratio == 0)
 
 
 def _ball(normals: np.ndarray) -> Network:
@@ -168,9 +169,9 @@ def _ball(normals: np.ndarray) -> Network:
 def test_sphere_with_few_contacts(contacts, free):
     """Six motions; three about one fixed point; one about the line through two."""
     normals = np.array([[0, 0, -1.0], [0.6, 0, 0.8], [0, 0.8, 0.6]])[:contacts]
-    problem = Eigenproblem.of(_ball(normals))
-    assert problem.floppy.total == free
-    assert (exact_frequencies(problem.network) > 1.0).sum() == 6 - free
+    system = LinearSystem.of(_ball(normals))
+    assert by_structure(system).total == free
+    assert (exact_frequencies(system.network) > 1.0).sum() == 6 - free
 
 
 @pytest.mark.parametrize("angle", [1e-1, 1e-2, 1e-3, 1e-4])
@@ -178,16 +179,16 @@ def test_nearly_coincident_contacts(angle):
     """Three contacts within a small angle: soft rocking proportional to it, never lost."""
     s, c = np.sin(angle), np.cos(angle)
     network = _ball(np.array([[0, 0, -1], [s, 0, -c], [0, s, -c]]))
-    exact, found = exact_frequencies(network), all_modes(Eigenproblem.of(network)).frequency
-    assert Eigenproblem.of(network).floppy.total == 0
+    exact, found = exact_frequencies(network), all_modes(LinearSystem.of(network)).frequency
+    assert by_structure(LinearSystem.of(network)).total == 0
     assert (abs(found / exact - 1) < bound(exact, exact[-1], 6)).all()
 
 
 @pytest.mark.parametrize("layers", [5, 12])
 def test_column_one_sphere_wide(layers):
     """It touches its own images; its modes are those of the wide crystal with equal columns."""
-    wide = all_modes(Eigenproblem.of(gallery.fcc(cells=(2, 2, layers)))).frequency
-    for f in all_modes(Eigenproblem.of(gallery.fcc(cells=(1, 1, layers)))).frequency:
+    wide = all_modes(LinearSystem.of(gallery.fcc(cells=(2, 2, layers)))).frequency
+    for f in all_modes(LinearSystem.of(gallery.fcc(cells=(1, 1, layers)))).frequency:
         assert abs(wide - f).min() < 1e-12 * wide[-1]
 
 
@@ -204,13 +205,13 @@ def test_isostatic_network_without_stress():
     order = qr(G.T, mode="r", pivoting=True)[1][: G.shape[1]]
     for removed in (0, 1, 5):
         kept = np.sort(order[: len(order) - removed])
-        problem = Eigenproblem.of(crystal.with_contacts(kept), translations_only=True)
+        system = LinearSystem.of(crystal.with_contacts(kept), translations_only=True)
         softest = np.linalg.svd(G[kept], compute_uv=False)[-1] / 2 / np.pi
         assert softest > 1e-5 * 2e5  # far enough above round-off, sqrt(eps) f_max, to be counted
-        assert count_below(problem, softest / 2) == removed
+        assert count_below(system, softest / 2) == removed
         square = (np.pi * softest) ** 2
         height = crystal.position[:, 2]
-        assert count_negative(problem.shifted(square), 3, height) == removed
+        assert count_negative(system.shifted(square), 3, height) == removed
 
 
 @pytest.mark.parametrize("distance", [1.0, 1e3])
@@ -236,9 +237,9 @@ def test_far_from_the_origin(distance):
 
 def test_thousand_layers():
     network = gallery.fcc(cells=(1, 1, 1000))
-    problem = Eigenproblem.of(network)
+    system = LinearSystem.of(network)
     exact = LayerLattice.of_network(network).eigenmodes()[0] / 2 / np.pi
-    found = lowest_modes(problem, 12)
+    found = lowest_modes(system, 12)
     assert found.attributes["certified"]
     planar = found.frequency[found.chi_z > 0.999]
     # Relative error of an eigenvalue so far below the top: eps (f_max / f_1)^2.
@@ -250,12 +251,12 @@ def test_thousand_layers():
 def test_hundred_thousand_layers():
     """One sphere wide, 600,000 degrees of freedom; the first P resonance is 2.16 Hz."""
     network = gallery.fcc(cells=(1, 1, 100_000))
-    problem = Eigenproblem.of(network)
+    system = LinearSystem.of(network)
     chain, crystal = LayerLattice.of_network(network), FccLattice(1e5)
     # A fixed chain of n layers: f_r = f_low-pass sin(pi r / 2 n'), n' the walls' springs included.
     compliance = chain.layers - 1 + 2 * chain.stiffness / chain.wall_stiffness
     planar = crystal.low_pass_frequency * np.sin(np.pi / 2 * np.arange(1, 3) / compliance)
-    found = lowest_modes(problem, 6)
+    found = lowest_modes(system, 6)
     assert found.attributes["certified"]
     print(found.frequency, planar)
     # Walls as longer springs: exact up to (kappa l)^2, 1e-9.
@@ -272,10 +273,10 @@ def test_a_single_sphere(network, slips):
         network = with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
     exact = exact_frequencies(network)
     zero = int((exact < 1e-6 * exact[-1]).sum())
-    problem = Eigenproblem.of(network)
-    assert problem.floppy.total == zero
-    assert all_modes(problem).frequency[zero:] == pytest.approx(exact[zero:], rel=1e-12)
-    assert count_below(problem, exact[-1] / 2) == int((exact < exact[-1] / 2).sum())
+    system = LinearSystem.of(network)
+    assert by_structure(system).total == zero
+    assert all_modes(system).frequency[zero:] == pytest.approx(exact[zero:], rel=1e-12)
+    assert count_below(system, exact[-1] / 2) == int((exact < exact[-1] / 2).sum())
     assert propagate(network, 1e-5).signals.chain_displacement[-1] > 0
 
 

@@ -17,9 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
 
@@ -55,7 +56,7 @@ def free_cluster(seed: int) -> Network:
 
 def squares(network: Network) -> np.ndarray:
     """Shape (6n,), Hz^2: signed squares of all frequencies."""
-    f = all_modes(Eigenproblem.of(network)).frequency
+    f = all_modes(LinearSystem.of(network)).frequency
     return np.sign(f) * f**2
 
 
@@ -65,8 +66,8 @@ def agree(first: np.ndarray, second: np.ndarray, factor: float = 1.0) -> None:
 
 def same_counts(first: Network, second: Network) -> None:
     """Exact counts between frequencies that are apart, and the zero modes by kind."""
-    one, two = Eigenproblem.of(first), Eigenproblem.of(second)
-    assert one.floppy.by_kind() == two.floppy.by_kind()
+    one, two = LinearSystem.of(first), LinearSystem.of(second)
+    assert by_structure(one).by_kind() == by_structure(two).by_kind()
     f = all_modes(one).frequency
     for k in np.flatnonzero(np.diff(f) > 1e-3 * f[-1])[::20]:
         at = (f[k] + f[k + 1]) / 2
@@ -234,7 +235,10 @@ def test_units(seed, length, mass, time):
         stiffness_tangential=network.stiffness_tangential * M / T**2,
     )
     agree(squares(network), squares(scaled), T**-2)
-    assert Eigenproblem.of(scaled).floppy.by_kind() == Eigenproblem.of(network).floppy.by_kind()
+    assert (
+        by_structure(LinearSystem.of(scaled)).by_kind()
+        == by_structure(LinearSystem.of(network)).by_kind()
+    )
     here = propagate(network, 3e-5).signals
     there = propagate(
         scaled, 3e-5 * T, motion=Pulse(2.5e-9 * L, 1e5 / T), interval=1e-6 * T

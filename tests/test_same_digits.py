@@ -10,22 +10,22 @@ from places import ROOT
 import modal
 from modal.modes.highest import highest_modes
 from modal.modes.observables import chi_z, particle_motion
-from modal.modes.problem import Eigenproblem, frequency_of
+from modal.system.linear_system import LinearSystem, frequency_of
 
 
 @pytest.fixture(scope="module")
 def dense():
     """Problem of the sample that the script compares, its frequencies and its exact vectors."""
-    problem = Eigenproblem.of(modal.read(ROOT / same_digits.SAMPLE))
-    square, vector = np.linalg.eigh(problem.scaled.toarray())
-    return problem, frequency_of(square), vector
+    system = LinearSystem.of(modal.read(ROOT / same_digits.SAMPLE))
+    square, vector = np.linalg.eigh(system.scaled.toarray())
+    return system, frequency_of(square), vector
 
 
 def test_chi_z_of_lanczos_is_within_the_bound_of_its_residuals(dense):
-    problem, frequency, vector = dense
-    modes = highest_modes(problem, 5)
-    mass = problem.network.mass
-    exact = chi_z(particle_motion(vector[:, -5:], problem.root, 6))
+    system, frequency, vector = dense
+    modes = highest_modes(system, 5)
+    mass = system.network.mass
+    exact = chi_z(particle_motion(vector[:, -5:], system.root, 6))
     bound = same_digits.chi_z_bound(
         modes.frequency, modes.residual, modes.mode_shape, mass, frequency
     )
@@ -36,8 +36,8 @@ def test_chi_z_of_lanczos_is_within_the_bound_of_its_residuals(dense):
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6])
 def test_bound_holds_for_whatever_a_vector_is_off_by(dense, size):
     """Off towards random vectors and towards the mode below, which hides best in the residual."""
-    problem, frequency, vector = dense
-    matrix = problem.scaled
+    system, frequency, vector = dense
+    matrix = system.scaled
     random = np.random.default_rng(1)
     for k in (-1, -3, -5):
         exact = vector[:, [k]]
@@ -47,15 +47,15 @@ def test_bound_holds_for_whatever_a_vector_is_off_by(dense, size):
             off /= np.linalg.norm(off)
             square = (off.T @ (matrix @ off)).item()
             residual = np.linalg.norm(matrix @ off - square * off) / square
-            shape = particle_motion(off, problem.root, 6)
+            shape = particle_motion(off, system.root, 6)
             bound = same_digits.chi_z_bound(
                 frequency_of(np.array([square])),
                 np.array([residual]),
                 shape,
-                problem.network.mass,
+                system.network.mass,
                 frequency,
             )
-            moved = abs(chi_z(shape) - chi_z(particle_motion(exact, problem.root, 6)))
+            moved = abs(chi_z(shape) - chi_z(particle_motion(exact, system.root, 6)))
             assert moved <= bound
 
 

@@ -17,9 +17,9 @@ from analysis.measures.estimate import Estimate
 from analysis.measures.first_peaks import FirstPeaks
 from analysis.measures.long_waves import LOW_ORDER
 from modal.modes.highest import highest_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle
+from modal.system.linear_system import LinearSystem
 
 SAME = 1e-6
 """Relative difference of two frequencies that are one mode's, of two searches."""
@@ -94,7 +94,7 @@ class Eigenmodes(FirstPeaks):
             return float(modes.frequency[-1])
         found = self.case.highest
         if found is None:
-            found = highest_modes(Eigenproblem.of(network), 1, certify=False)
+            found = highest_modes(LinearSystem.of(network), 1, certify=False)
         return float(found.frequency[-1])
 
     @cached_property

@@ -11,13 +11,14 @@ from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT
 from modal.modes.highest import highest_modes
-from modal.modes.problem import Eigenproblem, frequency_of
+from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.contacts import Contacts
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.waves.source import INPUT_FREQUENCY
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
@@ -29,10 +30,10 @@ ASPECT = 5.0
 
 @dataclass(frozen=True)
 class KnownPacking:
-    """Its network file, its problem, and all frequencies (6 n,), Hz, ascending."""
+    """Its network file, its system, and all frequencies (6 n,), Hz, ascending."""
 
     path: Path
-    problem: Eigenproblem
+    system: LinearSystem
     exact: np.ndarray
 
     @classmethod
@@ -41,31 +42,31 @@ class KnownPacking:
         network = random_network(spheres, STRESS, seed=1, aspect=ASPECT)
         path = folder / "packing.network.h5"
         write_network(path, network)
-        problem = Eigenproblem.of(network)
-        return cls(path, problem, spectrum(problem))
+        system = LinearSystem.of(network)
+        return cls(path, system, spectrum(system))
 
     @property
     def floppy(self) -> int:
         """Number of modes without energy; they come first in `exact`."""
-        return self.problem.floppy.total
+        return by_structure(self.system).total
 
     def __str__(self) -> str:
         return (
-            f"random packing without friction, {self.problem.network.n_particles} spheres, "
-            f"{self.problem.size} degrees of freedom, {self.floppy} of them floppy"
+            f"random packing without friction, {self.system.network.n_particles} spheres, "
+            f"{self.system.size} degrees of freedom, {self.floppy} of them floppy"
         )
 
 
-def by_energy(problem: Eigenproblem, first: int, count: int) -> np.ndarray:
+def by_energy(system: LinearSystem, first: int, count: int) -> np.ndarray:
     """Frequencies (count,), Hz, of the modes from number `first` on: energy of their springs.
 
     omega^2 = sum of d . k d over the contacts, over u . M u, for dense eigenvectors u. The
     elongations d = B u of a low mode are small differences of its displacements, right to the unit
     round-off times f_max / f; a matrix K holds their squares, and only to that factor squared.
     """
-    _, vectors = eigh(problem.scaled.toarray(), subset_by_index=[first, first + count - 1])
-    u = problem.root.over(vectors).reshape(-1, 6, count)
-    network = problem.network
+    _, vectors = eigh(system.scaled.toarray(), subset_by_index=[first, first + count - 1])
+    u = system.root.over(vectors).reshape(-1, 6, count)
+    network = system.network
     contacts = Contacts.of(network)
     motion = np.stack([contacts.motion(mode) for mode in np.moveaxis(u, 2, 0)], axis=2)
     d = contacts.slip() @ motion
@@ -73,9 +74,9 @@ def by_energy(problem: Eigenproblem, first: int, count: int) -> np.ndarray:
     return frequency_of(energy / (vectors**2).sum(axis=0))
 
 
-def spectrum(problem: Eigenproblem) -> np.ndarray:
+def spectrum(system: LinearSystem) -> np.ndarray:
     """All frequencies, Hz, ascending, from the dense mass-scaled matrix."""
-    return frequency_of(eigh(problem.scaled.toarray(), eigvals_only=True))
+    return frequency_of(eigh(system.scaled.toarray(), eigvals_only=True))
 
 
 def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Network:
@@ -113,6 +114,6 @@ def step_and_records(network: Network, fraction: float, interval: float) -> tupl
 
     The step divides the period of the pulse; `interval` of the records, s, is met to half a step.
     """
-    highest = float(highest_modes(Eigenproblem.of(network), 1, certify=False).frequency[-1])
+    highest = float(highest_modes(LinearSystem.of(network), 1, certify=False).frequency[-1])
     steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
     return 1 / (INPUT_FREQUENCY * steps), max(1, round(steps * INPUT_FREQUENCY * interval))

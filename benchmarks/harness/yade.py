@@ -9,10 +9,10 @@ from pathlib import Path
 from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.packing.sample import Sample
+from modal.system.linear_system import LinearSystem
 from modal.waves.signals import Signals, read_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY
 
@@ -31,7 +31,7 @@ class Yade:
     def __init__(self, folder: Path, network: Network, times: int) -> None:
         self.folder, self.times = folder, times
         write_network(folder / "case02.network.h5", network)
-        highest = highest_modes(Eigenproblem.of(network), 1, certify=False)
+        highest = highest_modes(LinearSystem.of(network), 1, certify=False)
         write_modes(folder / "case02.highest.modes.h5", highest)
         # A wave of a single interval is a start.
         self.start = self._run(fraction=0.5, amplitude=AMPLITUDE, duration=1.1e-5)

@@ -9,7 +9,7 @@ from modal.cli.options import network_command, numbers, remark_on_ends
 from modal.cli.reading import add_sliding, packing_of
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
-from modal.modes.problem import Eigenproblem
+from modal.system.linear_system import LinearSystem
 
 
 def add(commands: Any) -> None:
@@ -34,14 +34,14 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Counts by the frequencies as they were typed."""
     network = packing_of(options)
-    problem = Eigenproblem.of(network, solver=options.solver)
+    system = LinearSystem.of(network, solver=options.solver)
     at = numbers(options.at)
-    counts, at_zero = counts_below(problem, at), summary_at_zero(problem)
+    counts, at_zero = counts_below(system, at), summary_at_zero(system)
     floppy = at_zero.get("floppy_modes", 0)
     for f, count in zip(at, counts, strict=True):
-        remark_on_ends(options, float(f), f > 0 and count <= floppy, count == problem.size)
+        remark_on_ends(options, float(f), f > 0 and count <= floppy, count == system.size)
     return {
         "count_below": dict(zip(options.at, counts.tolist(), strict=True)),
         **at_zero,
-        "degrees_of_freedom": problem.size,
+        "degrees_of_freedom": system.size,
     }

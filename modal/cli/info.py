@@ -9,12 +9,12 @@ from typing import Any
 from modal.cli.options import NewFile, network_command
 from modal.cli.terminal import COST, Groups
 from modal.modes.collective import summary_at_zero
-from modal.modes.problem import Eigenproblem
 from modal.packing.plausibility import plausibility
 from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import contacts_per_particle, profile, write_profile
 from modal.packing.summary import summary
 from modal.preparation.protocol import PREPARATION
+from modal.system.linear_system import LinearSystem
 from modal.tools.display import quantity
 
 GROUPS = {
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         **summary(network, network.noted("mu_wave")),
         **plausibility(network, sought=is_sample(options.network)),
         "degrees_of_freedom": 6 * network.n_particles,
-        **summary_at_zero(Eigenproblem.of(network)),
+        **summary_at_zero(LinearSystem.of(network)),
         "study": {key: str(value) for key, value in network.study.items()},
     }
 

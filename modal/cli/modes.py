@@ -12,8 +12,9 @@ from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.observables import PLANAR
-from modal.modes.problem import SMALL, Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.solvers.factor import SOLVERS
+from modal.system.linear_system import SMALL, LinearSystem
 from modal.tools.errors import InputError
 
 read_product = read_modes
@@ -63,9 +64,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     network = packing_of(options)
     if options.uncertified and options.highest is None:
         raise InputError("--uncertified is for --highest; other lists cost hardly less without")
-    problem = Eigenproblem.of(network, translations_only=options.translations_only)
-    if options.all and problem.size > SMALL:
-        say(f"all {problem.size} modes: {memory_of_all(problem)}")
+    system = LinearSystem.of(network, translations_only=options.translations_only)
+    if options.all and system.size > SMALL:
+        say(f"all {system.size} modes: {memory_of_all(system)}")
     modes = eigenmodes(
         network,
         lowest=options.lowest,
@@ -87,9 +88,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
         "floppy_modes": modes.floppy_modes,
-        "floppy_modes_by_kind": problem.floppy.by_kind()
-        | {"collective": modes.floppy_modes - problem.floppy.total},
-        "degrees_of_freedom": problem.size,
+        "floppy_modes_by_kind": by_structure(system).by_kind()
+        | {"collective": modes.floppy_modes - by_structure(system).total},
+        "degrees_of_freedom": system.size,
         "certified": modes.certified,
         "missing": modes.missing,
         "uncertified_because": modes.attributes.get("uncertified_because", ""),

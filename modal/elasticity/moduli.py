@@ -23,11 +23,12 @@ from modal.elasticity.response import steady_motion
 from modal.elasticity.slab import GRIP, Bulk, affine_stiffness, bulk_stiffness
 from modal.elasticity.strain import STRAINED, STRAINS, has_walls
 from modal.elasticity.waves import anisotropy, isotropic_mean, plane_waves
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.system.contacts import Contacts, with_sliding
 from modal.system.imposed import put_on
+from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
 from modal.tools.display import axes_of, quantity, table
@@ -272,9 +273,9 @@ def elastic_moduli(
         raise InputError("no contact resists a strain: the packing has no stiffness")
     bulk = Bulk.of(network) if walls else None
     followed = affine / volume
-    problem = Eigenproblem.of(network)
+    system = LinearSystem.of(network)
     goal = _Goal(stored, tolerance, of_motion=bulk is not None)
-    found, solver = steady_motion(problem, load, coupling.terms, goal.allowed, solver)
+    found, solver = steady_motion(system, load, coupling.terms, goal.allowed, solver)
     motion = found.motion
     whole = (affine - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2
@@ -297,12 +298,13 @@ def elastic_moduli(
         float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
         found.products,
         solver,
-        _without_floppy(problem, motion) if non_affine else None,
+        _without_floppy(system, motion) if non_affine else None,
     )
 
 
-def _without_floppy(problem: Eigenproblem, motion: Floats) -> Floats:
+def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
     """Shape (6, n, 6): the motions (6n, 6) without what costs no energy."""
-    scaled = problem.root.times(motion)
-    scaled -= problem.floppy.basis @ (problem.floppy.basis.T @ scaled)
-    return problem.root.over(scaled).T.reshape(6, problem.network.n_particles, 6)
+    scaled = system.root.times(motion)
+    basis = by_structure(system).basis
+    scaled -= basis @ (basis.T @ scaled)
+    return system.root.over(scaled).T.reshape(6, system.network.n_particles, 6)

@@ -13,10 +13,10 @@ from collections.abc import Callable
 import numpy as np
 
 from modal.modes.effort import factorisation
-from modal.modes.problem import Eigenproblem
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
 from modal.solvers.factor import available, factorise
 from modal.system.assembly import own_blocks
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
@@ -36,7 +36,7 @@ FACTOR_SECONDS = 60.0
 
 
 def steady_motion(
-    problem: Eigenproblem,
+    system: LinearSystem,
     load: Floats,
     terms: Floats,
     allowed: Callable[[Floats], Floats],
@@ -50,20 +50,20 @@ def steady_motion(
     one that is likely to be faster.
     """
     if solver is None:
-        solver = "pardiso" if _worth_a_factor(problem) else "gradients"
+        solver = "pardiso" if _worth_a_factor(system) else "gradients"
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-    root = problem.root
+    root = system.root
     release: Callable[[], None] = lambda: None  # noqa: E731
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.
-        sigma = -SHIFT * problem.diagonal.max() or -1.0
-        factor = factorise(problem.shifted(sigma), definite=True, solver="pardiso")
+        sigma = -SHIFT * system.diagonal.max() or -1.0
+        factor = factorise(system.shifted(sigma), definite=True, solver="pardiso")
         ease, release = factor.solve, factor.release
     else:
-        ease = _by_own_blocks(problem)
+        ease = _by_own_blocks(system)
     found = conjugate_gradients(
-        problem.operator.apply,
+        system.operator.apply,
         ease,
         np.ascontiguousarray(root.over(load)),
         allowed,
@@ -76,19 +76,19 @@ def steady_motion(
     return Solution(motion, residual, found.energy_error, found.products), solver
 
 
-def _worth_a_factor(problem: Eigenproblem) -> bool:
-    effort, _ = factorisation(problem)
+def _worth_a_factor(system: LinearSystem) -> bool:
+    effort, _ = factorisation(system)
     fits = effort.bytes < 0.8 * memory_at_hand()
     return available("pardiso") and fits and effort.seconds < FACTOR_SECONDS
 
 
-def _by_own_blocks(problem: Eigenproblem) -> Callable[[Floats], Floats]:
+def _by_own_blocks(system: LinearSystem) -> Callable[[Floats], Floats]:
     """The inverse of A's diagonal blocks, one for each sphere, all of them held a little.
 
     Rattlers have no stiffness, and smooth spheres have but round-off against turning.
     """
-    n = problem.network.n_particles
-    blocks = problem.root.around_own(own_blocks(problem.network))
+    n = system.network.n_particles
+    blocks = system.root.around_own(own_blocks(system.network))
     held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
     inverse = np.linalg.inv(blocks + 1e-8 * held * np.eye(6))
 

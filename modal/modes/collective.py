@@ -18,11 +18,10 @@ from scipy.linalg import eigvalsh, qr
 
 from modal.modes.counts import count_below, refuse_unstable, unstable_modes
 from modal.modes.effort import factorisation
-from modal.modes.problem import Eigenproblem, frequency_of
-from modal.modes.zero_modes import FloppyModes
-from modal.packing.network import Network
+from modal.modes.zero_modes import FloppyModes, by_structure
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import start_block
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
@@ -38,25 +37,25 @@ STILL = 1e-2
 """Times the bound of zero: largest entry of A v of unit vectors v that need no further step."""
 
 
-def every_floppy(problem: Eigenproblem) -> FloppyModes:
+def every_floppy(system: LinearSystem) -> FloppyModes:
     """The zero modes, counted where that is easy or where their structure is doubtful.
 
     Where a count would take more than the memory or the time, and elsewhere, those that structure
     shows. InputError where K has a negative direction.
     """
-    refuse_unstable(problem)
-    floppy = problem.floppy
-    if doubtful(problem.network, floppy) or easy(problem):
+    refuse_unstable(system)
+    floppy = by_structure(system)
+    if doubtful(system, floppy) or easy(system):
         with suppress(InputError):
-            return counted_floppy(problem)
+            return counted_floppy(system)
     return floppy
 
 
-def summary_at_zero(problem: Eigenproblem) -> dict[str, Any]:
+def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
     """The zero modes in plain numbers by name; of an unstable packing how many modes are."""
-    if unstable := unstable_modes(problem):
+    if unstable := unstable_modes(system):
         return {"unstable_modes": unstable}
-    floppy = every_floppy(problem)
+    floppy = every_floppy(system)
     return {
         "floppy_modes": floppy.total,
         "floppy_modes_by_kind": floppy.by_kind(),
@@ -64,48 +63,48 @@ def summary_at_zero(problem: Eigenproblem) -> dict[str, Any]:
     }
 
 
-def easily_known_floppy(problem: Eigenproblem) -> FloppyModes:
+def easily_known_floppy(system: LinearSystem) -> FloppyModes:
     """As `every_floppy`, in seconds: of larger packings what structure shows."""
-    return every_floppy(problem) if easy(problem) else problem.floppy
+    return every_floppy(system) if easy(system) else by_structure(system)
 
 
-def counted_floppy(problem: Eigenproblem) -> FloppyModes:
+def counted_floppy(system: LinearSystem) -> FloppyModes:
     """The zero modes, their number by an exact count; made once for all problems of a network."""
 
     def make() -> FloppyModes:
-        refuse_unstable(problem)
-        floppy, further = problem.floppy, 0
-        if floppy.total < problem.size:
-            least = float(frequency_of(np.array([problem.zero]))[0]) / 2
-            further = count_below(problem, least) - floppy.total
-        return floppy.with_collective(_further(problem, floppy, further))
+        refuse_unstable(system)
+        floppy, further = by_structure(system), 0
+        if floppy.total < system.size:
+            least = float(frequency_of(np.array([system.zero]))[0]) / 2
+            further = count_below(system, least) - floppy.total
+        return floppy.with_collective(_further(system, floppy, further))
 
-    return problem.once("counted zero modes", make)
+    return system.once("counted zero modes", make)
 
 
-def _further(problem: Eigenproblem, floppy: FloppyModes, count: int) -> Floats:
+def _further(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
     """Shape (size, count): zero modes beside the `floppy` ones, orthonormal; so many there are.
 
     By inverse iteration on as many vectors. InputError where these have no room, or do not become
     as still as zero modes are.
     """
-    vectors = start_block(problem.size, max(count, 0))
+    vectors = start_block(system.size, max(count, 0))
     if count <= 0:
         return vectors
     remedy = "take a smaller packing"
     refuse_above_memory(3 * vectors.nbytes, f"finding {count} motions without energy", remedy)
-    shift = -SHIFT * problem.diagonal.max()
-    factor = factorise(problem.shifted(shift), definite=True, solver=_for_lists(problem.solver))
+    shift = -SHIFT * system.diagonal.max()
+    factor = factorise(system.shifted(shift), definite=True, solver=_for_lists(system.solver))
     for _ in range(STEPS):
         vectors = factor.solve(vectors)
         for _ in range(2):
             vectors -= floppy.basis @ (floppy.basis.T @ vectors)
             vectors = qr(vectors, mode="economic", overwrite_a=True, check_finite=False)[0]
-        products = problem.operator.apply(np.ascontiguousarray(vectors))
-        if abs(products).max() <= STILL * problem.zero:
+        products = system.operator.apply(np.ascontiguousarray(vectors))
+        if abs(products).max() <= STILL * system.zero:
             break
     factor.release()
-    if eigvalsh(vectors.T @ products)[-1] > problem.zero:
+    if eigvalsh(vectors.T @ products)[-1] > system.zero:
         raise InputError(f"{count} motions without energy were counted, but not all were found")
     return vectors
 
@@ -115,17 +114,18 @@ def _for_lists(solver: str | None) -> str | None:
     return None if solver == "layers" else solver
 
 
-def easy(problem: Eigenproblem) -> bool:
+def easy(system: LinearSystem) -> bool:
     """Whether an exact count takes some seconds, by estimate."""
-    return factorisation(problem, counting=True)[0].seconds <= EASY
+    return factorisation(system, counting=True)[0].seconds <= EASY
 
 
-def doubtful(network: Network, floppy: FloppyModes) -> bool:
+def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:
     """Whether structure may well not show all zero modes of a disordered packing.
 
     So it is with contacts that lack a tangential spring, with fewer springs than motions, with a
-    loose part that is too large to be looked at, and with springs of negative stiffness.
+    loose part that is too large to be looked at, and where motions may release energy.
     """
+    network = system.network
     springs = int((network.stiffness_normal != 0).sum())
     springs += 2 * int((network.stiffness_tangential != 0).sum())
     left = floppy.basis.shape[0] - floppy.total

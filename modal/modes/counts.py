@@ -17,11 +17,10 @@ from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from modal.modes.effort import factorisation, refuse_endless_search
-from modal.modes.problem import COUNTED, SMALL, Eigenproblem
 from modal.packing.network import Network
 from modal.solvers.factor import SingularError, available, factorise
 from modal.solvers.lanczos import start_block
-from modal.system.contacts import with_sliding
+from modal.system.linear_system import COUNTED, SMALL, LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
@@ -143,13 +142,13 @@ def count_modes(
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
     array([  0,  79, 480])
     """
-    problem = Eigenproblem.of(with_sliding(network, sliding), solver=solver)
-    counts = counts_below(problem, frequency)
+    system = LinearSystem.of(network, sliding=sliding, solver=solver)
+    counts = counts_below(system, frequency)
     return counts if counts.ndim else int(counts)
 
 
-def counts_below(problem: Eigenproblem, frequency: ArrayLike) -> Ints:
-    """As `count_modes`, of a problem that is at hand; an array in the shape of `frequency`."""
+def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
+    """As `count_modes`, of a system that is at hand; an array in the shape of `frequency`."""
     try:
         asked = np.asarray(frequency, float)
     except (TypeError, ValueError) as error:
@@ -157,31 +156,31 @@ def counts_below(problem: Eigenproblem, frequency: ArrayLike) -> Ints:
     if (asked < 0).any():
         raise InputError(f"{asked.min():g} Hz is no frequency; give a number from 0 Hz on")
     counts = [
-        count_below(problem, asked.flat[k], apart=True) for k in progress(asked.size, "counts")
+        count_below(system, asked.flat[k], apart=True) for k in progress(asked.size, "counts")
     ]
     return np.array(counts, int).reshape(asked.shape)
 
 
-def unstable_modes(problem: Eigenproblem) -> int:
+def unstable_modes(system: LinearSystem) -> int:
     """How many omega^2 are negative, beyond round-off; none where all stiffnesses are positive."""
-    return count_below(problem, 0.0)
+    return count_below(system, 0.0)
 
 
-def refuse_unstable(problem: Eigenproblem) -> None:
+def refuse_unstable(system: LinearSystem) -> None:
     """InputError where K has a negative direction, along which no motion is a vibration."""
-    if unstable := unstable_modes(problem):
+    if unstable := unstable_modes(system):
         raise InputError(
             f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
             "with these springs; `count` says how many modes lie below a frequency, with these"
         )
 
 
-def count_below(problem: Eigenproblem, frequency: float, *, apart: bool = False) -> int:
+def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) -> int:
     """Exact number of modes below `frequency` (Hz), unstable and zero-energy ones included.
 
     It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
     of a factorisation: PARDISO's where it is installed, else layer by layer in little memory. Small
-    networks are solved dense. No factorisation can tell the sides of an omega^2 below the problem's
+    networks are solved dense. No factorisation can tell the sides of an omega^2 below the system's
     `zero`: all modes so low are zero modes, and the count above 0 Hz is made just above them, that
     at 0 Hz just below. A factorisation may be uncertain at this very frequency, since a pivot may
     vanish although no mode is near. Then it is made a little below and a little above, and counts
@@ -190,23 +189,23 @@ def count_below(problem: Eigenproblem, frequency: float, *, apart: bool = False)
     """
     if not np.isfinite(frequency):
         raise InputError(f"{frequency} Hz is no frequency; give a number from 0 Hz on")
-    if frequency <= 0 and problem.semidefinite:
+    if frequency <= 0 and system.semidefinite:
         return 0
     square = (2 * np.pi * frequency) ** 2
-    if square <= problem.zero:
-        square = (1 if frequency > 0 else -1) * (1 + BESIDE) * problem.zero
+    if square <= system.zero:
+        square = (1 if frequency > 0 else -1) * (1 + BESIDE) * system.zero
         apart = False
-    if square > BEYOND * problem.diagonal.max(initial=0.0) and square > problem.bound:
-        return problem.size
-    if problem.size <= SMALL:
-        near = abs(problem.spectrum - square).min() <= problem.zero
-        counts = {None if apart and near else int((problem.spectrum < square).sum())}
+    if square > BEYOND * system.diagonal.max(initial=0.0) and square > system.bound:
+        return system.size
+    if system.size <= SMALL:
+        near = abs(system.spectrum - square).min() <= system.zero
+        counts = {None if apart and near else int((system.spectrum < square).sum())}
         return _agreed([counts], frequency)
-    effort, _ = factorisation(problem, counting=True)
-    refuse_endless_search(problem, effort, "an exact count takes", "take the density of states")
-    solver = problem.solver or ("pardiso" if available("pardiso") else "layers")
+    effort, _ = factorisation(system, counting=True)
+    refuse_endless_search(system, effort, "an exact count takes", "take the density of states")
+    solver = system.solver or ("pardiso" if available("pardiso") else "layers")
     methods = [solver, "layers"] if solver in ("pardiso", "superlu") else ["layers"]
-    step = max(BESIDE * abs(square), problem.zero if apart else 0.0)
+    step = max(BESIDE * abs(square), system.zero if apart else 0.0)
     beside = [square - step, square + step]
 
     def tried() -> Iterator[set[int | None]]:
@@ -214,9 +213,9 @@ def count_below(problem: Eigenproblem, frequency: float, *, apart: bool = False)
             places = [square]
             if apart and method == "layers":
                 # They give no solution that would show a mode at the frequency itself.
-                places = [square - problem.zero, square + problem.zero]
-            yield {_negative(problem, place, method, apart) for place in places}
-            yield {_negative(problem, place, method, False) for place in beside}
+                places = [square - system.zero, square + system.zero]
+            yield {_negative(system, place, method, apart) for place in places}
+            yield {_negative(system, place, method, False) for place in beside}
 
     return _agreed(tried(), frequency)
 
@@ -233,19 +232,19 @@ def _agreed(ways: Iterable[set[int | None]], frequency: float) -> int:
     )
 
 
-def _negative(problem: Eigenproblem, square: float, method: str, apart: bool) -> int | None:
+def _negative(system: LinearSystem, square: float, method: str, apart: bool) -> int | None:
     """Negative eigenvalues of A - square; None where this method cannot tell.
 
     Nor can it where modes must be `apart` and one is not.
     """
-    shifted = problem.shifted(square)
+    shifted = system.shifted(square)
     try:
         if method == "layers":
-            return count_negative(shifted, problem.dof, problem.network.position[:, 2])
+            return count_negative(shifted, system.dof, system.network.position[:, 2])
         factor = factorise(shifted, definite=False, solver=method)
     except SingularError:
         return None
-    on_a_mode = apart and _distance(factor.solve, problem.size) <= problem.zero
+    on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero
     factor.release()
     return None if on_a_mode else factor.negative
 

@@ -18,13 +18,15 @@ import scipy.sparse as sp
 from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
+from modal.modes.asked import check_count
 from modal.modes.mode_set import ModeSet
-from modal.modes.problem import Eigenproblem, check_count
+from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.solvers.complex_factor import factorise_complex
 from modal.solvers.lanczos import SEED
 from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.arguments import checked
 from modal.tools.arrays import Complex, Floats
@@ -104,25 +106,25 @@ def damped_modes(
     >>> found.quality.round(1)
     array([12.3, 12. , 12. , 11.6])
     """
-    problem = Eigenproblem.of(network)
+    system = LinearSystem.of(network)
     if not 0 < near < np.inf:
         raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
-    check_count(problem, count, problem.size - (0 if problem.size <= FEW else 2))
-    A = problem.assembled()
-    C = _scaled_dashpots(problem, damping)
+    check_count(system, count, system.size - (0 if system.size <= FEW else 2))
+    A = system.assembled()
+    C = _scaled_dashpots(system, damping)
     shift = 2j * np.pi * near
-    slow = max(STANDS * abs(shift), 10 * np.sqrt(problem.resolution))
-    if problem.size <= FEW:
+    slow = max(STANDS * abs(shift), 10 * np.sqrt(system.resolution))
+    if system.size <= FEW:
         rate, phi = _all_rates(A, C, shift, slow)
     else:
-        rate, phi = _rates_near(A, C, problem.floppy.basis, shift, count, slow)
+        rate, phi = _rates_near(A, C, by_structure(system).basis, shift, count, slow)
     if len(rate) < count:
         raise InputError(f"{count} modes asked, but only {len(rate)} oscillate; ask for fewer")
     nearest = np.argsort(abs(rate - shift))[:count]
     order = nearest[np.argsort(rate[nearest].imag)]
     rate, phi = rate[order], phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
     left = A @ phi + (C @ phi) * rate + phi * rate**2
-    shape = problem.root.over(phi).T.reshape(count, -1, 6)
+    shape = system.root.over(phi).T.reshape(count, -1, 6)
     residual = np.linalg.norm(left, axis=0) / abs(rate) ** 2
     return DampedModes(rate.imag / (2 * np.pi), -rate.real, shape, residual)
 
@@ -221,6 +223,6 @@ def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Fl
     return np.einsum("ik,ik->k", shape, dashpots.apply(np.ascontiguousarray(shape))) / 2
 
 
-def _scaled_dashpots(problem: Eigenproblem, damping: ContactDamping) -> sp.csr_matrix:
+def _scaled_dashpots(system: LinearSystem, damping: ContactDamping) -> sp.csr_matrix:
     """M^-1/2 C M^-1/2, sparse (size, size), 1/s."""
-    return problem.root.around(stiffness_matrix(damping.dashpots(problem.network)))
+    return system.root.around(stiffness_matrix(damping.dashpots(system.network)))

@@ -15,14 +15,15 @@ from scipy.linalg import eigh
 from modal.modes.effort import of_blocks, refuse_endless_search
 from modal.modes.from_vectors import (
     TOGETHER,
+    chain_of,
     found_modes,
     relative_residual,
     shapes_left_out,
 )
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.observables import chi_z, particle_motion, planar_resonances, rotation_share
-from modal.modes.problem import Eigenproblem, frequency_of
 from modal.modes.translations import LateralTranslations, lateral_translations, symmetry_blocks
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
 
 DENSE_LIMIT = 6000
@@ -32,57 +33,55 @@ ROUND_OFF = 1e-14
 """Times the largest entry of A: what round-off leaves of entries that a symmetry makes equal."""
 
 
-def all_modes(problem: Eigenproblem) -> ModeSet:
+def all_modes(system: LinearSystem) -> ModeSet:
     """Every mode; dense, or by symmetry. InputError where neither fits."""
-    return dense_modes(problem, lambda frequency: slice(0, problem.size), Choice("all"))
+    return dense_modes(system, lambda frequency: slice(0, system.size), Choice("all"))
 
 
-def dense_modes(
-    problem: Eigenproblem, chosen: Callable[[Floats], slice], choice: Choice
-) -> ModeSet:
+def dense_modes(system: LinearSystem, chosen: Callable[[Floats], slice], choice: Choice) -> ModeSet:
     """A part of all modes, from dense eigenproblems.
 
     `chosen` takes the ascending frequencies (size,) of all modes, Hz, and gives the slice of those
     that are wanted; `choice` says what they are. InputError where the network is too large.
     """
-    group = _group_of(problem)
+    group = _group_of(system)
     if not group.trivial:
-        return _dense_by_symmetry(problem, group, chosen, choice)
-    square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
+        return _dense_by_symmetry(system, group, chosen, choice)
+    square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
     part = chosen(frequency_of(square))
-    modes = found_modes(problem, square[part], vector[:, part], choice, "dense")
-    modes.attributes |= certificate(0) | {"floppy_modes": int((square <= problem.zero).sum())}
+    modes = found_modes(system, square[part], vector[:, part], choice, "dense")
+    modes.attributes |= certificate(0) | {"floppy_modes": int((square <= system.zero).sum())}
     return modes
 
 
-def _group_of(problem: Eigenproblem) -> LateralTranslations:
+def _group_of(system: LinearSystem) -> LateralTranslations:
     """The lateral translations of a network, which cut its eigenproblem into blocks.
 
     InputError where all modes would take too much memory or time.
     """
-    group = lateral_translations(problem.network, problem.scaled, problem.dof)
+    group = lateral_translations(system.network, system.scaled, system.dof)
     cells = len(group.orbit)
-    rows = problem.size // cells
+    rows = system.size // cells
     cut = "with no lateral symmetry" if group.trivial else f"in {cells} blocks of {rows} rows"
     refuse_endless_search(
-        problem,
+        system,
         of_blocks(rows, cells),
-        f"all {problem.size} modes {cut} take",
+        f"all {system.size} modes {cut} take",
         "ask for the lowest, the highest or those of an interval",
     )
     return group
 
 
-def memory_of_all(problem: Eigenproblem) -> str:
-    """How `all_modes` will solve the problem, and the memory that its largest matrices take."""
-    cells = len(_group_of(problem).orbit)
-    rows = problem.size // cells
+def memory_of_all(system: LinearSystem) -> str:
+    """How `all_modes` will solve the system, and the memory that its largest matrices take."""
+    cells = len(_group_of(system).orbit)
+    rows = system.size // cells
     gigabytes = of_blocks(rows, cells).bytes / 1e9
     return f"{cells} dense blocks of {rows} rows, {gigabytes:.2g} GB at a time"
 
 
 def _dense_by_symmetry(
-    problem: Eigenproblem,
+    system: LinearSystem,
     group: LateralTranslations,
     chosen: Callable[[Floats], slice],
     choice: Choice,
@@ -94,32 +93,32 @@ def _dense_by_symmetry(
     q = 0, laterally uniform motion, has planar resonances.
     """
     column = group.orbit[0]
-    of_column = problem.root.some(column, problem.dof)
-    in_column = np.full(problem.network.n_particles, -1)
+    of_column = system.root.some(column, system.dof)
+    in_column = np.full(system.network.n_particles, -1)
     for image in group.orbit:
         in_column[image] = np.arange(len(column))
-    chain = problem.chain()
+    chain = chain_of(system.network)
     parts, waves = [], []
     resonances: tuple[Floats, ...] | None = None
-    blocks = symmetry_blocks(problem.scaled, group, problem.dof)
+    blocks = symmetry_blocks(system.scaled, group, system.dof)
     for block, U, multiplicity in blocks:
         square, inner = eigh(block, check_finite=False, driver="evd")
-        shape = particle_motion(inner, of_column, problem.dof)
-        rotations = rotation_share(inner, problem.dof)
+        shape = particle_motion(inner, of_column, system.dof)
+        rotations = rotation_share(inner, system.dof)
         chain_chi = np.full(len(square), np.nan)
         if chain is not None:
             chain_chi = chi_z(shape, in_column[chain])
             if resonances is None:
-                uniform = particle_motion(U @ inner, problem.root, problem.dof)
+                uniform = particle_motion(U @ inner, system.root, system.dof)
                 resonances = planar_resonances(
-                    frequency_of(square), uniform, rotations, chain, problem.network
+                    frequency_of(square), uniform, rotations, chain, system.network
                 )
         difference = np.linalg.norm(block @ inner - inner * square, axis=0)
-        difference = np.stack([difference, _beside_the_waves(problem.scaled, block, U, inner)])
-        residual = relative_residual(difference, square, problem.resolution)
+        difference = np.stack([difference, _beside_the_waves(system.scaled, block, U, inner)])
+        residual = relative_residual(difference, square, system.resolution)
         rows = (frequency_of(square), residual, chi_z(shape), chain_chi, rotations)
         parts.extend([np.array(rows)] * multiplicity)
-        if problem.shapes:
+        if system.shapes:
             waves.append((U, inner))
     table = np.concatenate(parts, axis=1)
     order = np.argsort(table[0], kind="stable")
@@ -127,16 +126,16 @@ def _dense_by_symmetry(
     if resonances is not None:
         modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
     solver = f"symmetry {group.cells[0]}x{group.cells[1]}"
-    zero = int((modes.frequency <= frequency_of(np.array([problem.zero]))[0]).sum())
+    zero = int((modes.frequency <= frequency_of(np.array([system.zero]))[0]).sum())
     modes.attributes = {"solver": solver, "floppy_modes": zero} | certificate(0)
     part = chosen(modes.frequency)
     modes = subset(modes, part, choice)
-    if problem.shapes:
-        left_out = shapes_left_out(problem, len(modes.frequency))
+    if system.shapes:
+        left_out = shapes_left_out(system, len(modes.frequency))
         if left_out:
             modes.attributes["shapes_left_out"] = left_out
         else:
-            modes.mode_shape = _shapes_of_waves(problem, waves, order[part])
+            modes.mode_shape = _shapes_of_waves(system, waves, order[part])
     return modes
 
 
@@ -151,16 +150,16 @@ def _beside_the_waves(A: sp.csr_matrix, block: Array, U: sp.csr_matrix, inner: A
 
 
 def _shapes_of_waves(
-    problem: Eigenproblem, waves: list[tuple[sp.csr_matrix, Array]], wanted: Ints
+    system: LinearSystem, waves: list[tuple[sp.csr_matrix, Array]], wanted: Ints
 ) -> Floats:
     """Shape (k, n, 6): those mode shapes of the Bloch waves U w that are `wanted` (k,).
 
     The waves of q and -q are each other's conjugates: sqrt(2) times real and imaginary part are
     two orthonormal standing waves of the same frequency. They are numbered block by block.
     """
-    place = np.full(problem.size, -1)
+    place = np.full(system.size, -1)
     place[wanted] = np.arange(len(wanted))
-    shapes = np.empty((len(wanted), problem.network.n_particles, 6))
+    shapes = np.empty((len(wanted), system.network.n_particles, 6))
     first = 0
     for U, inner in waves:
         wave = U @ inner
@@ -170,6 +169,6 @@ def _shapes_of_waves(
         for vector in standing:
             rows = place[first : first + vector.shape[1]]
             some = rows >= 0
-            shapes[rows[some]] = particle_motion(vector[:, some], problem.root, problem.dof)
+            shapes[rows[some]] = particle_motion(vector[:, some], system.root, system.dof)
             first += vector.shape[1]
     return shapes

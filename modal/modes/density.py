@@ -22,11 +22,11 @@ from scipy.linalg import eigh
 
 from modal.formats.hdf5 import get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
+from modal.modes.asked import frequencies
 from modal.modes.collective import every_floppy
-from modal.modes.problem import Eigenproblem, frequencies
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
-from modal.system.contacts import with_sliding
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
@@ -204,8 +204,8 @@ def density_of_states(
         raise InputError(f"seed {seed}: give a whole number from 0 on")
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
-    problem = Eigenproblem.of(with_sliding(network, sliding))
-    operator, size = problem.operator.renumbered(), problem.size
+    system = LinearSystem.of(network, sliding=sliding)
+    operator, size = system.operator.renumbered(), system.size
     top, products = bound_of_spectrum(operator)
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
@@ -222,9 +222,9 @@ def density_of_states(
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
-    floppy = every_floppy(problem)
+    floppy = every_floppy(system)
     if exact:
-        moments, at_zero = _exact_moments(problem, top, count)
+        moments, at_zero = _exact_moments(system, top, count)
         return DensityOfStates(moments, highest, at_zero, resolution, products)
     zero = floppy.basis
     at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
@@ -240,10 +240,10 @@ def density_of_states(
     return DensityOfStates(moments, highest, at_zero, resolution, products, floppy.counted)
 
 
-def _exact_moments(problem: Eigenproblem, top: float, count: int) -> tuple[Floats, Floats]:
+def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats, Floats]:
     """Shape (1, 6, count): the traces themselves, of elastic modes; (6,): those of zero modes."""
-    square, vector = eigh(problem.scaled.toarray(), overwrite_a=True)
-    zero = square <= problem.zero
+    square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
+    zero = square <= system.zero
     angle = np.arccos(np.clip(2 * square[~zero] / top - 1, -1, 1))
     share = np.einsum("ncv,ncv->cv", *2 * [vector.reshape(-1, 6, len(square))])
     moments = share[:, ~zero] @ np.cos(angle[:, None] * np.arange(count))

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.modes.problem import Eigenproblem
 from modal.solvers.factor import available
+from modal.system.linear_system import LinearSystem
 from modal.tools.workload import refuse_above
 
 FILL = 1.2
@@ -46,28 +46,28 @@ class Effort:
     bytes: float
 
 
-def nonzeros(problem: Eigenproblem) -> float:
+def nonzeros(system: LinearSystem) -> float:
     """Number of nonzero entries of A."""
-    pairs = int((problem.network.particle_j >= 0).sum())
-    return float(problem.dof**2 * (problem.network.n_particles + 2 * pairs))
+    pairs = int((system.network.particle_j >= 0).sum())
+    return float(system.dof**2 * (system.network.n_particles + 2 * pairs))
 
 
-def factorisation(problem: Eigenproblem, *, counting: bool = False) -> tuple[Effort, float]:
+def factorisation(system: LinearSystem, *, counting: bool = False) -> tuple[Effort, float]:
     """The effort of a factorisation, assembly of A included, and the seconds of one solve.
 
     `counting` asks for a factorisation whose inertia is counted. Nested dissection cuts a packing
     across its longest side, so the factor grows with the other two.
     """
-    solver = problem.solver or ("pardiso" if available("pardiso") else "banded")
+    solver = system.solver or ("pardiso" if available("pardiso") else "banded")
     if solver == "banded" and counting:
         solver = "layers"
-    diameter = 2 * problem.network.radius.mean()
-    sides = np.sort(np.ptp(problem.network.position, axis=0) / diameter + 1)
+    diameter = 2 * system.network.radius.mean()
+    sides = np.sort(np.ptp(system.network.position, axis=0) / diameter + 1)
     across = float(np.sqrt(sides[0] * sides[1]))
     bytes_each, seconds_each, solve_each = COSTS[solver]
-    entries = FILL * nonzeros(problem) * across
-    seconds = ASSEMBLY * nonzeros(problem) + seconds_each * entries * across
-    return Effort(seconds, bytes_each * entries + 40 * nonzeros(problem)), solve_each * entries
+    entries = FILL * nonzeros(system) * across
+    seconds = ASSEMBLY * nonzeros(system) + seconds_each * entries * across
+    return Effort(seconds, bytes_each * entries + 40 * nonzeros(system)), solve_each * entries
 
 
 def basis_of(count: int) -> int:
@@ -75,7 +75,7 @@ def basis_of(count: int) -> int:
     return 4 * count + 100
 
 
-def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
+def near_a_shift(system: LinearSystem, count: int, slice_size: int) -> Effort:
     """The effort of finding `count` modes about shifts.
 
     They are cut into slices of about `slice_size` modes, each with its own factorisation, exact
@@ -83,35 +83,35 @@ def near_a_shift(problem: Eigenproblem, count: int, slice_size: int) -> Effort:
     """
     slices = 1 if count <= slice_size else int(np.ceil(count / (0.7 * slice_size)))
     basis = basis_of(-(-count // slices))
-    factor, solve = factorisation(problem)
-    counting, _ = factorisation(problem, counting=True)
-    orthogonal = 2 * ORTHOGONAL * problem.size * basis**2
+    factor, solve = factorisation(system)
+    counting, _ = factorisation(system, counting=True)
+    orthogonal = 2 * ORTHOGONAL * system.size * basis**2
     seconds = factor.seconds + counting.seconds + basis * solve + orthogonal
-    vectors = 8.0 * problem.size * basis
+    vectors = 8.0 * system.size * basis
     return Effort(slices * seconds, max(factor.bytes + vectors, counting.bytes))
 
 
-def below_an_edge(problem: Eigenproblem, count: int, degree: int) -> Effort:
+def below_an_edge(system: LinearSystem, count: int, degree: int) -> Effort:
     """The effort of finding the `count` lowest modes by `degree` products with A for each vector.
 
     One exact count is made, which needs a factorisation.
     """
     basis = 1.6 * count + 130
-    counting, _ = factorisation(problem, counting=True)
-    products = PRODUCT_OF_BLOCK * nonzeros(problem) * degree * basis
-    orthogonal = 2 * ORTHOGONAL * problem.size * basis**2
-    vectors = 8.0 * problem.size * basis
+    counting, _ = factorisation(system, counting=True)
+    products = PRODUCT_OF_BLOCK * nonzeros(system) * degree * basis
+    orthogonal = 2 * ORTHOGONAL * system.size * basis**2
+    vectors = 8.0 * system.size * basis
     return Effort(products + orthogonal + counting.seconds, max(vectors, counting.bytes))
 
 
-def from_the_top(problem: Eigenproblem, count: int) -> Effort:
+def from_the_top(system: LinearSystem, count: int) -> Effort:
     """The effort of the `count` highest modes by products with A, without an exact count."""
     if count == 1:
         # Two passes of three vectors (`modal.solvers.top_mode`); then as many hold its observables.
-        return Effort(400 * problem.size * PRODUCT, 80.0 * problem.size)
+        return Effort(400 * system.size * PRODUCT, 80.0 * system.size)
     basis, products = 3 * count + 40, 300 + 15 * count
-    each = problem.size * (PRODUCT + 4 * ORTHOGONAL * 2 / 3 * basis)
-    return Effort(products * each, 8.0 * problem.size * (basis + 2 * count))
+    each = system.size * (PRODUCT + 4 * ORTHOGONAL * 2 / 3 * basis)
+    return Effort(products * each, 8.0 * system.size * (basis + 2 * count))
 
 
 def of_blocks(rows: int, blocks: int) -> Effort:
@@ -119,9 +119,9 @@ def of_blocks(rows: int, blocks: int) -> Effort:
     return Effort(blocks * DENSE * rows**3, 48.0 * rows**2)
 
 
-def refuse_endless_search(problem: Eigenproblem, effort: Effort, task: str, remedy: str) -> None:
+def refuse_endless_search(system: LinearSystem, effort: Effort, task: str, remedy: str) -> None:
     """InputError, with the estimate, where a search takes longer or more memory than it may."""
-    longest = 3600 * problem.hours
+    longest = 3600 * system.hours
     if effort.seconds > longest:
-        remedy += f", or allow more hours than {problem.hours:g}"
+        remedy += f", or allow more hours than {system.hours:g}"
     refuse_above(effort.seconds, effort.bytes, f"{task} about", remedy, longest)

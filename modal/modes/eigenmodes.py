@@ -10,9 +10,9 @@ from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
-from modal.modes.problem import Eigenproblem
 from modal.packing.network import Network
 from modal.system.contacts import with_sliding
+from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 from modal.tools.workload import LONGEST
@@ -73,22 +73,22 @@ def eigenmodes(
     if between is not None and np.shape(between) != (2,):
         raise InputError(f"between {between}: give two frequencies in Hz, the lower one first")
     network = with_sliding(network, sliding)
-    problem = Eigenproblem.of(
+    system = LinearSystem.of(
         network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
     )
-    refuse_unstable(problem)
+    refuse_unstable(system)
     if highest is not None:
-        modes = highest_modes(problem, highest, certify=certify)
+        modes = highest_modes(system, highest, certify=certify)
     elif all:
-        modes = all_modes(problem)
+        modes = all_modes(system)
     elif below is not None:
-        modes = modes_between(problem, 0.0, below)
+        modes = modes_between(system, 0.0, below)
     elif between is not None:
-        modes = modes_between(problem, *between)
+        modes = modes_between(system, *between)
     else:
-        few = min(FEW, problem.size - every_floppy(problem).total)
-        modes = lowest_modes(problem, few if lowest is None else lowest)
+        few = min(FEW, system.size - every_floppy(system).total)
+        modes = lowest_modes(system, few if lowest is None else lowest)
     if "floppy_modes" not in modes.attributes:
-        modes.attributes["floppy_modes"] = every_floppy(problem).total
+        modes.attributes["floppy_modes"] = every_floppy(system).total
     modes.attributes["packing"] = network.fingerprint
     return modes

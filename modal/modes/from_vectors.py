@@ -14,8 +14,11 @@ from modal.modes.observables import (
     planar_resonances,
     rotation_share,
 )
-from modal.modes.problem import Eigenproblem, frequency_of
+from modal.packing.chain import wall_to_wall_chain
+from modal.packing.network import Network
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.errors import InputError
 
 TOGETHER = 24
 """Modes that are measured together: bounds the memory."""
@@ -34,7 +37,7 @@ def relative_residual(difference: Array, square: Floats, resolution: float) -> F
 
 
 def measure(
-    problem: Eigenproblem,
+    system: LinearSystem,
     square: Floats,
     vector: Floats,
     chain: Ints | None,
@@ -50,24 +53,24 @@ def measure(
     """
     count = len(square)
     columns: dict[str, Any] = {name: np.full(count, np.nan) for name in OBSERVABLES}
-    kept = np.empty((count, problem.network.n_particles, 6)) if keep_shapes else None
-    pure = [np.empty((0, problem.network.n_particles, 6))]
+    kept = np.empty((count, system.network.n_particles, 6)) if keep_shapes else None
+    pure = [np.empty((0, system.network.n_particles, 6))]
     for first in range(0, count, TOGETHER):
         some = slice(first, min(first + TOGETHER, count))
         unit = np.ascontiguousarray(vector[:, some])
-        shape = particle_motion(unit, problem.root, problem.dof)
+        shape = particle_motion(unit, system.root, system.dof)
         columns["chi_z"][some] = chi_z(shape)
-        columns["rotation_share"][some] = rotation_share(unit, problem.dof)
+        columns["rotation_share"][some] = rotation_share(unit, system.dof)
         if chain is not None:
             columns["chi_z_chain"][some] = chi_z(shape, chain)
         if kept is not None:
             kept[some] = shape
         planar = columns["chi_z"][some] > PLANAR
         pure.append(shape[planar])
-        difference = problem.operator.apply(unit)
+        difference = system.operator.apply(unit)
         unit *= square[some]
         difference -= unit
-        columns["residual"][some] = relative_residual(difference, square[some], problem.resolution)
+        columns["residual"][some] = relative_residual(difference, square[some], system.resolution)
     result = ModeSet(frequency=frequency_of(square), **columns, mode_shape=kept)
     if chain is not None:
         planar = columns["chi_z"] > PLANAR
@@ -76,16 +79,24 @@ def measure(
             np.concatenate(pure),
             result.rotation_share[planar],
             chain,
-            problem.network,
+            system.network,
         )
         result.resonance_frequency, result.resonance_wavenumber = resonances[:2]
         result.resonance_shape = resonances[2]
     return result
 
 
-def shapes_left_out(problem: Eigenproblem, count: int) -> str:
+def chain_of(network: Network) -> Ints | None:
+    """The particles of the wall-to-wall chain, or None if there is none."""
+    try:
+        return wall_to_wall_chain(network)
+    except InputError:
+        return None
+
+
+def shapes_left_out(system: LinearSystem, count: int) -> str:
     """Why the shapes of `count` modes are not kept, or an empty text where they are."""
-    needed = 48.0 * count * problem.network.n_particles
+    needed = 48.0 * count * system.network.n_particles
     if needed <= LARGEST_SHAPES:
         return ""
     return (
@@ -95,7 +106,7 @@ def shapes_left_out(problem: Eigenproblem, count: int) -> str:
 
 
 def found_modes(
-    problem: Eigenproblem,
+    system: LinearSystem,
     square: Floats,
     vector: Floats,
     choice: Choice,
@@ -107,9 +118,9 @@ def found_modes(
     `square` (k,) and `vector` (size, k) as in `measure`; `choice` is what was asked for, `solver`
     a text. `of` is the length of the whole list where these modes are a part of it.
     """
-    left_out = shapes_left_out(problem, max(of, len(square))) if problem.shapes else ""
-    keep = problem.shapes and not left_out
-    modes = measure(problem, square, vector, problem.chain(), keep_shapes=keep)
+    left_out = shapes_left_out(system, max(of, len(square))) if system.shapes else ""
+    keep = system.shapes and not left_out
+    modes = measure(system, square, vector, chain_of(system.network), keep_shapes=keep)
     modes.attributes = choice.attributes | {"certified": False, "solver": solver}
     if left_out:
         modes.attributes["shapes_left_out"] = left_out

@@ -7,35 +7,36 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.modes.asked import check_count
 from modal.modes.counts import count_below
 from modal.modes.dense import dense_modes
 from modal.modes.effort import from_the_top, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
-from modal.modes.problem import SMALL, Eigenproblem, check_count
 from modal.modes.search import SearchFromTop
+from modal.system.linear_system import SMALL, LinearSystem
 from modal.tools.errors import InputError
 
 
-def highest_modes(problem: Eigenproblem, count: int, *, certify: bool = True) -> ModeSet:
+def highest_modes(system: LinearSystem, count: int, *, certify: bool = True) -> ModeSet:
     """The `count` highest modes, from products with A as long as these converge.
 
     Certified: the exact count above the lowest of them is that of the modes found. It takes a
     factorisation, which costs more than a few modes; without `certify` it is left out.
     """
-    check_count(problem, count, problem.size)
+    check_count(system, count, system.size)
     choice = Choice("highest", count)
-    if problem.size <= SMALL or count > problem.size // 4:
-        top = slice(problem.size - count, problem.size)
-        return dense_modes(problem, lambda frequency: top, choice)
-    effort = from_the_top(problem, count)
-    refuse_endless_search(problem, effort, f"the highest {count} modes take", "ask for fewer")
-    search = SearchFromTop(problem)
+    if system.size <= SMALL or count > system.size // 4:
+        top = slice(system.size - count, system.size)
+        return dense_modes(system, lambda frequency: top, choice)
+    effort = from_the_top(system, count)
+    refuse_endless_search(system, effort, f"the highest {count} modes take", "ask for fewer")
+    search = SearchFromTop(system)
     because = "" if certify else "the exact count was left out, as was asked for"
 
     def above(edge: float) -> int:
         nonlocal because
         try:
-            return problem.size - count_below(problem, edge)
+            return system.size - count_below(system, edge)
         except InputError as error:
             because = f"no exact count: {error}"
             return 0

@@ -13,17 +13,18 @@ from typing import Any
 
 import numpy as np
 
+from modal.modes.asked import check_count
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import count_below
 from modal.modes.dense import DENSE_LIMIT, dense_modes
 from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
-from modal.modes.problem import SMALL, Eigenproblem, check_count, frequency_of
 from modal.modes.search import Search, SearchBelow
 from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import available
 from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import bound_of_spectrum
+from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
@@ -49,49 +50,47 @@ WIDEST = 0.25
 """Share of the spectrum, in omega^2, of which the low end is lifted at most."""
 
 
-def lowest_modes(problem: Eigenproblem, count: int) -> ModeSet:
+def lowest_modes(system: LinearSystem, count: int) -> ModeSet:
     """The `count` lowest elastic modes; floppy modes are counted, not listed.
 
     Certified: the exact count below the highest of them is that of the modes found. Where modes
     did not converge the list ends early, and `missing` says how many it lacks.
     """
-    check_count(problem, count, problem.size - every_floppy(problem).total)
+    check_count(system, count, system.size - every_floppy(system).total)
     choice = Choice("lowest", count)
 
     def lowest(frequency: Floats) -> slice:
-        first = _zero_modes(problem, frequency)
+        first = _zero_modes(system, frequency)
         return slice(first, first + count)
 
-    if problem.size <= SMALL or count > problem.size // MANY:
-        return dense_modes(problem, lowest, choice)
-    effort = near_a_shift(problem, count, SLICE)
-    refuse_endless_search(problem, effort, f"the lowest {count} modes take", FEWER)
+    if system.size <= SMALL or count > system.size // MANY:
+        return dense_modes(system, lowest, choice)
+    effort = near_a_shift(system, count, SLICE)
+    refuse_endless_search(system, effort, f"the lowest {count} modes take", FEWER)
     if count > SLICE:
-        return _lowest_by_slices(problem, count)
-    return _beside(problem, lambda floppy: _nearest_zero(problem, count, choice, floppy))
+        return _lowest_by_slices(system, count)
+    return _beside(system, lambda floppy: _nearest_zero(system, count, choice, floppy))
 
 
-def _beside(problem: Eigenproblem, listed: Callable[[FloppyModes], ModeSet]) -> ModeSet:
+def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> ModeSet:
     """A list of the modes beside the zero modes, as `listed` makes it for these.
 
     Where these are not counted, and the list does not agree with them, they are.
     """
-    floppy = every_floppy(problem)
+    floppy = every_floppy(system)
     modes = listed(floppy)
-    near = frequency_of(np.array([NEAR_ZERO * problem.zero]))[0]
+    near = frequency_of(np.array([NEAR_ZERO * system.zero]))[0]
     if not floppy.counted and (not modes.certified or (modes.frequency <= near).any()):
-        floppy = counted_floppy(problem)
+        floppy = counted_floppy(system)
         modes = listed(floppy)
     modes.attributes.setdefault("floppy_modes", floppy.total)
     return modes
 
 
-def _nearest_zero(
-    problem: Eigenproblem, count: int, choice: Choice, floppy: FloppyModes
-) -> ModeSet:
+def _nearest_zero(system: LinearSystem, count: int, choice: Choice, floppy: FloppyModes) -> ModeSet:
     """The `count` lowest modes beside the `floppy` ones, about a shift just below zero."""
-    search = Search(problem, -SHIFT * problem.diagonal.max(), definite=True, floppy=floppy)
-    missing = search.complete(count, 1, lambda edge: count_below(problem, edge) - floppy.total)
+    search = Search(system, -SHIFT * system.diagonal.max(), definite=True, floppy=floppy)
+    missing = search.complete(count, 1, lambda edge: count_below(system, edge) - floppy.total)
     if len(search.square) == 0:
         raise InputError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
@@ -105,7 +104,7 @@ def _nearest_zero(
     return modes
 
 
-def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
+def modes_between(system: LinearSystem, low: float, high: float) -> ModeSet:
     """Every elastic mode with low <= f < high, Hz, certified by counts beside both ends.
 
     These are made outside, as far as round-off reaches, so that an interval may end on a mode:
@@ -120,23 +119,23 @@ def modes_between(problem: Eigenproblem, low: float, high: float) -> ModeSet:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
     low, high = max(float(low), 0.0), float(high)
     choice = Choice("between", low=low, high=high)
-    if low <= frequency_of(np.array([problem.zero]))[0]:
+    if low <= frequency_of(np.array([system.zero]))[0]:
         low = 0.0
 
     def inside(frequency: Floats) -> slice:
-        first = max(int((frequency < choice.low).sum()), _zero_modes(problem, frequency))
+        first = max(int((frequency < choice.low).sum()), _zero_modes(system, frequency))
         return slice(first, max(first, int((frequency < choice.high).sum())))
 
-    if problem.size <= SMALL:
-        return dense_modes(problem, inside, choice)
-    low -= low * problem.blur((2 * np.pi * low) ** 2)
-    high += high * problem.blur((2 * np.pi * high) ** 2)
-    modes = _beside(problem, lambda floppy: _between(problem, low, high, inside, choice, floppy))
+    if system.size <= SMALL:
+        return dense_modes(system, inside, choice)
+    low -= low * system.blur((2 * np.pi * low) ** 2)
+    high += high * system.blur((2 * np.pi * high) ** 2)
+    modes = _beside(system, lambda floppy: _between(system, low, high, inside, choice, floppy))
     return subset(modes, inside(modes.frequency), choice)
 
 
 def _between(
-    problem: Eigenproblem,
+    system: LinearSystem,
     low: float,
     high: float,
     inside: Callable[[Floats], slice],
@@ -144,47 +143,47 @@ def _between(
     floppy: FloppyModes,
 ) -> ModeSet:
     """Every mode with low <= f < high, Hz, beside the `floppy` ones; dense those `inside`."""
-    below = {low: floppy.total if low == 0 else count_below(problem, low)}
-    below[high] = count_below(problem, high)
+    below = {low: floppy.total if low == 0 else count_below(system, low)}
+    below[high] = count_below(system, high)
     wanted = below[high] - below[low]
-    if problem.size <= DENSE_LIMIT and wanted > problem.size // MANY:
-        return dense_modes(problem, inside, choice)
-    effort, low_end = near_a_shift(problem, wanted, SLICE), None
+    if system.size <= DENSE_LIMIT and wanted > system.size // MANY:
+        return dense_modes(system, inside, choice)
+    effort, low_end = near_a_shift(system, wanted, SLICE), None
     if wanted > 0 and below[low] == floppy.total:
-        effort, low_end = _quickest(problem, high, wanted, effort)
-    refuse_endless_search(problem, effort, f"the {wanted} modes of this interval take", FEWER)
+        effort, low_end = _quickest(system, high, wanted, effort)
+    refuse_endless_search(system, effort, f"the {wanted} modes of this interval take", FEWER)
     if low_end is not None:
-        search = SearchBelow(problem, low_end, floppy)
+        search = SearchBelow(system, low_end, floppy)
         return _joined([_found(search, low, high, wanted, wanted)], choice)
-    slices = _cut(problem, low, high, below)
-    parts = [_slice(problem, a, b, below[b] - below[a], wanted, floppy) for a, b in slices]
+    slices = _cut(system, low, high, below)
+    parts = [_slice(system, a, b, below[b] - below[a], wanted, floppy) for a, b in slices]
     return _joined(parts, choice)
 
 
 def _quickest(
-    problem: Eigenproblem, high: float, wanted: int, in_slices: Effort
+    system: LinearSystem, high: float, wanted: int, in_slices: Effort
 ) -> tuple[Effort, LowEnd | None]:
     """What lifts the `wanted` modes below `high`, Hz, and its effort, if that is less.
 
     Else the effort of slices, as given, and None: of few modes, of a wide part of the spectrum,
     where the basis has no room in memory, or where the user names what factorises.
     """
-    if problem.solver is not None:
+    if system.solver is not None:
         return in_slices, None
-    operator = problem.operator.renumbered()
+    operator = system.operator.renumbered()
     top, _ = bound_of_spectrum(operator)
     edge = (2 * np.pi * MARGIN * high) ** 2
     if edge > WIDEST * top:
         return in_slices, None
     low_end = LowEnd(operator, edge, top)
-    lifted = below_an_edge(problem, wanted, low_end.degree)
+    lifted = below_an_edge(system, wanted, low_end.degree)
     if lifted.seconds > in_slices.seconds or lifted.bytes > memory_at_hand():
         return in_slices, None
     return lifted, low_end
 
 
 def _cut(
-    problem: Eigenproblem, low: float, high: float, below: dict[float, int]
+    system: LinearSystem, low: float, high: float, below: dict[float, int]
 ) -> list[tuple[float, float]]:
     """Cut [low, high) where exact counts leave `SLICE` modes or fewer in each slice.
 
@@ -195,25 +194,25 @@ def _cut(
     if wanted <= SLICE or high - low < NARROW * high:
         return [(low, high)] if wanted else []
     middle = float(np.cbrt((low**3 + high**3) / 2))
-    below[middle] = count_below(problem, middle)
+    below[middle] = count_below(system, middle)
     return [
-        *_cut(problem, low, middle, below),
-        *_cut(problem, middle, high, below),
+        *_cut(system, low, middle, below),
+        *_cut(system, middle, high, below),
     ]
 
 
 def _slice(
-    problem: Eigenproblem, low: float, high: float, wanted: int, of: int, floppy: FloppyModes
+    system: LinearSystem, low: float, high: float, wanted: int, of: int, floppy: FloppyModes
 ) -> ModeSet:
     """The `wanted` modes of one slice, of `of` in all of them, about a shift."""
     # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
     # lower end, where A - sigma is definite, needs twice as many solves.
-    fast = problem.solver in (None, "pardiso") and available("pardiso")
+    fast = system.solver in (None, "pardiso") and available("pardiso")
     interior = low > 0 or fast
     sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
     if not interior:
-        sigma = -SHIFT * problem.diagonal.max()
-    search = Search(problem, sigma, definite=not interior, floppy=floppy)
+        sigma = -SHIFT * system.diagonal.max()
+    search = Search(system, sigma, definite=not interior, floppy=floppy)
     return _found(search, low, high, wanted, of)
 
 
@@ -227,21 +226,21 @@ def _found(search: Search, low: float, high: float, wanted: int, of: int) -> Mod
     return modes
 
 
-def _zero_modes(problem: Eigenproblem, frequency: Floats) -> int:
+def _zero_modes(system: LinearSystem, frequency: Floats) -> int:
     """How many of all frequencies, ascending, Hz, belong to modes that are no elastic ones."""
-    return int((frequency <= frequency_of(np.array([problem.zero]))[0]).sum())
+    return int((frequency <= frequency_of(np.array([system.zero]))[0]).sum())
 
 
-def _lowest_by_slices(problem: Eigenproblem, count: int) -> ModeSet:
+def _lowest_by_slices(system: LinearSystem, count: int) -> ModeSet:
     """The `count` lowest modes, many of them, as all modes below a frequency that has enough.
 
     The frequency is found by exact counts, each a third of an octave above the last.
     """
-    top = frequency_of(np.array([problem.bound]))[0]
-    high, total = top / 64, counted_floppy(problem).total
-    while high < top and count_below(problem, high) - total < count:
+    top = frequency_of(np.array([system.bound]))[0]
+    high, total = top / 64, counted_floppy(system).total
+    while high < top and count_below(system, high) - total < count:
         high *= 2 ** (1 / 3)
-    modes = modes_between(problem, 0.0, high)
+    modes = modes_between(system, 0.0, high)
     return subset(modes, slice(0, count), Choice("lowest", count))
 
 

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 
 from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
-from modal.modes.problem import Eigenproblem, frequency_of
 from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import Factor, SingularError, factorise
 from modal.solvers.lanczos import (
@@ -24,6 +23,7 @@ from modal.solvers.lanczos import (
 )
 from modal.solvers.low_end import LowEnd
 from modal.solvers.top_mode import top_mode
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats, Ints
 
 ABOVE = 1e-7
@@ -42,14 +42,14 @@ class Search:
     """
 
     def __init__(
-        self, problem: Eigenproblem, sigma: float, *, definite: bool, floppy: FloppyModes
+        self, system: LinearSystem, sigma: float, *, definite: bool, floppy: FloppyModes
     ) -> None:
-        self.problem, self.sigma, self.definite = problem, sigma, definite
+        self.system, self.sigma, self.definite = system, sigma, definite
         self.floppy = floppy
         self.factor: Factor | None = None
         self.solver = ""
         self.square = np.empty(0)
-        self.vector = np.empty((problem.size, 0))
+        self.vector = np.empty((system.size, 0))
         self.solves = 0
 
     def gather(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
@@ -81,7 +81,7 @@ class Search:
         while missing <= 0:
             self.release()
             last = direction * np.sort(direction * self.square)[count - 1]
-            edge = float(frequency_of(last)) * (1 - direction * self.problem.blur(last))
+            edge = float(frequency_of(last)) * (1 - direction * self.system.blur(last))
 
             def beyond(square: Floats, edge: float = edge) -> Bools:
                 return direction * frequency_of(square) < direction * edge
@@ -107,14 +107,14 @@ class Search:
         if self.factor is None:
             self.factor = self.factorised()
             self.solver = self.factor.solver
-        near = modes_nearest(self.factor.solve, self.problem.size, count, self.sigma, self.held())
+        near = modes_nearest(self.factor.solve, self.system.size, count, self.sigma, self.held())
         self.solves += near.products
         return self.keep(near)
 
     def factorised(self) -> Factor:
         """A factorisation of A - sigma."""
-        shifted = self.problem.shifted(self.sigma)
-        return factorise(shifted, definite=self.definite, solver=self.problem.solver)
+        shifted = self.system.shifted(self.sigma)
+        return factorise(shifted, definite=self.definite, solver=self.system.solver)
 
     def keep(self, near: Nearest) -> bool:
         """Add the converged modes to those found; True if there were any."""
@@ -142,7 +142,7 @@ class Search:
         frequency = frequency_of(self.square[order])
         order = order[(frequency >= low) & (frequency < high)]
         square, vector = self.square[order], _columns(self.vector, order)
-        return found_modes(self.problem, square, vector, choice, self.description(), of)
+        return found_modes(self.system, square, vector, choice, self.description(), of)
 
 
 def _columns(vector: Floats, chosen: Ints) -> Floats:
@@ -155,14 +155,14 @@ def _columns(vector: Floats, chosen: Ints) -> Floats:
 class SearchBelow(Search):
     """The lowest modes, all below a frequency: by a polynomial of A in place of a factorisation."""
 
-    def __init__(self, problem: Eigenproblem, low_end: LowEnd, floppy: FloppyModes) -> None:
-        super().__init__(problem, 0.0, definite=True, floppy=floppy)
+    def __init__(self, system: LinearSystem, low_end: LowEnd, floppy: FloppyModes) -> None:
+        super().__init__(system, 0.0, definite=True, floppy=floppy)
         self.low_end = low_end
         self.products = 0
 
     def ask(self, count: int) -> bool:
         """Search for `count` more modes; True if any converged."""
-        near = modes_below(self.low_end, self.problem.size, count, self.held())
+        near = modes_below(self.low_end, self.system.size, count, self.held())
         self.products += near.products
         return self.keep(near)
 
@@ -180,9 +180,9 @@ class SearchFromTop(Search):
     are far from the top.
     """
 
-    def __init__(self, problem: Eigenproblem) -> None:
-        none = FloppyModes(sp.csc_matrix((problem.size, 0)), 0, 0, 0, 0)
-        super().__init__(problem, np.inf, definite=True, floppy=none)
+    def __init__(self, system: LinearSystem) -> None:
+        none = FloppyModes(sp.csc_matrix((system.size, 0)), 0, 0, 0, 0)
+        super().__init__(system, np.inf, definite=True, floppy=none)
         self.products = 0
         self.reach = 0.0
 
@@ -192,19 +192,19 @@ class SearchFromTop(Search):
         Where products did not converge, the next round works about a shift above the highest mode.
         """
         if np.isinf(self.sigma) and self.held().free <= ROOM * count:
-            highest = self.square.max(initial=self.problem.bound)
+            highest = self.square.max(initial=self.system.bound)
             self.reach = ABOVE * highest
             self.sigma = highest + self.reach
         if np.isfinite(self.sigma):
             return super().ask(count)
         most = PRODUCTS + PRODUCTS_EACH * count
         if count == 1 and not len(self.square):
-            operator = self.problem.operator.renumbered()
+            operator = self.system.operator.renumbered()
             top = top_mode(operator, most)
             top.vector = operator.outward(top.vector[:, 0])[:, None]
         else:
             top = modes_from_top(
-                self.problem.operator.apply, self.problem.size, count, self.held(), most
+                self.system.operator.apply, self.system.size, count, self.held(), most
             )
         self.products += top.products
         if not top.converged.all():
@@ -234,7 +234,7 @@ class SearchFromTop(Search):
         while True:
             try:
                 factor = factorise(
-                    -self.problem.shifted(self.sigma), definite=True, solver=self.problem.solver
+                    -self.system.shifted(self.sigma), definite=True, solver=self.system.solver
                 )
             except SingularError:
                 self.reach *= 4

@@ -26,8 +26,7 @@ from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
 from modal.solvers.spectrum import dot, norm
 from modal.system.assembly import stiffness_matrix
-from modal.system.operator import ContactOperator
-from modal.system.root_mass import RootMass
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats, Ints
 
 NEW = 1e-8
@@ -86,21 +85,23 @@ def clusters(network: Network) -> tuple[Ints, Bools]:
     return cluster, anchored
 
 
-def floppy_modes(
-    network: Network, operator: ContactOperator, root: RootMass, diagonal: Floats, zero: float
-) -> FloppyModes:
-    """The zero modes of A = M^-1/2 K M^-1/2 that the structure of the contacts explains.
+def by_structure(system: LinearSystem) -> FloppyModes:
+    """The zero modes that the structure of the contacts explains; looked for once for a network.
 
-    `operator` is A, `diagonal` (size,) its diagonal, `root` is M^1/2; an omega^2 up to
-    `zero`, 1/s^2, is none. Only the contacts of loosely held particles are assembled as a matrix.
+    Where motions may release energy, springs may balance others, and none is shown but motions
+    that no contact meets. How many there are beside these: `modal.modes.collective`.
     """
-    size = len(diagonal)
-    dof = size // network.n_particles
+    return system.once("floppy modes", lambda: _by_structure(system))
+
+
+def _by_structure(system: LinearSystem) -> FloppyModes:
+    """As `by_structure`. Only the contacts of loosely held particles are assembled as a matrix."""
+    network, size, dof, zero = system.network, system.size, system.dof, system.zero
+    if not system.semidefinite:
+        return _unmet(system)
     loose = ~keeping_contacts(network, HELD_BY)
     cluster, anchored = clusters(network)
-    touched = np.zeros(network.n_particles, bool)
-    for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
-        touched[ends] = True
+    touched = _touched(network)
     free = _degrees_of_freedom(np.flatnonzero(~touched), dof)
     parts = [_unit_columns(free, size)]
     in_part = np.zeros(size, bool)
@@ -109,7 +110,7 @@ def floppy_modes(
     members = np.flatnonzero(loose & touched)
     place = np.full(network.n_particles, -1)
     place[members] = np.arange(len(members))
-    local = _stiffness_among(network, members, root, dof)
+    local = _stiffness_among(system, members)
     loose_parts = _loose_parts(network, loose & touched)
     for part in (piece for whole in loose_parts for piece in _pieces(whole)):
         inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
@@ -121,12 +122,12 @@ def floppy_modes(
         shape = (size, null.shape[1])
         parts.append(sp.coo_matrix((null.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
     # An empty row elsewhere: a sphere without tangential springs turns freely.
-    spins = np.flatnonzero((diagonal <= zero) & ~in_part)
+    spins = np.flatnonzero((system.diagonal <= zero) & ~in_part)
     parts.append(_unit_columns(spins, size))
     basis = sp.hstack(parts, format="csc")
     # Clusters at a wall are tried too: without tangential springs they slide along it.
     for which in np.unique(cluster[~loose]):
-        rigid = _rigid_motions(network, operator, root, zero, cluster == which)
+        rigid = _rigid_motions(system, cluster == which)
         rigid = rigid - basis @ (basis.T @ rigid)
         square, vector = eigh(rigid.T @ rigid)
         new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
@@ -141,6 +142,22 @@ def floppy_modes(
         len(spins),
         whole=whole,
     )
+
+
+def _unmet(system: LinearSystem) -> FloppyModes:
+    """Motions whose rows of A are empty: of spheres without contacts, and spins without springs."""
+    unmet = np.flatnonzero(~(abs(system.assembled()).max(axis=1).toarray().ravel() > system.zero))
+    spinning = int(_touched(system.network)[unmet // system.dof].sum())
+    basis = _unit_columns(unmet, system.size).tocsc()
+    return FloppyModes(basis, len(unmet) - spinning, 0, 0, spinning, whole=False)
+
+
+def _touched(network: Network) -> Bools:
+    """Shape (n,): which spheres have a contact."""
+    touched = np.zeros(network.n_particles, bool)
+    for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
+        touched[ends] = True
+    return touched
 
 
 def _pieces(part: Ints) -> list[Ints]:
@@ -159,14 +176,15 @@ def _unit_columns(rows: Ints, size: int) -> sp.coo_matrix:
     return sp.coo_matrix((ones, (rows, np.arange(len(rows)))), shape=(size, len(rows)))
 
 
-def _stiffness_among(network: Network, spheres: Ints, root: RootMass, dof: int) -> sp.csr_matrix:
+def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
     """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
+    network, dof = system.network, system.dof
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _degrees_of_freedom(spheres, dof)
     K = stiffness_matrix(network.some(near), translations_only=dof == 3)[rows][:, rows]
-    return root.some(spheres, dof).around(K)
+    return system.root.some(spheres, dof).around(K)
 
 
 def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
@@ -187,21 +205,14 @@ def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
     return np.split(spheres[order], np.cumsum(np.bincount(part))[:-1])
 
 
-def _rigid_motions(
-    network: Network,
-    operator: ContactOperator,
-    root: RootMass,
-    zero: float,
-    members: Bools,
-) -> Floats:
+def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
     """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
 
     Rotations are about the cluster as its contacts join it, across periods; those that a cluster
     connected to its own image does not allow are found by their energy, an omega^2 above `zero`,
     and left out.
     """
-    size = operator.shape[0]
-    dof = size // network.n_particles
+    network, dof = system.network, system.dof
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
     found = []
@@ -211,11 +222,11 @@ def _rigid_motions(
         motion[members, k] = 1
         if k >= 3:
             motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
-        vector = root.times(motion.ravel())
+        vector = system.root.times(motion.ravel())
         vector /= norm(vector)
-        if dot(vector, operator @ vector) <= zero:
+        if dot(vector, system.operator @ vector) <= system.zero:
             found.append(vector)
-    return np.column_stack(found) if found else np.empty((size, 0))
+    return np.column_stack(found) if found else np.empty((system.size, 0))
 
 
 def _unwrapped(network: Network, members: Bools) -> Floats:

@@ -42,7 +42,7 @@ class SingularError(InputError):
 BACKWARD = 1e-11
 """Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
 largest one, round-off may have moved the eigenvalues, and so near to a mode no count is exact
-(`COUNTED` of `modal.modes.problem`). Without pivots near zero it is some 1e-16."""
+(`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
 
 
 @dataclass

@@ -12,9 +12,9 @@ from analysis.agreement import Agreement, Difference, split_by_cause
 from benchmarks.harness import yade
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing.network_file import write_network
 from modal.packing.sample import read_sample
+from modal.system.linear_system import LinearSystem
 from modal.waves.signals import Signals, read_signals
 
 NO_SLIP = 10.0
@@ -47,7 +47,7 @@ def test_each_cause_has_its_size(tmp_path):
         pytest.skip("YADE is missing")
     network = read_sample(SHEARED).network()
     write_network(tmp_path / "case30.network.h5", network)
-    highest = highest_modes(Eigenproblem.of(network), 1, certify=False)
+    highest = highest_modes(LinearSystem.of(network), 1, certify=False)
     write_modes(tmp_path / "case30.highest.modes.h5", highest)
     found = {name: wave(tmp_path, *setting) for name, setting in RUNS.items()}
     assert all("0 opened; 0 slid" in said for _, said in found.values())

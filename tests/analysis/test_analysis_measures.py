@@ -17,10 +17,10 @@ from analysis.measures.estimate import Estimate
 from analysis.paper import matching_case, stated, stated_range
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet
-from modal.modes.problem import Eigenproblem
 from modal.packing.examples import column, fcc
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
@@ -38,7 +38,7 @@ def test_standing_waves_of_a_crystal_are_its_pure_modes():
     network = fcc(cells=(1, 1, 40))
     case = Case("case02", None)
     case.network = network
-    modes = all_modes(Eigenproblem.of(network))
+    modes = all_modes(LinearSystem.of(network))
     found = standing_modes(modes.frequency, modes.shapes()[:, :, 2], network)
     exact = case.lattice.eigenmodes()[0][:10] / (2 * np.pi)
     assert found.frequency[:10] == pytest.approx(exact, rel=1e-6)

@@ -16,7 +16,7 @@ from analysis.estimators.plane_waves import (
     wave_vectors,
 )
 from analysis.estimators.structure_factor import StructureFactor, read_structure, write_structure
-from modal.modes.problem import Eigenproblem
+from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 
@@ -72,7 +72,7 @@ def test_longitudinal_waves_along_z_are_eq_9(crystal):
 def test_sum_rules_of_a_random_cell(cell, polarisation):
     """Weights add up to 1; mean omega^2 and omega^4 are the pattern's own, as of all modes."""
     order = np.array([[1, 0, 2]])
-    A = Eigenproblem.of(cell).scaled.toarray()
+    A = LinearSystem.of(cell).scaled.toarray()
     pattern = plane_patterns(cell, wave_vectors(cell, order)[0], polarisation)
     lines = plane_lines(cell, order[0], polarisation, steps=30)
     wanted = [np.einsum("ip,ip", pattern, np.linalg.matrix_power(A, k) @ pattern) for k in range(4)]

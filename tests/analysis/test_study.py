@@ -25,11 +25,11 @@ from analysis.study.targets import TARGETS, answers, targets
 from analysis.study.velocity_rules import exact_biases, velocities
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing.examples import fcc
 from modal.packing.network_file import write_network
 from modal.packing.state import void_ratio
 from modal.preparation.random_packing import random_network
+from modal.system.linear_system import LinearSystem
 from modal.waves.signals import write_signals
 
 NEEDED = {
@@ -274,8 +274,8 @@ def test_a_threshold_on_no_plateau_meets_no_target():
 def test_errors_of_natural_frequencies_hold_the_exact_ones():
     """The error from the residual is a bound: the dense spectrum is within it."""
     network = random_network(60, 1e5, seed=3)
-    exact = all_modes(Eigenproblem.of(network)).frequency[-1]
-    found = highest_modes(Eigenproblem.of(network), 1, certify=False)
+    exact = all_modes(LinearSystem.of(network)).frequency[-1]
+    found = highest_modes(LinearSystem.of(network), 1, certify=False)
     estimate = natural_frequency(float(found.frequency[-1]), found)
     assert np.isfinite(estimate.error)
     assert abs(estimate.value - exact / 1e3) <= estimate.error + 1e-12 * estimate.value

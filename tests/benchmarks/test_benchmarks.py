@@ -20,13 +20,14 @@ from benchmarks.harness.packing import by_energy, resized, spectrum
 from benchmarks.harness.report import Page, read_csv
 from benchmarks.harness.yade import in_yades_order
 from modal.modes.density import density_of_states
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.network_file import write_network
 from modal.preparation.random_packing import random_network
 from modal.system import loops as contact_loops
 from modal.system.assembly import stiffness_matrix
+from modal.system.linear_system import LinearSystem
 from modal.system.packed import PackedContacts
 from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
@@ -72,9 +73,9 @@ def packing(tmp_path_factory):
     network = random_network(60, 1e5, seed=3, aspect=2.5)
     path = tmp_path_factory.mktemp("packing") / "packing.network.h5"
     write_network(path, network)
-    problem = Eigenproblem.of(network)
-    assert problem.floppy.total > 0
-    return network, path, spectrum(problem), problem.floppy
+    system = LinearSystem.of(network)
+    assert by_structure(system).total > 0
+    return network, path, spectrum(system), by_structure(system)
 
 
 def hundred_megabytes():
@@ -182,7 +183,7 @@ def test_machine_is_described_without_names():
 def test_energy_of_the_springs_gives_the_frequencies(packing):
     """Against the matrix's own spectrum, to what round-off in K leaves of its lowest modes."""
     network, _, exact, floppy = packing
-    found = by_energy(Eigenproblem.of(network), floppy.total, 10)
+    found = by_energy(LinearSystem.of(network), floppy.total, 10)
     wanted = exact[floppy.total :][:10]
     bound = np.finfo(float).eps * (exact[-1] / wanted[0]) ** 2
     assert abs(found / wanted - 1).max() < 100 * bound

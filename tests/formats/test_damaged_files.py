@@ -24,10 +24,10 @@ from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import open_h5, sha256
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import read_modes, write_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import read_sample, write_sample
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals
@@ -55,7 +55,7 @@ def sound(tmp_path_factory) -> Path:
     write_sample(folder / FILES["sample"], read_sample(sample))
     wave = propagate(network, 6e-5, network_sha256=sha256(folder / FILES["network"]))
     write_signals(folder / FILES["signals"], wave.signals)
-    write_modes(folder / FILES["modes"], all_modes(Eigenproblem.of(network)))
+    write_modes(folder / FILES["modes"], all_modes(LinearSystem.of(network)))
     return folder
 
 

@@ -11,11 +11,12 @@ import modal
 from modal.modes import lowest
 from modal.modes.collective import every_floppy
 from modal.modes.effort import Effort
-from modal.modes.problem import SMALL, Eigenproblem, frequency_of
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import available
 from modal.system.contacts import with_sliding
+from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 
 SHARES = 0.3, 0.45, 0.5
 """Of contacts left out of a crystal without tangential springs: 1, 6 and 19 zero modes of 960 that
@@ -30,7 +31,7 @@ def slippery(share: float, layers: int = 10) -> Network:
 
 def by_dense_solver(network: Network) -> tuple[int, np.ndarray]:
     """How many zero modes there are, and the frequencies of all others, Hz."""
-    square = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())
+    square = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())
     zero = int((abs(square) < 1e-12 * square[-1]).sum())
     assert square[zero] > 1e-7 * square[-1]  # nothing between
     return zero, frequency_of(square[zero:])
@@ -46,7 +47,7 @@ def middle(frequency: np.ndarray, after: int) -> float:
 def test_lists_hold_elastic_modes_alone_and_are_complete(share, solver):
     """The lowest, those below and between frequencies: as the dense solver has them, certified."""
     zero, elastic = by_dense_solver(slippery(share))
-    assert Eigenproblem.of(slippery(share)).floppy.total < zero
+    assert by_structure(LinearSystem.of(slippery(share))).total < zero
     low, high = middle(elastic, 20), middle(elastic, 40)
     for question, expected in (
         ({"lowest": 10}, elastic[:10]),
@@ -73,16 +74,16 @@ def test_every_answer_has_the_same_number_of_zero_modes(share):
     for tolerance in (1e-3, 0.3):
         states = modal.density_of_states(slippery(share), tolerance=tolerance)
         assert states.zero_modes.sum() == pytest.approx(zero, rel=1e-12)
-    kinds = every_floppy(Eigenproblem.of(slippery(share))).by_kind()
+    kinds = every_floppy(LinearSystem.of(slippery(share))).by_kind()
     assert sum(kinds.values()) == zero and kinds["collective"] > 0
     assert f"{zero} (" in modal.describe(slippery(share))
 
 
 @pytest.mark.parametrize("share", SHARES)
 def test_basis_with_collective_modes_is_exact_and_orthonormal(share):
-    problem = Eigenproblem.of(slippery(share))
-    basis = every_floppy(problem).basis
-    assert abs((problem.scaled @ basis).toarray()).max() < 1e-13 * problem.diagonal.max()
+    system = LinearSystem.of(slippery(share))
+    basis = every_floppy(system).basis
+    assert abs((system.scaled @ basis).toarray()).max() < 1e-13 * system.diagonal.max()
     assert (basis.T @ basis).toarray() == pytest.approx(np.eye(basis.shape[1]), abs=1e-12)
 
 
@@ -150,12 +151,12 @@ def test_long_lists_that_start_at_zero(monkeypatch, way):
         monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
     else:
         monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
-    problem = Eigenproblem.of(slippery(0.5), solver="superlu" if way == "slices" else None)
+    system = LinearSystem.of(slippery(0.5), solver="superlu" if way == "slices" else None)
     if way == "slices":
-        found = lowest.lowest_modes(problem, 100)
+        found = lowest.lowest_modes(system, 100)
         assert found.frequency == pytest.approx(elastic[:100], rel=1e-6)
     else:
-        found = lowest.modes_between(problem, 0.0, middle(elastic, 60))
+        found = lowest.modes_between(system, 0.0, middle(elastic, 60))
         assert "a vector" in found.attributes["solver"]
         assert found.frequency == pytest.approx(elastic[:60], rel=1e-8)
     assert found.certified and found.floppy_modes == zero
@@ -168,7 +169,7 @@ def test_counts_just_above_zero_are_those_of_the_zero_modes(solver, layers):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     network = slippery(0.5, layers)
-    assert (Eigenproblem.of(network).size <= SMALL) == (layers == 4)
+    assert (LinearSystem.of(network).size <= SMALL) == (layers == 4)
     zero, _ = by_dense_solver(network)
     counts = modal.count_modes(network, [1e-9, 1e-6, 1e-3, 0.1, 1.0], solver=solver)
     assert counts.tolist() == [zero] * 5

@@ -15,10 +15,10 @@ from packings import (
 import modal
 from modal.modes.counts import count_below, count_negative, layers_of_contacts
 from modal.modes.lowest import lowest_modes
-from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.solvers.factor import _certain, available, factorise
 from modal.system.assembly import stiffness_matrix
+from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 
@@ -26,13 +26,13 @@ from modal.tools.errors import InputError
 def test_counts_are_exact(share):
     """Inertia, layer by layer and by a sparse factorisation, against the dense spectrum."""
     network = diluted(share, 7)
-    problem = Eigenproblem.of(network)
-    frequency = frequency_of(dense_squares(problem))
+    system = LinearSystem.of(network)
+    frequency = frequency_of(dense_squares(system))
     for hz in (1.0, 3e4, 7.7e4, 1.3e5, 2.5e5):
         expected = int((frequency < hz).sum())
-        shifted = problem.shifted((2 * np.pi * hz) ** 2)
+        shifted = system.shifted((2 * np.pi * hz) ** 2)
         assert count_negative(shifted, 6, network.position[:, 2]) == expected
-        assert count_below(problem, hz) == expected
+        assert count_below(system, hz) == expected
         for solver in ("pardiso", "superlu"):
             if available(solver):
                 found = factorise(shifted, definite=False, solver=solver).negative
@@ -46,12 +46,12 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     is zero, while no eigenvalue of A is near. PARDISO replaces such pivots: 110 for 136 modes."""
     if not available(solver) and solver != "layers":
         pytest.skip("pypardiso is not installed")
-    problem = Eigenproblem.of(gallery.column(120), solver=solver)
-    block = problem.scaled[78:84, 78:84].toarray()
+    system = LinearSystem.of(gallery.column(120), solver=solver)
+    block = system.scaled[78:84, 78:84].toarray()
     square = np.linalg.eigvalsh(block)[which]
-    exact = dense_squares(problem)
+    exact = dense_squares(system)
     assert abs(exact - square).min() > 1e-4 * exact[-1]
-    assert count_below(problem, frequency_of(square)) == int((exact < square).sum())
+    assert count_below(system, frequency_of(square)) == int((exact < square).sum())
 
 
 def test_a_perturbed_pivot_is_not_called_exact():
@@ -90,11 +90,11 @@ def test_growth_of_the_factor_is_no_exact_count():
     star[1, 1] = 1.0
     assert factorise(sp.csr_matrix(star), definite=False, solver="superlu").negative == 1
     network = gallery.column(2)
-    problem = Eigenproblem.of(network)
-    block = problem.scaled[:6, :6].toarray()
+    system = LinearSystem.of(network)
+    block = system.scaled[:6, :6].toarray()
     near = np.linalg.eigvalsh(block)[-1] * (1 - 1e-12)
     with pytest.raises(InputError, match="ask for a different one"):
-        count_negative(problem.shifted(near), 6, network.position[:, 2])
+        count_negative(system.shifted(near), 6, network.position[:, 2])
 
 
 @pytest.mark.parametrize("solver", ["pardiso", "superlu", "layers"])
@@ -102,12 +102,12 @@ def test_a_mode_at_the_frequency_asked_is_refused(solver):
     """Whether a mode lies below its own frequency is round-off: no count is given as exact."""
     if not available(solver) and solver != "layers":
         pytest.skip("pypardiso is not installed")
-    problem = Eigenproblem.of(columns_side_by_side(60), solver=solver)
-    frequency = frequency_of(dense_squares(problem))
+    system = LinearSystem.of(columns_side_by_side(60), solver=solver)
+    frequency = frequency_of(dense_squares(system))
     for hz in (frequency[-1], frequency[-200]):
         count = None
         try:
-            count = count_below(problem, hz)
+            count = count_below(system, hz)
         except InputError as error:
             assert "slightly different" in str(error)
         # Some round-off decides for all or for none of the equal modes.
@@ -121,7 +121,7 @@ def test_solutions_show_a_mode_that_a_count_cannot_lie_on(solver):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     network = columns_side_by_side(60)
-    hz = float(frequency_of(dense_squares(Eigenproblem.of(network)))[-200])
+    hz = float(frequency_of(dense_squares(LinearSystem.of(network)))[-200])
     below, above = modal.count_modes(network, [hz * (1 - 1e-6), hz * (1 + 1e-6)], solver=solver)
     assert (above - below) % 60 == 0 < above - below
     with pytest.raises(InputError, match="slightly different"):
@@ -183,10 +183,10 @@ def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
         return replace(factor, release=release)
 
     monkeypatch.setattr("modal.modes.counts.factorise", noted)
-    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 8)), solver=solver)
-    assert problem.size > SMALL
-    assert count_below(problem, 0.0) == count_below(problem, -5e4) == 0
-    assert count_below(problem, 5e4) == int((frequency_of(dense_squares(problem)) < 5e4).sum())
+    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 8)), solver=solver)
+    assert system.size > SMALL
+    assert count_below(system, 0.0) == count_below(system, -5e4) == 0
+    assert count_below(system, 5e4) == int((frequency_of(dense_squares(system)) < 5e4).sum())
     fast = solver or ("pardiso" if available("pardiso") else None)
     assert made == ([fast] if fast else [])
     assert not kept
@@ -196,7 +196,7 @@ def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
 def test_counts_beside_an_uncertain_frequency_must_agree(above, monkeypatch):
     """Where no method can tell at a frequency, three modes below and three above it are three;
     three and four mean a mode in between."""
-    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 8)))
+    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 8)))
     square = (2 * np.pi * 5e4) ** 2
 
     def negative(_, place, method, apart):
@@ -206,10 +206,10 @@ def test_counts_beside_an_uncertain_frequency_must_agree(above, monkeypatch):
 
     monkeypatch.setattr("modal.modes.counts._negative", negative)
     if above == 3:
-        assert count_below(problem, 5e4) == 3
+        assert count_below(system, 5e4) == 3
     else:
         with pytest.raises(InputError, match="a mode is so near"):
-            count_below(problem, 5e4)
+            count_below(system, 5e4)
 
 
 @pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
@@ -232,6 +232,6 @@ def test_exactly_singular_is_refused_and_not_counted(zero):
 
 def test_too_little_memory_is_refused(monkeypatch):
     monkeypatch.setattr("modal.solvers.factor.memory_at_hand", lambda: 1e3)
-    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 10)), solver="banded")
+    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 10)), solver="banded")
     with pytest.raises(InputError, match=r"needs about .* GB"):
-        lowest_modes(problem, 5)
+        lowest_modes(system, 5)

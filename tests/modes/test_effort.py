@@ -12,12 +12,12 @@ from modal.modes import effort
 from modal.modes.counts import count_below
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import SLICE, lowest_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.solvers.factor import available
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
 SAMPLE = ROOT / "results/samples/case06.sample.h5"
@@ -47,8 +47,8 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
             network, count = repeat(packing, 3, 1), 10
         else:
             continue
-        problem = Eigenproblem.of(network, solver="pardiso")
-        found = effort.near_a_shift(problem, count, SLICE)
+        system = LinearSystem.of(network, solver="pardiso")
+        found = effort.near_a_shift(system, count, SLICE)
         assert 1 / 2.5 < found.seconds / float(seconds) < 2.5
         assert 1 / 2.5 < found.bytes / (1e6 * float(megabytes)) < 2.5
         compared += 1
@@ -63,8 +63,8 @@ def test_estimates_of_modes_that_are_lifted(packing, count, degree, seconds, gig
 
     1.9 GB are those of the exact count alone, beside which 177 modes need little.
     """
-    problem = Eigenproblem.of(packing, solver="pardiso")
-    found = effort.below_an_edge(problem, count, degree)
+    system = LinearSystem.of(packing, solver="pardiso")
+    found = effort.below_an_edge(system, count, degree)
     assert 1 / 2.5 < found.seconds / seconds < 2.5
     assert 1 / 2.5 < found.bytes / (1e9 * gigabytes) < 2.5
 
@@ -78,10 +78,10 @@ def test_entries_of_a_factor(width, layers):
 
     from modal.solvers.factor import PARDISO, _upper_triangle
 
-    problem = Eigenproblem.of(gallery.fcc(cells=(width, width, layers)), solver="pardiso")
-    matrix = problem.shifted(-1e-7 * problem.diagonal.max())
+    system = LinearSystem.of(gallery.fcc(cells=(width, width, layers)), solver="pardiso")
+    matrix = system.shifted(-1e-7 * system.diagonal.max())
     # Contacts along the axes leave a third of the entries zero.
-    assert 1 <= effort.nonzeros(problem) / matrix.nnz < 1.5
+    assert 1 <= effort.nonzeros(system) / matrix.nnz < 1.5
     solver = PyPardisoSolver(mtype=2)
     for parameter, value in PARDISO.items():
         solver.set_iparm(parameter, value)
@@ -89,7 +89,7 @@ def test_entries_of_a_factor(width, layers):
     solver.factorize(_upper_triangle(matrix))
     entries = int(solver.get_iparm(18))
     solver.free_memory(everything=True)
-    estimate = effort.factorisation(problem)[1] / effort.COSTS["pardiso"][2]
+    estimate = effort.factorisation(system)[1] / effort.COSTS["pardiso"][2]
     # The order of elimination, and with it the fill, differs with the number of threads.
     assert 1 / 2.5 < estimate / entries < 2.5
 
@@ -100,7 +100,7 @@ def test_vectors_of_a_search(count):
     crystal = gallery.fcc(cells=(3, 3, 40))
     factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
     network = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
-    found = lowest_modes(Eigenproblem.of(network, shapes=False), count)
+    found = lowest_modes(LinearSystem.of(network, shapes=False), count)
     solves = int(found.attributes["solver"].split()[-2])
     assert 1 / 2 < effort.basis_of(count) / solves < 2
 
@@ -139,11 +139,11 @@ def test_memory_and_hours_decide(tmp_path, capsys, monkeypatch):
 
 def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     """A factor of 100 MB, 20 MB at hand: the mode is found, and why it is not certified is said."""
-    problem = Eigenproblem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
+    system = LinearSystem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 2e7)
     monkeypatch.delattr("modal.modes.counts.factorise")
-    found = highest_modes(problem, 1)
+    found = highest_modes(system, 1)
     assert len(found.frequency) == 1 and not found.attributes["certified"]
     assert "0.02 GB are free" in found.attributes["uncertified_because"]
     with pytest.raises(InputError, match="exact count"):
-        count_below(problem, 1e5)
+        count_below(system, 1e5)

@@ -12,11 +12,11 @@ from modal.modes import search
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import read_modes
-from modal.modes.problem import SMALL, Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.solvers.factor import SingularError, available, factorise
+from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 
@@ -40,7 +40,7 @@ def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
         stiffness_normal=network.stiffness_normal * factor,
         stiffness_tangential=network.stiffness_tangential * factor,
     )
-    square = np.linalg.eigvalsh(Eigenproblem.of(single).scaled.toarray())
+    square = np.linalg.eigvalsh(LinearSystem.of(single).scaled.toarray())
     every = np.outer(square, 1 + step * np.arange(copies)).ravel()
     return network, frequency_of(np.sort(every))
 
@@ -55,9 +55,9 @@ def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
     if copies == 1000 and not available("pardiso"):
         pytest.skip("pypardiso is not installed")  # the count by layers takes minutes for them
     network, exact = columns(copies, step)
-    problem = Eigenproblem.of(network)
-    assert problem.size > SMALL and count <= problem.size // 4
-    found = highest_modes(problem, count)
+    system = LinearSystem.of(network)
+    assert system.size > SMALL and count <= system.size // 4
+    found = highest_modes(system, count)
     assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
     assert found.attributes["certified"] and found.attributes["missing"] == 0
 
@@ -67,10 +67,10 @@ def test_a_crystal_and_a_disordered_one_against_dense_spectra():
     factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
     disordered = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
     for network in (crystal, disordered):
-        problem = Eigenproblem.of(network)
-        exact = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
-        for count in (1, 7, problem.size // 4):
-            found = highest_modes(problem, count)
+        system = LinearSystem.of(network)
+        exact = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
+        for count in (1, 7, system.size // 4):
+            found = highest_modes(system, count)
             assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
             assert found.attributes["certified"]
             assert found.residual.max() < 1e-9
@@ -79,7 +79,7 @@ def test_a_crystal_and_a_disordered_one_against_dense_spectra():
 def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
     """The first round is blind to the highest mode of all; the count sends a second one."""
     network, exact = columns(300, 1e-3)
-    problem = Eigenproblem.of(network)
+    system = LinearSystem.of(network)
     seen, plain = [], search.modes_from_top
 
     def blind(apply, size, count, held, most):
@@ -94,12 +94,12 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
     monkeypatch.setattr(search, "modes_from_top", blind)
     counted = []
 
-    def noted(problem, frequency):
+    def noted(system, frequency):
         counted.append(frequency)
-        return inertia.count_below(problem, frequency)
+        return inertia.count_below(system, frequency)
 
     monkeypatch.setattr("modal.modes.highest.count_below", noted)
-    found = highest_modes(problem, 5)
+    found = highest_modes(system, 5)
     assert found.frequency == pytest.approx(exact[-5:], rel=1e-9)
     assert found.attributes["certified"]
     assert seen == [5, 1] and len(counted) == 1
@@ -108,11 +108,11 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
 def test_what_cannot_be_counted_is_listed_without_certificate(monkeypatch):
     network, exact = columns(100)
 
-    def no_memory(problem, frequency):
+    def no_memory(system, frequency):
         raise InputError("the factor needs 9 TB")
 
     monkeypatch.setattr("modal.modes.highest.count_below", no_memory)
-    found = highest_modes(Eigenproblem.of(network), 12)
+    found = highest_modes(LinearSystem.of(network), 12)
     assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
     assert not found.attributes["certified"] and found.attributes["missing"] == 0
     assert "9 TB" in found.attributes["uncertified_because"]
@@ -141,9 +141,9 @@ def test_a_long_column_goes_on_about_a_shift():
     """300 layers: the top modes are 1e-5 apart in omega^2, which products alone hardly resolve."""
     if not available("pardiso"):
         pytest.skip("pypardiso is not installed")
-    problem = Eigenproblem.of(gallery.fcc(cells=(1, 1, 300)))
-    exact = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
-    found = highest_modes(problem, 12)
+    system = LinearSystem.of(gallery.fcc(cells=(1, 1, 300)))
+    exact = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
+    found = highest_modes(system, 12)
     assert "pardiso" in found.attributes["solver"]
     assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
     assert found.attributes["certified"]
@@ -183,8 +183,8 @@ def test_one_highest_mode_where_products_stop_below_the_top():
     Its matrix sigma - A is not definite, which a Cholesky factorisation may only say by NaN.
     """
     network = gallery.fcc(cells=(1, 1, 200))
-    found = highest_modes(Eigenproblem.of(network), 1, certify=False)
-    exact = all_modes(Eigenproblem.of(network)).frequency[-1]
+    found = highest_modes(LinearSystem.of(network), 1, certify=False)
+    exact = all_modes(LinearSystem.of(network)).frequency[-1]
     # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
     assert found.frequency == pytest.approx([exact], rel=1e-9)
 
@@ -194,8 +194,8 @@ def test_a_matrix_that_is_not_definite_is_noticed(solver):
     """sigma - A with sigma between the two highest modes: one negative pivot, by little."""
     if not available(solver):
         pytest.skip("pypardiso is not installed")
-    problem = Eigenproblem.of(gallery.fcc(cells=(1, 1, 200)))
-    square = (2 * np.pi * all_modes(problem).frequency) ** 2
+    system = LinearSystem.of(gallery.fcc(cells=(1, 1, 200)))
+    square = (2 * np.pi * all_modes(system).frequency) ** 2
     sigma = 0.5 * (square[-1] + square[-2])
     with pytest.raises(SingularError):
-        factorise(-problem.shifted(sigma), definite=True, solver=solver)
+        factorise(-system.shifted(sigma), definite=True, solver=solver)

@@ -15,12 +15,12 @@ from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
-from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.contact_law import Material, stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.contacts import Contacts
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.theory.fcc import FccLattice, dispersion
 from modal.tools.errors import InputError
 
@@ -97,7 +97,7 @@ def test_group_velocity_is_the_slope_of_the_branches():
 )
 def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     network = gallery.fcc(stress, (3, 3, layers), radius=radius)
-    found = dense.all_modes(Eigenproblem.of(network))
+    found = dense.all_modes(LinearSystem.of(network))
     theory = slab_frequencies(FccLattice(stress, radius), layers)
     assert len(found.resonance_frequency) == layers
     assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
@@ -111,56 +111,56 @@ def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch
     network = gallery.fcc(cells=(2, 2, 6))
     # No symmetry: dense, all modes in one call.
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 3, 1.5))
-    problem = Eigenproblem.of(network)
-    whole = dense.all_modes(problem)
+    system = LinearSystem.of(network)
+    whole = dense.all_modes(system)
     monkeypatch.setattr(from_vectors, "TOGETHER", 7)
-    parts = dense.all_modes(problem)
+    parts = dense.all_modes(system)
     for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
         assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name
     own = (2 * np.pi * whole.frequency) ** 2
-    floor = np.finfo(float).eps * problem.size * problem.bound / own  # LAPACK's p(n) eps |A|
+    floor = np.finfo(float).eps * system.size * system.bound / own  # LAPACK's p(n) eps |A|
     assert (np.maximum(whole.residual, parts.residual) < floor).all()
 
 
 def test_symmetry_blocks_equal_the_dense_spectrum():
-    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 5)))
-    by_symmetry = dense.all_modes(problem)
+    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 5)))
+    by_symmetry = dense.all_modes(system)
     assert by_symmetry.attributes["solver"] == "symmetry 4x4"
-    exact = np.linalg.eigvalsh(problem.scaled.toarray())
+    exact = np.linalg.eigvalsh(system.scaled.toarray())
     assert (2 * np.pi * by_symmetry.frequency) ** 2 == pytest.approx(
-        exact, abs=1e-13 * problem.size * exact.max()
+        exact, abs=1e-13 * system.size * exact.max()
     )
 
 
 def test_broken_symmetry_is_noticed():
     network = gallery.fcc(cells=(3, 3, 5))
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 7, 1.001))
-    problem = Eigenproblem.of(network)
-    assert dense.all_modes(problem).attributes["solver"] == "dense"
+    system = LinearSystem.of(network)
+    assert dense.all_modes(system).attributes["solver"] == "dense"
 
 
 def test_sparse_solver_and_counts_equal_the_dense_spectrum():
-    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 10)))
-    dense = frequency_of(np.linalg.eigvalsh(problem.scaled.toarray()))
-    lowest = lowest_modes(problem, 20)
+    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 10)))
+    dense = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
+    lowest = lowest_modes(system, 20)
     assert lowest.attributes["certified"]
     assert lowest.frequency == pytest.approx(dense[:20], rel=1e-8)
     # r of (A - sigma)^-1 below TOLERANCE theta leaves |A v - v / theta| <= |A - sigma| TOLERANCE.
     own = (2 * np.pi * lowest.frequency) ** 2
-    assert (lowest.residual < TOLERANCE * problem.bound / own).all()
-    highest = modes.highest_modes(problem, 5)
+    assert (lowest.residual < TOLERANCE * system.bound / own).all()
+    highest = modes.highest_modes(system, 5)
     assert highest.frequency == pytest.approx(dense[-5:], rel=1e-10)
     for frequency in (5e4, 1.2e5, 2.0e5):
-        assert count_below(problem, frequency) == (dense < frequency).sum()
-    inside = modes_between(problem, 2e4, 4e4)
+        assert count_below(system, frequency) == (dense < frequency).sum()
+    inside = modes_between(system, 2e4, 4e4)
     expected = dense[(dense >= 2e4) & (dense < 4e4)]
     assert inside.frequency == pytest.approx(expected, rel=1e-8)
 
 
 def test_without_rotations_the_top_is_the_low_pass_frequency():
     """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
-    problem = Eigenproblem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
-    top = modes.highest_modes(problem, 1).frequency[0]
+    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
+    top = modes.highest_modes(system, 1).frequency[0]
     assert top == pytest.approx(FccLattice(1e5).low_pass_frequency, rel=5e-3)
 
 
@@ -195,8 +195,8 @@ def test_velocity_and_low_pass_grow_with_stress_to_the_power_one_sixth():
 
 
 def test_interval_and_number_are_checked():
-    problem = Eigenproblem.of(gallery.column(3))
+    system = LinearSystem.of(gallery.column(3))
     with pytest.raises(InputError, match="empty"):
-        modes_between(problem, 5.0, 1.0)
+        modes_between(system, 5.0, 1.0)
     with pytest.raises(InputError, match="degrees of freedom"):
-        lowest_modes(problem, 19)
+        lowest_modes(system, 19)

@@ -17,31 +17,32 @@ from modal.modes.counts import count_below
 from modal.modes.effort import Effort
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
-from modal.modes.problem import Eigenproblem, frequency_of
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
+from modal.system.linear_system import LinearSystem, frequency_of
 
 
-def residual_promised(problem: Eigenproblem, found: ModeSet) -> np.ndarray:
+def residual_promised(system: LinearSystem, found: ModeSet) -> np.ndarray:
     """Bound of the residuals of a search: a residual r of (A - sigma)^-1 below TOLERANCE theta
     leaves |A v - omega^2 v| = |(A - sigma) r / theta| <= |A| TOLERANCE, in units of omega^2."""
-    return TOLERANCE * problem.bound / (2 * np.pi * found.frequency) ** 2
+    return TOLERANCE * system.bound / (2 * np.pi * found.frequency) ** 2
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_lowest_modes_by_every_factorisation(solver):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
-    problem = Eigenproblem.of(diluted(0.35, 4, layers=8), solver=solver)
-    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
-    lowest = lowest_modes(problem, 40)
+    system = LinearSystem.of(diluted(0.35, 4, layers=8), solver=solver)
+    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
+    lowest = lowest_modes(system, 40)
     assert lowest.attributes["certified"]
     # omega^2 is known to eps times the largest one; f to that over 2 (f / f_max)^2.
     tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
     assert lowest.frequency == pytest.approx(elastic[:40], rel=tolerance)
-    assert (lowest.residual < residual_promised(problem, lowest)).all()
+    assert (lowest.residual < residual_promised(system, lowest)).all()
 
 
 @pytest.mark.parametrize("solver", [None, "superlu"])
@@ -52,13 +53,13 @@ def test_intervals_are_cut_and_complete(monkeypatch, solver):
     """
     monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
-    problem = Eigenproblem.of(diluted(0.35, 5, layers=7), solver=solver)
-    frequency = frequency_of(dense_squares(problem))
-    elastic = frequency[problem.floppy.total :]
+    system = LinearSystem.of(diluted(0.35, 5, layers=7), solver=solver)
+    frequency = frequency_of(dense_squares(system))
+    elastic = frequency[by_structure(system).total :]
     # Ends in the middle of gaps, away from the round-off of any frequency.
     middle = (elastic[1:] + elastic[:-1]) / 2
     for low, high in ((0.0, middle[130]), (middle[100], middle[190])):
-        found = modes_between(problem, low, high)
+        found = modes_between(system, low, high)
         expected = elastic[(elastic >= low) & (elastic < high)]
         assert found.attributes["certified"]
         assert found.frequency == pytest.approx(expected, rel=1e-8)
@@ -74,16 +75,16 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
     monkeypatch.delattr("modal.modes.search.factorise")
-    problem = Eigenproblem.of(network)
-    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    system = LinearSystem.of(network)
+    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
     high = elastic[gap : gap + 2].mean()
     # Nothing but floppy modes lies below the lower end, zero or not.
     for low in (0.0, elastic[0] / 2):
-        found = modes_between(problem, low, high)
+        found = modes_between(system, low, high)
         assert found.certified and "a vector" in found.attributes["solver"]
         assert found.frequency == pytest.approx(elastic[: gap + 1], rel=1e-8)
-        assert (found.residual < 10 * residual_promised(problem, found)).all()
+        assert (found.residual < 10 * residual_promised(system, found)).all()
 
 
 def test_what_a_polynomial_is_not_for(monkeypatch):
@@ -93,39 +94,39 @@ def test_what_a_polynomial_is_not_for(monkeypatch):
     monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: dear)
     monkeypatch.setattr("modal.modes.lowest.below_an_edge", lambda *_: free)
     network = diluted(0.35, 5, layers=7)
-    problem = Eigenproblem.of(network)
-    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    system = LinearSystem.of(network)
+    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     middle = (elastic[1:] + elastic[:-1]) / 2
     low, high = middle[20], middle[60]
     factorised = [
-        modes_between(Eigenproblem.of(network, solver="superlu"), 0.0, high),
-        modes_between(problem, low, high),
-        modes_between(problem, 0.0, 0.6 * elastic[-1]),
+        modes_between(LinearSystem.of(network, solver="superlu"), 0.0, high),
+        modes_between(system, low, high),
+        modes_between(system, 0.0, 0.6 * elastic[-1]),
     ]
     monkeypatch.setattr("modal.modes.lowest.memory_at_hand", lambda: 1e5)
-    factorised.append(modes_between(problem, 0.0, high))
+    factorised.append(modes_between(system, 0.0, high))
     for found in factorised:
         assert found.certified and "a vector" not in found.attributes["solver"]
 
 
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():
     """A third of the modes are; a twentieth are searched for, with the same digits."""
-    problem = Eigenproblem.of(diluted(0.35, 5, layers=7))
-    elastic = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    system = LinearSystem.of(diluted(0.35, 5, layers=7))
+    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     middle = (elastic[1:] + elastic[:-1]) / 2
-    for last, dense in ((len(elastic) // 20, False), (problem.size // 3, True)):
-        found = modes_between(problem, 0.0, middle[last])
+    for last, dense in ((len(elastic) // 20, False), (system.size // 3, True)):
+        found = modes_between(system, 0.0, middle[last])
         assert (found.attributes["solver"] == "dense") is dense
         tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
         assert found.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)
 
 
 def test_degenerate_spectrum_is_complete():
-    problem = Eigenproblem.of(columns_side_by_side(100))
-    expected = frequency_of(dense_squares(problem))
-    assert problem.floppy.total == int((expected < 1.0).sum())
-    elastic = expected[problem.floppy.total :]
-    lowest = lowest_modes(problem, 120)
+    system = LinearSystem.of(columns_side_by_side(100))
+    expected = frequency_of(dense_squares(system))
+    assert by_structure(system).total == int((expected < 1.0).sum())
+    elastic = expected[by_structure(system).total :]
+    lowest = lowest_modes(system, 120)
     assert lowest.frequency == pytest.approx(elastic[:120], rel=1e-7)
     assert lowest.attributes["certified"]
 
@@ -145,12 +146,12 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
     monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.modes.search.factorise", noted)
     monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
-    problem = Eigenproblem.of(columns_side_by_side(100))
-    expected = frequency_of(dense_squares(problem))[problem.floppy.total :]
+    system = LinearSystem.of(columns_side_by_side(100))
+    expected = frequency_of(dense_squares(system))[by_structure(system).total :]
     low, high = 0.999 * expected[150], 1.001 * expected[150]
     wanted = int(((expected >= low) & (expected < high)).sum())
     assert wanted >= 100
-    found = modes_between(problem, low, high)
+    found = modes_between(system, low, high)
     assert found.attributes["certified"]
     assert len(found.frequency) == wanted
     assert len(asked) > 3
@@ -164,13 +165,13 @@ def test_stiffness_contrast_of_a_million():
     names = "stiffness_normal", "stiffness_tangential"
     softer = {name: scaled(getattr(network, name), soft, 1e-6) for name in names}
     network = replace(network, **softer)
-    problem = Eigenproblem.of(network)
-    frequency = frequency_of(dense_squares(problem))
+    system = LinearSystem.of(network)
+    frequency = frequency_of(dense_squares(system))
     for hz in (10.0, 100.0, 1e4, 1e5):
-        assert count_below(problem, hz) == int((frequency < hz).sum())
-    lowest = lowest_modes(problem, 30)
+        assert count_below(system, hz) == int((frequency < hz).sum())
+    lowest = lowest_modes(system, 30)
     assert lowest.attributes["certified"]
-    assert (lowest.residual < residual_promised(problem, lowest)).all()
+    assert (lowest.residual < residual_promised(system, lowest)).all()
 
 
 def test_order_of_particles_and_contacts_does_not_matter():
@@ -186,9 +187,9 @@ def test_order_of_particles_and_contacts_does_not_matter():
         particle_i=rank[mixed.particle_i],
         particle_j=np.where(mixed.particle_j >= 0, rank[mixed.particle_j], mixed.particle_j),
     )
-    problem, other = Eigenproblem.of(network), Eigenproblem.of(mixed)
-    assert problem.floppy.by_kind() == other.floppy.by_kind()
-    found, again = lowest_modes(problem, 40), lowest_modes(other, 40)
+    system, other = LinearSystem.of(network), LinearSystem.of(mixed)
+    assert by_structure(system).by_kind() == by_structure(other).by_kind()
+    found, again = lowest_modes(system, 40), lowest_modes(other, 40)
     assert again.frequency == pytest.approx(found.frequency, rel=1e-8)
 
 

@@ -19,12 +19,12 @@ from modal.modes.mode_set import (
     subset,
     write_modes,
 )
-from modal.modes.problem import Eigenproblem, frequency_of
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.packing.network_file import write_network
 from modal.solvers import lanczos
 from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
@@ -122,7 +122,7 @@ def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monke
 def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
     """Read alone they are the same numbers, and refused where they are damaged in the same way."""
     path = tmp_path / "x.modes.h5"
-    modes = dense.all_modes(Eigenproblem.of(gallery.fcc(cells=(1, 1, 4))))
+    modes = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(1, 1, 4))))
     write_modes(path, modes)
     np.testing.assert_array_equal(read_z_shapes(path), read_modes(path).shapes()[:, :, 2])
     write_modes(path, replace(modes, mode_shape=None))
@@ -137,9 +137,9 @@ def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
 
 def test_chi_of_shapes_is_chi_z_but_for_the_pairs_of_a_crystal():
     """Two standing waves of equal frequency are a travelling one, and chi_z is of that."""
-    found = dense.all_modes(Eigenproblem.of(crystal_without_symmetry(5)))
+    found = dense.all_modes(LinearSystem.of(crystal_without_symmetry(5)))
     assert found.chi("z") == pytest.approx(found.chi_z, abs=1e-12)
-    found = dense.all_modes(Eigenproblem.of(gallery.fcc(cells=(3, 3, 6))))
+    found = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 6))))
     same = found.frequency[1:] == found.frequency[:-1]
     before, after = np.append(False, same), np.append(same, False)
     apart = abs(found.chi("z") - found.chi_z)
@@ -153,18 +153,18 @@ def test_chi_of_shapes_is_chi_z_but_for_the_pairs_of_a_crystal():
 
 @pytest.mark.parametrize("network", [gallery.fcc(cells=(3, 3, 4)), crystal_without_symmetry(5)])
 def test_without_a_file_no_shapes_are_made(network):
-    problem = Eigenproblem.of(network, shapes=False)
+    system = LinearSystem.of(network, shapes=False)
     for found in (
-        dense.all_modes(problem),
-        intervals.lowest_modes(problem, 3),
-        modes.highest_modes(problem, 3),
-        intervals.modes_between(problem, 1e3, 1e4),
+        dense.all_modes(system),
+        intervals.lowest_modes(system, 3),
+        modes.highest_modes(system, 3),
+        intervals.modes_between(system, 1e3, 1e4),
     ):
         assert found.mode_shape is None
 
 
 def test_a_subset_leaves_the_whole_as_it_was():
-    whole = dense.all_modes(Eigenproblem.of(gallery.fcc(cells=(3, 3, 4))))
+    whole = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 4))))
     before = replace(whole, attributes=dict(whole.attributes))
     part = subset(whole, slice(10, 20), Choice("lowest", 10))
     assert np.array_equal(part.frequency, before.frequency[10:20])
@@ -190,7 +190,7 @@ def nothing_above(threshold: float, search):
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     """12 modes asked of which the 8 lowest converge: 8 in the file, 4 missing, status 3."""
     network = crystal_without_symmetry(27)
-    square = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())
+    square = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())
     frequency = frequency_of(square)
     for search in (lanczos.modes_nearest, lanczos.modes_below):
         short = nothing_above((square[7] + square[8]) / 2, search)
@@ -215,12 +215,12 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
 
 def test_residuals_are_relative_to_each_mode_s_own_omega_squared():
     """A vector mixed with sin(a) of another mode has the residual sin(a) cos(a) |w_1^2/w^2 - 1|."""
-    problem = Eigenproblem.of(crystal_without_symmetry(5))
-    square, vector = np.linalg.eigh(problem.scaled.toarray())
+    system = LinearSystem.of(crystal_without_symmetry(5))
+    square, vector = np.linalg.eigh(system.scaled.toarray())
     angle = 1e-3
     mixed = np.cos(angle) * vector[:, :1] + np.sin(angle) * vector[:, -1:]
     rayleigh = np.cos(angle) ** 2 * square[0] + np.sin(angle) ** 2 * square[-1]
-    found = from_vectors.measure(problem, np.array([rayleigh]), mixed, None)
+    found = from_vectors.measure(system, np.array([rayleigh]), mixed, None)
     expected = np.sin(angle) * np.cos(angle) * (square[-1] - square[0]) / rayleigh
     assert found.residual[0] == pytest.approx(expected, rel=1e-9)
 
@@ -229,20 +229,20 @@ def test_residuals_are_relative_to_each_mode_s_own_omega_squared():
 def test_every_producer_gives_the_same_residual(monkeypatch, make):
     """Recomputed from the shapes with the matrix, in units of the mode's own omega^2."""
     network = gallery.fcc(cells=(3, 3, 14)) if make == "symmetry" else crystal_without_symmetry(27)
-    problem = Eigenproblem.of(network)
+    system = LinearSystem.of(network)
     monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
     found = {
-        "dense": lambda: dense.all_modes(problem),
-        "symmetry": lambda: dense.all_modes(problem),
-        "lowest": lambda: intervals.lowest_modes(problem, 9),
-        "highest": lambda: modes.highest_modes(problem, 9),
-        "interval": lambda: intervals.modes_between(problem, 5e3, 2e4),
+        "dense": lambda: dense.all_modes(system),
+        "symmetry": lambda: dense.all_modes(system),
+        "lowest": lambda: intervals.lowest_modes(system, 9),
+        "highest": lambda: modes.highest_modes(system, 9),
+        "interval": lambda: intervals.modes_between(system, 5e3, 2e4),
     }[make]()
-    vector = problem.root.times(found.mode_shape.reshape(len(found.frequency), -1).T)
+    vector = system.root.times(found.mode_shape.reshape(len(found.frequency), -1).T)
     square = (2 * np.pi * found.frequency) ** 2
-    own = np.linalg.norm(problem.scaled @ vector - square * vector, axis=0) / square
+    own = np.linalg.norm(system.scaled @ vector - square * vector, axis=0) / square
     # Round-off of the product and of the shapes: some eps |A| in each of the two.
-    floor = 20 * np.sqrt(problem.size) * EPS * problem.bound / square
+    floor = 20 * np.sqrt(system.size) * EPS * system.bound / square
     assert (abs(found.residual - own) <= floor + 1e-6 * own).all()
 
 
@@ -272,7 +272,7 @@ def test_what_was_asked_for_is_read_back_from_old_files_too(choice):
 
 def test_a_slice_of_an_interval_keeps_no_limits_of_the_whole():
     network = crystal_without_symmetry(5)
-    between = intervals.modes_between(Eigenproblem.of(network), 1e3 / 3, 2e4)
+    between = intervals.modes_between(LinearSystem.of(network), 1e3 / 3, 2e4)
     assert between.choice == Choice("between", low=1e3 / 3, high=2e4)
     few = subset(between, slice(0, 2), Choice("lowest", 2))
     assert few.choice == Choice("lowest", 2) and not {"low", "high"} & set(few.attributes)

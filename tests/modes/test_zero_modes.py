@@ -8,14 +8,15 @@ from packings import dense_squares, diluted, with_contacts
 
 from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.system.contacts import with_sliding
+from modal.system.linear_system import LinearSystem
 
 
-def zero_modes(problem: Eigenproblem) -> int:
+def zero_modes(system: LinearSystem) -> int:
     """Rank deficiency of the dense matrix; round-off is some 1e-14 of the largest eigenvalue."""
-    square = dense_squares(problem)
+    square = dense_squares(system)
     return int((square < 1e-11 * square[-1]).sum())
 
 
@@ -23,36 +24,36 @@ def zero_modes(problem: Eigenproblem) -> int:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_floppy_modes_of_a_diluted_crystal(share, seed):
     """Structure gives exact zero modes, orthonormal, and (these parts are small) all of them."""
-    problem = Eigenproblem.of(diluted(share, seed))
-    basis = problem.floppy.basis
-    scale = problem.scaled.diagonal().max()
-    assert abs((problem.scaled @ basis).toarray()).max(initial=0.0) < 1e-11 * scale
+    system = LinearSystem.of(diluted(share, seed))
+    basis = by_structure(system).basis
+    scale = system.scaled.diagonal().max()
+    assert abs((system.scaled @ basis).toarray()).max(initial=0.0) < 1e-11 * scale
     gram = (basis.T @ basis).toarray()
     assert gram == pytest.approx(np.eye(len(gram)), abs=1e-10)
-    assert problem.floppy.total == zero_modes(problem)
-    assert sum(problem.floppy.by_kind().values()) == problem.floppy.total
+    assert by_structure(system).total == zero_modes(system)
+    assert sum(by_structure(system).by_kind().values()) == by_structure(system).total
 
 
 def test_parts_too_large_for_a_dense_null_space_count_as_held(monkeypatch):
     """What is left is a part of the zero modes, still exact; the counts tell how many there are."""
     network = diluted(0.5, 1)
-    everything = Eigenproblem.of(network).floppy
+    everything = by_structure(LinearSystem.of(network))
     monkeypatch.setattr("modal.modes.zero_modes.LARGEST_PART", 1)
-    problem = Eigenproblem.of(diluted(0.5, 1))
-    assert 0 < problem.floppy.hinged < everything.hinged
-    assert problem.floppy.free_particles == everything.free_particles
-    basis, scale = problem.floppy.basis, problem.scaled.diagonal().max()
-    assert abs((problem.scaled @ basis).toarray()).max() < 1e-11 * scale
-    assert count_below(problem, 1.0) == everything.total
+    system = LinearSystem.of(diluted(0.5, 1))
+    assert 0 < by_structure(system).hinged < everything.hinged
+    assert by_structure(system).free_particles == everything.free_particles
+    basis, scale = by_structure(system).basis, system.scaled.diagonal().max()
+    assert abs((system.scaled @ basis).toarray()).max() < 1e-11 * scale
+    assert count_below(system, 1.0) == everything.total
 
 
 @pytest.mark.parametrize("share", [0.8, 0.9])
 def test_floppy_modes_without_rotations(share):
     """A single contact with both springs holds a sphere: only whole clusters move freely."""
-    problem = Eigenproblem.of(diluted(share, 2), translations_only=True)
-    basis, scale = problem.floppy.basis, problem.scaled.diagonal().max()
-    assert abs((problem.scaled @ basis).toarray()).max() < 1e-11 * scale
-    assert problem.floppy.total == zero_modes(problem) > 0
+    system = LinearSystem.of(diluted(share, 2), translations_only=True)
+    basis, scale = by_structure(system).basis, system.scaled.diagonal().max()
+    assert abs((system.scaled @ basis).toarray()).max() < 1e-11 * scale
+    assert by_structure(system).total == zero_modes(system) > 0
 
 
 def test_two_spheres_and_one_spring():
@@ -60,9 +61,9 @@ def test_two_spheres_and_one_spring():
     crystal = gallery.fcc(cells=(2, 2, 3))
     oblique = np.flatnonzero((abs(crystal.normal) > 0.1).sum(axis=1) >= 2)[:1]
     slippery = replace(crystal, sliding=np.ones(crystal.n_contacts, bool))
-    problem = Eigenproblem.of(with_sliding(with_contacts(slippery, oblique), "slip"))
-    assert problem.floppy.total == zero_modes(problem) == problem.size - 1
-    assert problem.floppy.loose_clusters == 11
+    system = LinearSystem.of(with_sliding(with_contacts(slippery, oblique), "slip"))
+    assert by_structure(system).total == zero_modes(system) == system.size - 1
+    assert by_structure(system).loose_clusters == 11
 
 
 def test_each_kind_is_named():
@@ -70,13 +71,13 @@ def test_each_kind_is_named():
     network = gallery.column(4)
     i, j = network.particle_i, network.particle_j
     free = with_contacts(network, (i != 3) & (j != 3))
-    kinds = Eigenproblem.of(free).floppy.by_kind()
+    kinds = by_structure(LinearSystem.of(free)).by_kind()
     assert kinds["free_particles"] == 6
     # Sphere 2 hangs on one contact. 0 and 1 turn about the axis, 2 about its contact point, and
     # the whole hanging column swings about the wall: dense rank says how many.
-    assert sum(kinds.values()) == zero_modes(Eigenproblem.of(free))
+    assert sum(kinds.values()) == zero_modes(LinearSystem.of(free))
     single = with_contacts(network, np.flatnonzero(j == -1))
-    assert Eigenproblem.of(single).floppy.by_kind() == {
+    assert by_structure(LinearSystem.of(single)).by_kind() == {
         "free_particles": 18,
         "loose_clusters": 0,
         "hinged": 3,
@@ -94,9 +95,9 @@ def test_cluster_without_walls_moves_as_a_whole(periodic):
         inside &= network.cell_shift[:, 1] == 0
     if periodic == "none":
         inside &= network.cell_shift[:, 0] == 0
-    problem = Eigenproblem.of(with_contacts(network, inside))
-    assert problem.floppy.loose_clusters == {"x and y": 3, "x": 4, "none": 6}[periodic]
-    assert problem.floppy.total == zero_modes(problem)
+    system = LinearSystem.of(with_contacts(network, inside))
+    assert by_structure(system).loose_clusters == {"x and y": 3, "x": 4, "none": 6}[periodic]
+    assert by_structure(system).total == zero_modes(system)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 1.0])
@@ -114,7 +115,7 @@ def test_a_cluster_is_followed_through_contacts_named_either_way(share):
         lever_i=np.where(swap, network.lever_j, network.lever_i),
         lever_j=np.where(swap, network.lever_i, network.lever_j),
     )
-    floppy = Eigenproblem.of(network).floppy
+    floppy = by_structure(LinearSystem.of(network))
     assert floppy.loose_clusters == floppy.total == 6
 
 
@@ -122,13 +123,13 @@ def test_without_tangential_springs_every_sphere_spins():
     network = replace(
         gallery.fcc(cells=(3, 3, 5)), sliding=np.ones(gallery.fcc(cells=(3, 3, 5)).n_contacts, bool)
     )
-    problem = Eigenproblem.of(with_sliding(network, "slip"))
-    assert problem.floppy.spinning == 3 * network.n_particles
-    assert problem.floppy.total == zero_modes(problem)
+    system = LinearSystem.of(with_sliding(network, "slip"))
+    assert by_structure(system).spinning == 3 * network.n_particles
+    assert by_structure(system).total == zero_modes(system)
 
 
 def test_all_modes_contain_the_zero_modes():
-    problem = Eigenproblem.of(diluted(0.5, 9))
-    everything = all_modes(problem).frequency
-    assert len(everything) == problem.size
-    assert int((everything < 1e-4 * everything[-1]).sum()) == problem.floppy.total
+    system = LinearSystem.of(diluted(0.5, 9))
+    everything = all_modes(system).frequency
+    assert len(everything) == system.size
+    assert int((everything < 1e-4 * everything[-1]).sum()) == by_structure(system).total

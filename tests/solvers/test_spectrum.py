@@ -9,7 +9,6 @@ import pytest
 from modal.modes import density
 from modal.modes.collective import every_floppy
 from modal.modes.density import density_of_states
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.solvers.spectrum import (
     LANCZOS_STEPS,
@@ -19,6 +18,7 @@ from modal.solvers.spectrum import (
     wider_top,
 )
 from modal.system import operator
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
@@ -274,7 +274,7 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     said = {}
     monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: said.update(what))
     # What compiling takes is no part of a task, nor the count of zero modes, which is made once.
-    every_floppy(Eigenproblem.of(compute.args[0]))
+    every_floppy(LinearSystem.of(compute.args[0]))
     motion = np.zeros(6 * CRYSTAL.n_particles)
     for sums in (None, np.zeros((2, 6))):
         ContactOperator(CRYSTAL, mass_scaled=True).combine(motion, motion.copy(), 1.0, sums=sums)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.solvers.lanczos import TOLERANCE
 from modal.solvers.top_mode import top_mode
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 
 MOST = 330
@@ -25,10 +25,10 @@ def disordered() -> Network:
 
 def test_value_vector_and_products():
     """The angle to the dense vector is below the residual over the gap to the next value."""
-    problem = Eigenproblem.of(disordered())
-    matrix = problem.scaled.toarray()
-    square, vector = eigh(matrix, subset_by_index=[problem.size - 2, problem.size - 1])
-    found = top_mode(problem.operator, MOST)
+    system = LinearSystem.of(disordered())
+    matrix = system.scaled.toarray()
+    square, vector = eigh(matrix, subset_by_index=[system.size - 2, system.size - 1])
+    found = top_mode(system.operator, MOST)
     assert found.converged.all() and 10 < found.products <= 2 * MOST
     assert found.square == pytest.approx(square[-1:], rel=1e-12)
     v = found.vector[:, 0]
@@ -40,14 +40,14 @@ def test_value_vector_and_products():
 
 def test_long_after_orthogonality_is_lost(monkeypatch):
     """300 steps where 60 would do: the copies that round-off brings back do no harm."""
-    problem = Eigenproblem.of(disordered())
-    exact = eigh(problem.scaled.toarray(), eigvals_only=True)[-1]
+    system = LinearSystem.of(disordered())
+    exact = eigh(system.scaled.toarray(), eigvals_only=True)[-1]
     monkeypatch.setattr("modal.solvers.top_mode.LOOK", 300)
-    found = top_mode(problem.operator, MOST)
+    found = top_mode(system.operator, MOST)
     assert found.converged.all() and found.products == 600
     assert found.square == pytest.approx([exact], rel=1e-12)
     v = found.vector[:, 0]
-    residual = np.linalg.norm(problem.operator @ v - exact * v)
+    residual = np.linalg.norm(system.operator @ v - exact * v)
     assert residual < 2 * TOLERANCE * exact
 
 

@@ -8,13 +8,14 @@ import pytest
 from scipy.linalg import eigh
 
 import modal
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.columns import OF_BONDS, UNKNOWN
 from modal.packing.network import Network
 from modal.packing.network_file import read_network, write_network
 from modal.system.assembly import stiffness_matrix
 from modal.system.imposed import WallTurns, put_on
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.errors import InputError
@@ -200,7 +201,7 @@ def test_modes_of_clumps_are_those_of_the_dense_matrices():
         assert (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2 == pytest.approx(
             wanted.clip(0), abs=1e-12 * wanted[-1]
         )
-        zero = Eigenproblem.of(clump).floppy
+        zero = by_structure(LinearSystem.of(clump))
         assert zero.total == (wanted < 1e-11 * wanted[-1]).sum()
         assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * wanted[-1]
 

@@ -9,12 +9,13 @@ from packings import wall_pattern
 import modal
 from modal.__main__ import main
 from modal.modes.damped import damped_modes
-from modal.modes.problem import Eigenproblem
+from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network_file import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
@@ -58,8 +59,8 @@ def test_equal_to_dense_solves(direction):
 def test_equal_to_the_sum_of_all_complex_modes():
     """Every mode with its conjugate: phi phi^T / (phi^T (2 lambda M + C) phi), lambda's residue."""
     network = gallery.fcc(cells=(1, 1, 15))
-    problem = Eigenproblem.of(network)
-    count = problem.size - problem.floppy.basis.shape[1]
+    system = LinearSystem.of(network)
+    count = system.size - by_structure(system).basis.shape[1]
     every = damped_modes(network, DAMPING, near=1e5, count=count)
     rate = -every.decay + 2j * np.pi * every.frequency
     phi, mass = every.shape.reshape(count, -1).T, mass_diagonal(network)

@@ -10,11 +10,11 @@ import modal
 from modal.__main__ import main
 from modal.modes import damped
 from modal.modes.damped import damped_modes, decay_rates
-from modal.modes.problem import Eigenproblem
 from modal.packing.examples import column
 from modal.packing.network_file import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
+from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.source import Pulse, SampledMotion
@@ -126,8 +126,8 @@ def test_attenuation_of_the_crystal_is_that_of_the_damped_chain():
 
 def test_complex_modes_against_a_dense_quadratic_eigenproblem():
     network = modal.random_packing(spheres=60, seed=5)
-    problem = Eigenproblem.of(network)
-    A, size = problem.scaled.toarray(), problem.size
+    system = LinearSystem.of(network)
+    A, size = system.scaled.toarray(), system.size
     scale = 1 / np.sqrt(mass_diagonal(network))
     C = scale[:, None] * stiffness_matrix(DAMPING.dashpots(network)).toarray() * scale
     w = 1e6  # a unit of rate in which both halves of the companion are of one size

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import write_network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
+from modal.system.linear_system import LinearSystem
 from modal.waves.driven import Driven, bound_of_omega
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
@@ -67,7 +67,7 @@ def test_parts_that_differ_change_the_wave_by_less_than_is_said():
 
 @pytest.mark.parametrize("network", [FCC, RANDOM, gallery.column(5)])
 def test_bound_of_omega_is_above_the_highest_mode(network):
-    top = np.linalg.eigvalsh(Eigenproblem.of(network).scaled.toarray())[-1]
+    top = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())[-1]
     assert np.sqrt(top) < bound_of_omega(network) < 4 * np.sqrt(top)
 
 

@@ -9,7 +9,6 @@ from packings import scaled, wall_pattern
 from places import SHEARED
 
 from modal.__main__ import main
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network import SOURCE_WALL, Network
 from modal.packing.network_file import write_network
@@ -18,6 +17,7 @@ from modal.packing.tiling import repeat
 from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum
 from modal.system.assembly import mass_diagonal
 from modal.system.damping import ContactDamping
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools import workload
 from modal.tools.errors import InputError
@@ -50,12 +50,12 @@ def test_pulse_response_solves_the_oscillator():
 @pytest.mark.parametrize("network", [gallery.fcc(cells=(2, 2, 8)), gallery.column(5)])
 def test_wave_equals_modal_superposition(network):
     wave = propagate(network, 2e-4, tolerance=1e-12)
-    problem = Eigenproblem.of(network)
-    square, vector = np.linalg.eigh(problem.scaled.toarray())
+    system = LinearSystem.of(network)
+    square, vector = np.linalg.eigh(system.scaled.toarray())
     source, _, _ = wall_pattern(network, SOURCE_WALL)
-    weight = vector.T @ (source / problem.root.diagonal)
+    weight = vector.T @ (source / system.root.diagonal)
     y = Pulse(2.5e-9, 1e5).response(np.maximum(square, 0), wave.signals.time)
-    motion = (vector @ (weight[:, None] * y)).T / problem.root.diagonal
+    motion = (vector @ (weight[:, None] * y)).T / system.root.diagonal
     expected = motion[:, 6 * wave.signals.chain_particle + 2]
     found = wave.signals.chain_displacement
     # The tolerance of 1e-12 times some hundred coefficients.
@@ -70,10 +70,10 @@ def test_work_of_the_source_is_the_energy_of_the_packing():
     signals = wave.signals
     speed = np.gradient(signals.source_displacement, signals.time)
     work = np.trapezoid(signals.source_stress * area * speed, signals.time)
-    problem = Eigenproblem.of(network)
-    square, vector = np.linalg.eigh(problem.scaled.toarray())
+    system = LinearSystem.of(network)
+    square, vector = np.linalg.eigh(system.scaled.toarray())
     source, _, _ = wall_pattern(network, SOURCE_WALL)
-    weight = vector.T @ (source / problem.root.diagonal) * 2.5e-9
+    weight = vector.T @ (source / system.root.diagonal) * 2.5e-9
     near = 1.5e-5 + np.array([-1e-10, 0, 1e-10])
     y = Pulse(1.0, 1e5).response(square, near)
     rate = (y[:, 2] - y[:, 0]) / 2e-10
@@ -88,8 +88,8 @@ def test_relative_error_of_1e_8_within_the_known_number_of_products():
     wave = propagate(network, duration)
     error = np.linalg.norm(wave.signals.chain_displacement - reference)
     assert error < 1e-8 * np.linalg.norm(reference)
-    problem = Eigenproblem.of(network)
-    omega = np.sqrt(np.linalg.eigvalsh(problem.scaled.toarray())[-1])
+    system = LinearSystem.of(network)
+    omega = np.sqrt(np.linalg.eigvalsh(system.scaled.toarray())[-1])
     assert wave.products <= 1.15 * omega * duration / 2 + 60
 
 

@@ -12,8 +12,8 @@ import modal
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.shear_lattice import ShearLattice
 from modal.__main__ import main
-from modal.modes.problem import Eigenproblem
 from modal.packing.network_file import write_network
+from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
@@ -98,7 +98,7 @@ def test_response_against_a_dense_solve():
     found = modal.frequency_response(
         network, highest=4e4, resolution=4e3, tolerance=1e-9, direction="x"
     )
-    A = Eigenproblem.of(network).scaled.toarray()
+    A = LinearSystem.of(network).scaled.toarray()
     square, vector = eigh(A)
     from modal.system.assembly import mass_diagonal
 

@@ -12,10 +12,10 @@ from places import ROOT
 from modal.__main__ import main
 from modal.formats.provenance import Source, read_provenance
 from modal.modes.dense import all_modes
-from modal.modes.problem import Eigenproblem
 from modal.packing import examples as gallery
 from modal.packing.network_file import read_network, write_network
 from modal.system.damping import ContactDamping
+from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, chirp, write_motion
@@ -71,8 +71,8 @@ def test_exported_contacts_equal_the_network_made_without_yade(products):
         assert np.sort(getattr(exported, name)) == pytest.approx(
             np.sort(getattr(made, name)), rel=1e-9
         )
-    found = all_modes(Eigenproblem.of(exported)).frequency
-    assert found == pytest.approx(all_modes(Eigenproblem.of(made)).frequency, rel=1e-6)
+    found = all_modes(LinearSystem.of(exported)).frequency
+    assert found == pytest.approx(all_modes(LinearSystem.of(made)).frequency, rel=1e-6)
     assert exported.study["void_ratio"] == pytest.approx(made.study["void_ratio"], rel=1e-9)
 
 

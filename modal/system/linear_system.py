@@ -1,4 +1,4 @@
-"""The eigenproblem (K - omega^2 M) phi = 0 of a packing, its matrices made once."""
+"""The linear system M u'' + K u = 0 of a packing, which modes, waves and moduli are asked of."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from modal.modes.zero_modes import FloppyModes, floppy_modes
-from modal.packing.chain import wall_to_wall_chain
 from modal.packing.columns import Made
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS
 from modal.system.assembly import own_blocks, stiffness_matrix
+from modal.system.contacts import SYMMETRIC, terms_of, with_sliding
 from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import LONGEST
 
@@ -33,16 +31,18 @@ BLUR = 1e-9, 0.25
 
 
 @dataclass
-class Eigenproblem:
-    """A network with the matrices of its eigenproblem, each computed when first needed.
+class LinearSystem:
+    """A network with the matrices of its linear motion, each computed when first needed.
 
-    `dof` is the number of degrees of freedom of a particle, 6, or 3 with translations only;
-    `solver` as in `of`; `shapes` says whether lists of modes keep their mode shapes; a search
-    whose estimated time exceeds `hours` is refused.
+    `pre_stress` says which terms of the contact forces the stiffness has, as in
+    `modal.system.contacts`; `dof` is the number of degrees of freedom of a particle, 6, or 3 with
+    translations only; `solver` as in `of`; `shapes` says whether lists of modes keep their mode
+    shapes; a search whose estimated time exceeds `hours` is refused.
     """
 
     network: Network
-    dof: int
+    pre_stress: str = "none"
+    dof: int = 6
     solver: str | None = None
     shapes: bool = True
     hours: float = LONGEST / 3600
@@ -52,22 +52,27 @@ class Eigenproblem:
         cls,
         network: Network,
         *,
+        pre_stress: str = "none",
+        sliding: str = "elastic",
         translations_only: bool = False,
         solver: str | None = None,
         shapes: bool = True,
         hours: float = LONGEST / 3600,
-    ) -> Eigenproblem:
-        """The problem of a network; with `translations_only` rotations are held at zero.
+    ) -> LinearSystem:
+        """The system of a network; with `translations_only` rotations are held at zero.
 
-        `solver` names the factorisation (`modal.solvers.factor.SOLVERS`); None lets memory decide.
+        `sliding` as of `modal.system.contacts.with_sliding`. `solver` names the factorisation
+        (`modal.solvers.factor.SOLVERS`); None lets memory decide.
         """
         if solver not in (None, *SOLVERS, "layers"):
             raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-        return cls(network, 3 if translations_only else 6, solver, shapes, hours)
+        terms_of(pre_stress)
+        network = with_sliding(network, sliding)
+        return cls(network, pre_stress, 3 if translations_only else 6, solver, shapes, hours)
 
     def once(self, name: str, make: Callable[[], Made]) -> Made:
-        """What does not depend on the settings, and is made once for all problems of a network."""
-        return self.network.once(f"{name}, {self.dof} a particle", make)
+        """What does not depend on the solver, and is made once for all systems of a network."""
+        return self.network.once(f"{name}, {self.dof} a particle, {self.pre_stress}", make)
 
     @property
     def size(self) -> int:
@@ -75,26 +80,40 @@ class Eigenproblem:
         return self.dof * self.network.n_particles
 
     @property
+    def symmetric(self) -> bool:
+        """Whether K is; with all terms of the contact forces it is not."""
+        return self.pre_stress in SYMMETRIC
+
+    @property
+    def semidefinite(self) -> bool:
+        """Whether no motion can release energy: no spring is negative, no force takes part."""
+        springs = self.network.stiffness_normal, self.network.stiffness_tangential
+        return self.pre_stress == "none" and min(k.min(initial=0.0) for k in springs) >= 0
+
+    @property
     def root(self) -> RootMass:
         """M^1/2."""
         return self.once("root of the mass", lambda: RootMass.of(self.network, self.dof))
 
     @property
+    def own_blocks(self) -> Floats:
+        """Shape (n, dof, dof): A's block of each particle with itself; computed at every call."""
+        blocks = own_blocks(self.network, self.pre_stress)
+        return RootMass.of(self.network).around_own(blocks)[:, : self.dof, : self.dof]
+
+    @property
     def diagonal(self) -> Floats:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
-
-        def make() -> Floats:
-            own = RootMass.of(self.network).around_own(own_blocks(self.network))
-            return np.einsum("naa->na", own)[:, : self.dof].ravel()
-
-        return self.once("diagonal", make)
+        return self.once("diagonal", lambda: np.einsum("naa->na", self.own_blocks).ravel())
 
     def assembled(self) -> sp.csr_matrix:
         """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
 
         It is not kept, so that its memory is free while a factorisation is in use.
         """
-        K = stiffness_matrix(self.network, translations_only=self.dof == 3)
+        K = stiffness_matrix(
+            self.network, translations_only=self.dof == 3, pre_stress=self.pre_stress
+        )
         return self.root.around(K)
 
     @cached_property
@@ -130,32 +149,16 @@ class Eigenproblem:
     @cached_property
     def operator(self) -> ContactOperator:
         """The product of A with vectors, computed contact by contact where numba is installed."""
-        return ContactOperator(self.network, translations_only=self.dof == 3, mass_scaled=True)
-
-    @property
-    def semidefinite(self) -> bool:
-        """Whether no motion can release energy, since no spring has a negative stiffness."""
-        springs = self.network.stiffness_normal, self.network.stiffness_tangential
-        return bool(min(k.min(initial=0.0) for k in springs) >= 0)
-
-    @property
-    def floppy(self) -> FloppyModes:
-        """Zero modes: motions that no contact resists, as the structure of the contacts shows them.
-
-        How many there are beside these: `modal.modes.collective`. It shows none where springs of
-        negative stiffness may balance others.
-        """
-
-        def make() -> FloppyModes:
-            if not self.semidefinite:
-                return FloppyModes(sp.csc_matrix((self.size, 0)), 0, 0, 0, 0, whole=False)
-            return floppy_modes(self.network, self.operator, self.root, self.diagonal, self.zero)
-
-        return self.once("floppy modes", make)
+        return ContactOperator(
+            self.network,
+            translations_only=self.dof == 3,
+            mass_scaled=True,
+            pre_stress=self.pre_stress,
+        )
 
     @property
     def spectrum(self) -> Floats:
-        """Shape (size,): every omega^2, ascending; for networks of up to `SMALL`."""
+        """Shape (size,): every omega^2 of a symmetric A, ascending; for networks up to `SMALL`."""
 
         def make() -> Floats:
             return eigh(self.scaled.toarray(), eigvals_only=True)
@@ -166,44 +169,7 @@ class Eigenproblem:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
         return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
 
-    def chain(self) -> Ints | None:
-        """Indices of the particles of the wall-to-wall chain, or None if there is none."""
-        try:
-            return wall_to_wall_chain(self.network)
-        except InputError:
-            return None
-
 
 def frequency_of(square: Floats) -> Floats:
     """f = omega / 2 pi in Hz; negative omega^2 (unstable or round-off) gives negative f."""
     return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)
-
-
-def frequencies(given: ArrayLike) -> Floats:
-    """The frequencies as an array, Hz; InputError where one is no number from 0 on."""
-    try:
-        asked = np.asarray(given, float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"frequency is {given!r}, not numbers of Hz") from error
-    wrong = ~(np.isfinite(asked) & (asked >= 0))
-    if wrong.any():
-        raise InputError(f"{asked[wrong][0]:g} Hz is no frequency; give a number from 0 Hz on")
-    return asked
-
-
-def check_count(problem: Eigenproblem, count: int, available_modes: int) -> None:
-    """Raise InputError unless `count` is whole and 1 <= `count` <= `available_modes`.
-
-    `available_modes` is the number of modes that can be listed: all degrees of freedom, less the
-    zero modes where these are not listed.
-    """
-    if available_modes < 1 or not problem.diagonal.any():
-        raise InputError(
-            f"no modes to list: no spring holds any of the {problem.size} motions; see the "
-            "contacts with `info`"
-        )
-    if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
-        raise InputError(
-            f"{count} modes asked, the network has {problem.size} degrees of freedom and "
-            f"{available_modes} modes to list; ask for 1 to {available_modes}"
-        )
