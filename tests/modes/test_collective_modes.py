@@ -9,13 +9,14 @@ from scipy.linalg import eigvals_banded
 
 import modal
 from modal.modes import lowest
-from modal.modes.collective import every_floppy
+from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.effort import Effort
 from modal.modes.zero_modes import by_structure
 from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import available
 from modal.system.contacts import with_sliding
+from modal.tools.errors import InputError
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 
 SHARES = 0.3, 0.45, 0.5
@@ -106,6 +107,15 @@ def test_zero_modes_that_structure_does_not_show_are_counted_in_any_order(share,
             assert asked[name](network) == pytest.approx(zero, rel=1e-12), name
     found = modal.eigenmodes(network, lowest=5)
     assert found.certified and found.frequency == pytest.approx(elastic[:5], rel=1e-6)
+
+
+def test_more_zero_modes_than_there_are_are_not_made_up(monkeypatch):
+    """A count that were wrong by one: the search for the missing one ends by name."""
+    system = LinearSystem.of(slippery(0.5))
+    every = counted_floppy(LinearSystem.of(slippery(0.5))).total
+    monkeypatch.setattr("modal.modes.collective.count_below", lambda *given, **named: every + 1)
+    with pytest.raises(InputError, match="were counted, but not all were found"):
+        counted_floppy(system)
 
 
 def test_a_list_that_meets_zero_modes_counts_them(monkeypatch):

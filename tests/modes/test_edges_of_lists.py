@@ -99,11 +99,11 @@ def test_a_count_on_a_mode_is_refused(network, solver):
 
 
 @pytest.mark.parametrize("factor", [0.3, 3.3])
-def test_the_threshold_of_zero_is_one(factor):
+@pytest.mark.parametrize("cells", [(2, 2, 6), (3, 3, 6)])
+def test_the_threshold_of_zero_is_one(factor, cells):
     """A crystal that slides on walls with hardly a tangential spring: floppy below the threshold,
     elastic above it, by structure, by a count, in lists and in the density of states."""
-    crystal = gallery.fcc(cells=(3, 3, 6))
-
+    crystal = gallery.fcc(cells=cells)
     wall, system = crystal.with_wall, LinearSystem.of(crystal)
     # It slides as one body: omega^2 is the sum of the walls' springs over its mass.
     soft = factor * system.zero

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -320,6 +321,18 @@ def test_the_number_of_what_is_wrong_is_said():
     shear[5] = 1e-3 * PLAIN.force_normal.mean() * PLAIN.normal[5]
     with pytest.raises(InputError, match="^contact 5 has a tangential force along its normal"):
         replace(PLAIN, force_tangential=shear)
+
+
+@pytest.mark.parametrize("kept", [10, 100])
+def test_shear_that_is_small_beside_the_mean_force_may_point_anywhere(kept):
+    """Beside a millionth of it, however many contacts there are."""
+    few = packings.with_contacts(CRYSTAL, np.arange(kept))
+    for size, refused in ((0.9e-6, False), (3e-6, True)):
+        shear = np.zeros((few.n_contacts, 3))
+        shear[5] = size * few.force_normal.mean() * few.normal[5]
+        expected = pytest.raises(InputError, match="^contact 5 has a tang") if refused else nullcontext()
+        with expected:
+            replace(few, force_tangential=shear)
 
 
 def test_a_column_without_a_cell_has_no_width():

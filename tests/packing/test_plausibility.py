@@ -35,6 +35,16 @@ def test_info_tells_of_what_no_check_can():
     assert (low, high) == pytest.approx((2230, 7850))
 
 
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+@pytest.mark.parametrize(("share", "law"), [(0.045, "Hertz"), (0.055, "unknown")])
+def test_a_law_is_that_of_nine_contacts_in_ten(share, law, factor):
+    """One in twenty may lie above it, and one in twenty below."""
+    crystal = gallery.fcc(cells=(3, 3, 10))
+    stiffness = crystal.stiffness_normal.copy()
+    stiffness[: round(share * len(stiffness))] *= factor
+    assert plausibility(replace(crystal, stiffness_normal=stiffness))["law"] == law
+
+
 def test_contacts_that_are_left_out_are_told_with_their_number():
     """Three between spheres and two with the lower wall, of a crystal that has all."""
     crystal = gallery.fcc(cells=(2, 2, 8))
