@@ -16,8 +16,8 @@ from modal.packing import examples as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import available
 from modal.system.contacts import with_sliding
-from modal.tools.errors import InputError
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
+from modal.tools.errors import InputError
 
 SHARES = 0.3, 0.45, 0.5
 """Of contacts left out of a crystal without tangential springs: 1, 6 and 19 zero modes of 960 that

@@ -46,7 +46,7 @@ TESTS = {
     "dem/motion": "dynamics",
     "modes/collective": "edges_of_lists collective_modes zero_modes",
     "modes/search": "edges_of_lists mode_lists highest_modes lowest_modes",
-    "modes/counts": "counts zero_modes lowest_modes edges lattice_and_modes",
+    "modes/counts": "counts edges_of_lists zero_modes lowest_modes edges lattice_and_modes",
     "modes/zero_modes": "zero_modes lowest_modes edges files_and_commands",
     "solvers/lanczos": "krylov highest_modes lowest_modes mode_lists edges lattice_and_modes",
     "solvers/spectrum": "spectrum linear_wave density response mode_lists edges",

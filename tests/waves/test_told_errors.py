@@ -93,9 +93,7 @@ def test_stress_that_has_not_come_yet_counts_beside_the_sources():
     wave = modal.propagate(crystal, 1e-5, tolerance=1e-6)
     assert abs(wave.signals.receiver_stress).max() < 1e-9 * abs(wave.signals.source_stress).max()
     assert 1e-12 < wave.truncation <= 1e-6
-    farther = modal.propagate(modal.fcc(cells=(1, 1, 200)), 1e-5, tolerance=1e-6)
-    assert abs(farther.signals.receiver_stress).max() < 1e-20 * farther.signals.source_stress.max()
-    assert farther.products <= wave.products + 2
+    assert wave.products < 0.9 * modal.propagate(crystal, 1e-5, tolerance=1e-12).products
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
