@@ -46,4 +46,6 @@ def _floppy(network: Network) -> str:
         return str(error)
     kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)
     least = "" if floppy.counted else "at least "
+    if floppy.unstable:
+        kinds = f"and {floppy.unstable} unstable modes; {kinds}".strip("; ")
     return f"{least}{floppy.total}" + f" ({kinds})" * bool(kinds)

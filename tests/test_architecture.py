@@ -15,7 +15,7 @@ BELOW = {
     "formats": {"tools"},
     "solvers": {"tools"},
     "packing": {"formats", "tools"},
-    "system": {"packing", "tools"},
+    "system": {"packing", "solvers", "tools"},
     "dem": {"packing", "tools"},
     "waves": {"formats", "packing", "solvers", "system", "tools"},
     "modes": {"formats", "packing", "solvers", "system", "tools"},
@@ -23,7 +23,7 @@ BELOW = {
     "preparation": {"dem", "formats", "packing", "solvers", "system", "tools"},
     "theory": {"packing", "system", "tools"},
     "exchange": {"formats", "packing", "system", "tools"},
-    "description": {"modes", "packing", "tools"},
+    "description": {"modes", "packing", "system", "tools"},
     "cli": {
         *("elasticity", "exchange", "formats", "modes", "packing", "preparation", "solvers"),
         *("system", "theory", "tools", "waves"),

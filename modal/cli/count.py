@@ -6,9 +6,10 @@ import argparse
 from typing import Any
 
 from modal.cli.options import network_command, numbers, remark_on_ends
-from modal.cli.reading import add_sliding, packing_of
+from modal.cli.reading import add_springs, packing_of
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
+from modal.system.contacts import SYMMETRIC
 from modal.system.linear_system import LinearSystem
 
 
@@ -28,16 +29,16 @@ def add(commands: Any) -> None:
         choices=("pardiso", "superlu", "layers"),
         help="what factorises (default: the fastest)",
     )
-    add_sliding(command)
+    add_springs(command, SYMMETRIC)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Counts by the frequencies as they were typed."""
     network = packing_of(options)
-    system = LinearSystem.of(network, solver=options.solver)
+    system = LinearSystem.of(network, pre_stress=options.pre_stress, solver=options.solver)
     at = numbers(options.at)
     counts, at_zero = counts_below(system, at), summary_at_zero(system)
-    floppy = at_zero.get("floppy_modes", 0)
+    floppy = at_zero["floppy_modes"] + at_zero["unstable_modes"]
     for f, count in zip(at, counts, strict=True):
         remark_on_ends(options, float(f), f > 0 and count <= floppy, count == system.size)
     return {

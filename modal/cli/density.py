@@ -14,9 +14,10 @@ from modal.cli.options import (
     numbers,
     remark_on_ends,
 )
-from modal.cli.reading import add_sliding, packing_of
+from modal.cli.reading import add_springs, packing_of
 from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
+from modal.system.contacts import SYMMETRIC
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)
@@ -45,7 +46,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--at", nargs="+", default=[], metavar="HZ", help="print how many modes lie below"
     )
-    add_sliding(command)
+    add_springs(command, SYMMETRIC)
     add_output(command, "write *.density.h5")
     add_if_stale(command)
 
@@ -54,7 +55,12 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run the command; the result as it is printed."""
     at = numbers(options.at)
     network = packing_of(options)
-    states = density_of_states(network, resolution=options.resolution, tolerance=options.tolerance)
+    states = density_of_states(
+        network,
+        resolution=options.resolution,
+        tolerance=options.tolerance,
+        pre_stress=options.pre_stress,
+    )
     if options.output:
         write_density(options.output, states, sha256(options.network), options.made)
     frequency = states.grid()

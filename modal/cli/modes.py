@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from modal.cli.options import SHORT, add_if_stale, add_output, network_command, say
-from modal.cli.reading import add_sliding, packing_of
+from modal.cli.reading import add_springs, packing_of
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
@@ -14,6 +14,7 @@ from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.observables import PLANAR
 from modal.modes.zero_modes import by_structure
 from modal.solvers.factor import SOLVERS
+from modal.system.contacts import TANGENTS
 from modal.system.linear_system import SMALL, LinearSystem
 from modal.tools.errors import InputError
 
@@ -49,7 +50,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
     command.add_argument("--solver", choices=SOLVERS, help="what factorises (default: the fastest)")
-    add_sliding(command)
+    add_springs(command, TANGENTS)
     add_output(command, "write *.modes.h5")
     add_if_stale(command)
 
@@ -64,7 +65,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     network = packing_of(options)
     if options.uncertified and options.highest is None:
         raise InputError("--uncertified is for --highest; other lists cost hardly less without")
-    system = LinearSystem.of(network, translations_only=options.translations_only)
+    system = LinearSystem.of(
+        network, pre_stress=options.pre_stress, translations_only=options.translations_only
+    )
     if options.all and system.size > SMALL:
         say(f"all {system.size} modes: {memory_of_all(system)}")
     modes = eigenmodes(
@@ -75,6 +78,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         between=options.between,
         all=options.all,
         translations_only=options.translations_only,
+        pre_stress=options.pre_stress,
         solver=options.solver,
         shapes=bool(options.output),
         certify=not options.uncertified,
@@ -83,13 +87,14 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.output:
         write_modes(options.output, modes, options.made)
     _say_what_is_not(modes, options.output)
-    shift = shift_by_law(network, modes)
+    shift = shift_by_law(network, modes) if options.pre_stress == "none" else None
     return {
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
         "floppy_modes": modes.floppy_modes,
         "floppy_modes_by_kind": by_structure(system).by_kind()
         | {"collective": modes.floppy_modes - by_structure(system).total},
+        "unstable_modes": modes.unstable_modes,
         "degrees_of_freedom": system.size,
         "certified": modes.certified,
         "missing": modes.missing,
@@ -104,6 +109,8 @@ def _say_what_is_not(modes: ModeSet, output: str | None) -> None:
     reason = modes.attributes.get("uncertified_because")
     if reason:
         say(f"not certified: {reason}")
+    if modes.unstable_modes:
+        say(f"K has a negative direction: {modes.unstable_modes} unstable modes are left out")
     left_out = modes.attributes.get("shapes_left_out")
     if output and left_out:
         say(f"{output} has no mode shapes: {left_out}")

@@ -8,14 +8,13 @@ from functools import partial
 from typing import Any
 
 from modal.cli.options import add_if_stale, add_output, network_command
-from modal.cli.reading import add_sliding, packing_of
+from modal.cli.reading import add_springs, packing_of
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
 from modal.elasticity.response import SOLVERS
 from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
 from modal.elasticity.waves import unit_vector
 from modal.formats.hdf5 import sha256
-from modal.system.contacts import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -45,11 +44,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help="write how each sphere moves beyond the strain, too",
     )
-    command.add_argument(
-        "--pre-stress", choices=TANGENTS, default="none",
-        help="what the forces of the contacts do to the velocities, of cells without walls; none",
-    )  # fmt: skip
-    add_sliding(command)
+    add_springs(command)
     add_output(command, "write *.moduli.h5")
     add_if_stale(command)
 

@@ -21,12 +21,6 @@ SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample
 that has not come to rest within the tolerance."""
 
-PRE_STRESS = (
-    "what carried forces add to the springs: nothing (none, default), normal ones, all (full), or "
-    "as the law of the program that the packing is from (law)"
-)
-"""Help of an option that two commands have."""
-
 
 class Parser(argparse.ArgumentParser):
     """A parser that raises InputError where argparse would print its usage and end the program."""

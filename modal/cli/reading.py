@@ -1,16 +1,31 @@
-"""The packing that a command is about, and how its sliding contacts are held."""
+"""The packing that a command is about, and what its contacts do: their springs, their forces."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 
 from modal.packing.network import Network
 from modal.packing.plausibility import read_remarked
-from modal.system.contacts import SLIDING, with_sliding
+from modal.system.contacts import SLIDING, TANGENTS, with_sliding
+
+PRE_STRESS = {
+    "none": "nothing (none, default)",
+    "normal": "normal ones",
+    "full": "all (full)",
+    "law": "as the law of the program that the packing is from (law)",
+}
 
 
-def add_sliding(command: argparse.ArgumentParser) -> None:
-    """The option --sliding of a command that computes with the springs of the contacts."""
+def add_springs(command: argparse.ArgumentParser, known: Iterable[str] = TANGENTS) -> None:
+    """The options of a command that computes with the springs of the contacts.
+
+    `known` are the terms of carried forces that it can take.
+    """
+    choices = list(known)
+    *some, last = (PRE_STRESS[name] for name in choices)
+    text = f"what carried forces add to the springs: {', '.join(some)} or {last}"
+    command.add_argument("--pre-stress", choices=choices, default="none", help=text)
     command.add_argument(
         "--sliding",
         choices=SLIDING,

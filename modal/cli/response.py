@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command
-from modal.cli.reading import add_sliding, packing_of
+from modal.cli.options import add_if_stale, add_output, network_command
+from modal.cli.reading import add_springs, packing_of
 from modal.formats.hdf5 import sha256
-from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
 from modal.waves.response import frequency_response, write_response
 from modal.waves.signals import DIRECTIONS
@@ -31,7 +30,6 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--resolution", type=float, default=1e3, metavar="HZ", help="width of a peak (default 1000)"
     )
-    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help=PRE_STRESS)
     command.add_argument(
         "--direction",
         choices=DIRECTIONS,
@@ -42,7 +40,7 @@ def add(commands: Any) -> None:
         "--damping", nargs=2, type=float, metavar=("N", "T"),
         help="of the contacts, over the critical: normal, tangential; at real frequencies then",
     )  # fmt: skip
-    add_sliding(command)
+    add_springs(command)
     add_output(command, "write *.response.h5")
     add_if_stale(command)
 

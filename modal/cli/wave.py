@@ -6,11 +6,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import PRE_STRESS, add_if_stale, add_output, network_command, say, typed
-from modal.cli.reading import add_sliding, packing_of
+from modal.cli.options import add_if_stale, add_output, network_command, say, typed
+from modal.cli.reading import add_springs, packing_of
 from modal.formats.hdf5 import open_h5, sha256
 from modal.packing.network import Network
-from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog, steps_between_records
@@ -75,7 +74,6 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--tolerance", type=float, metavar="T", default=1e-9, help="relative error (default 1e-9)"
     )
-    command.add_argument("--pre-stress", choices=TANGENTS, default="none", help=PRE_STRESS)
     command.add_argument(
         "--direction",
         choices=DIRECTIONS,
@@ -102,7 +100,7 @@ def add(commands: Any) -> None:
         "--whole", action="store_true",
         help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
     )  # fmt: skip
-    add_sliding(command)
+    add_springs(command)
     add_output(command, "write *.signals.h5, with --plane *.plane.h5")
     add_if_stale(command)
 

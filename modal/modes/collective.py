@@ -11,15 +11,17 @@ told of the zero modes is what structure shows, `counted` being False.
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.linalg import eigvalsh, qr
 
-from modal.modes.counts import count_below, refuse_unstable, unstable_modes
+from modal.modes.counts import count_below, unstable_modes
 from modal.modes.effort import factorisation
+from modal.modes.search import Search
 from modal.modes.zero_modes import FloppyModes, by_structure
-from modal.solvers.factor import factorise
+from modal.solvers.factor import SingularError, factorise
 from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Floats
@@ -30,6 +32,8 @@ EASY = 3.0
 """Seconds, by estimate, of a count that is made in any packing."""
 SHIFT = 1e-9
 """Shift below zero of the factor that finds them, relative to A's largest diagonal entry."""
+UNDER = 1e-6
+"""Relative to that entry: first shift below zero tried, of those below all unstable modes."""
 STEPS = 40
 """Steps of inverse iteration at most. Each leaves of an elastic mode the share that `SHIFT` has of
 its omega^2: three steps mostly do, forty for one that is hardly above zero."""
@@ -41,10 +45,14 @@ def every_floppy(system: LinearSystem) -> FloppyModes:
     """The zero modes, counted where that is easy or where their structure is doubtful.
 
     Where a count would take more than the memory or the time, and elsewhere, those that structure
-    shows. InputError where K has a negative direction.
+    shows; of a K that is not symmetric, which cannot be counted, too. InputError where K may have
+    negative directions, and these cannot be counted.
     """
-    refuse_unstable(system)
     floppy = by_structure(system)
+    if not system.symmetric:
+        return floppy
+    if not system.semidefinite:
+        return counted_floppy(system)
     if doubtful(system, floppy) or easy(system):
         with suppress(InputError):
             return counted_floppy(system)
@@ -52,11 +60,10 @@ def every_floppy(system: LinearSystem) -> FloppyModes:
 
 
 def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
-    """The zero modes in plain numbers by name; of an unstable packing how many modes are."""
-    if unstable := unstable_modes(system):
-        return {"unstable_modes": unstable}
+    """The zero modes, and the unstable ones, in plain numbers by name."""
     floppy = every_floppy(system)
     return {
+        "unstable_modes": floppy.unstable,
         "floppy_modes": floppy.total,
         "floppy_modes_by_kind": floppy.by_kind(),
         "floppy_modes_counted": floppy.counted,
@@ -72,17 +79,38 @@ def counted_floppy(system: LinearSystem) -> FloppyModes:
     """The zero modes, their number by an exact count; made once for all problems of a network."""
 
     def make() -> FloppyModes:
-        refuse_unstable(system)
         floppy, further = by_structure(system), 0
+        unstable = _unstable(system, floppy, unstable_modes(system))
         if floppy.total < system.size:
             least = float(frequency_of(np.array([system.zero]))[0]) / 2
-            further = count_below(system, least) - floppy.total
-        return floppy.with_collective(_further(system, floppy, further))
+            further = count_below(system, least) - floppy.total - unstable.shape[1]
+        return floppy.with_counted(_further(system, floppy, unstable, further), unstable)
 
     return system.once("counted zero modes", make)
 
 
-def _further(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
+def _unstable(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
+    """Shape (size, count): the modes below zero, orthonormal; so many there are.
+
+    From a shift below all of them, where A - sigma is definite, they are the nearest ones.
+    """
+    sigma = -UNDER * system.diagonal.max(initial=0.0)
+    system = replace(system, solver=_for_lists(system.solver))
+    while count:
+        search = Search(system, sigma, definite=True, floppy=floppy)
+        try:
+            missing = search.gather(count, lambda square: square < -system.zero)
+        except SingularError:
+            sigma *= 4
+            continue
+        search.release()
+        if missing:
+            raise InputError(f"{count} unstable modes were counted, but not all were found")
+        return search.vector[:, search.square < -system.zero]
+    return np.empty((system.size, 0))
+
+
+def _further(system: LinearSystem, floppy: FloppyModes, unstable: Floats, count: int) -> Floats:
     """Shape (size, count): zero modes beside the `floppy` ones, orthonormal; so many there are.
 
     By inverse iteration on as many vectors. InputError where these have no room, or do not become
@@ -93,12 +121,13 @@ def _further(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
         return vectors
     remedy = "take a smaller packing"
     refuse_above_memory(3 * vectors.nbytes, f"finding {count} motions without energy", remedy)
-    shift = -SHIFT * system.diagonal.max()
-    factor = factorise(system.shifted(shift), definite=True, solver=_for_lists(system.solver))
+    shift, stable = -SHIFT * system.diagonal.max(), not unstable.shape[1]
+    factor = factorise(system.shifted(shift), definite=stable, solver=_for_lists(system.solver))
     for _ in range(STEPS):
         vectors = factor.solve(vectors)
         for _ in range(2):
-            vectors -= floppy.basis @ (floppy.basis.T @ vectors)
+            for known in (floppy.basis, unstable):
+                vectors -= known @ (known.T @ vectors)
             vectors = qr(vectors, mode="economic", overwrite_a=True, check_finite=False)[0]
         products = system.operator.apply(np.ascontiguousarray(vectors))
         if abs(products).max() <= STILL * system.zero:

@@ -105,7 +105,12 @@ def _negative_of_pivots(factor: Floats, pivots: Ints) -> int:
 
 @overload
 def count_modes(
-    network: Network, frequency: float, *, sliding: str = "elastic", solver: str | None = None
+    network: Network,
+    frequency: float,
+    *,
+    sliding: str = "elastic",
+    pre_stress: str = "none",
+    solver: str | None = None,
 ) -> int: ...
 
 
@@ -115,6 +120,7 @@ def count_modes(
     frequency: Sequence[float] | Array,
     *,
     sliding: str = "elastic",
+    pre_stress: str = "none",
     solver: str | None = None,
 ) -> Ints: ...
 
@@ -125,6 +131,7 @@ def count_modes(
     frequency: ArrayLike,
     *,
     sliding: str = "elastic",
+    pre_stress: str = "none",
     solver: str | None = None,
 ) -> Ints | int:
     """How many natural frequencies a packing has below each of some frequencies, exactly.
@@ -134,15 +141,15 @@ def count_modes(
     or an array, whose counts have its shape. Nothing is estimated: the signs of a factorised
     K - omega^2 M tell (Sylvester's law of inertia). Round-off hides the side of modes within 1e-11
     of the largest diagonal entry of M^-1 K, in omega^2. So near to zero a motion is one without
-    energy; elsewhere a frequency with a mode so near is refused. `sliding` as of
-    `modal.eigenmodes`; `solver` names a factorisation: pardiso, superlu or layers. InputError where
-    a frequency is negative or lies on a mode.
+    energy; elsewhere a frequency with a mode so near is refused. `sliding` and `pre_stress`, "none"
+    or "normal", as of `modal.eigenmodes`; `solver` names a factorisation: pardiso, superlu or
+    layers. InputError where a frequency is negative or lies on a mode.
 
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
     array([  0,  79, 480])
     """
-    system = LinearSystem.of(network, sliding=sliding, solver=solver)
+    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, solver=solver)
     counts = counts_below(system, frequency)
     return counts if counts.ndim else int(counts)
 
@@ -162,7 +169,7 @@ def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
 
 
 def unstable_modes(system: LinearSystem) -> int:
-    """How many omega^2 are negative, beyond round-off; none where all stiffnesses are positive."""
+    """How many omega^2 are negative, beyond round-off; none where no motion releases energy."""
     return count_below(system, 0.0)
 
 
@@ -187,6 +194,11 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     if both agree; otherwise the layers are tried. InputError where no way is certain, and, if the
     modes must be `apart` from the frequency, where one is nearer than round-off.
     """
+    if not system.symmetric:
+        raise InputError(
+            f"pre-stress {system.pre_stress!r}: K is not symmetric, and no factor of it counts "
+            "modes; take pre-stress normal, or all modes of a small packing"
+        )
     if not np.isfinite(frequency):
         raise InputError(f"{frequency} Hz is no frequency; give a number from 0 Hz on")
     if frequency <= 0 and system.semidefinite:

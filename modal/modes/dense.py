@@ -23,6 +23,7 @@ from modal.modes.from_vectors import (
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.observables import chi_z, particle_motion, planar_resonances, rotation_share
 from modal.modes.translations import LateralTranslations, lateral_translations, symmetry_blocks
+from modal.modes.unsymmetric import at_zero, whole_spectrum
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
 
@@ -47,10 +48,13 @@ def dense_modes(system: LinearSystem, chosen: Callable[[Floats], slice], choice:
     group = _group_of(system)
     if not group.trivial:
         return _dense_by_symmetry(system, group, chosen, choice)
-    square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
+    if system.symmetric:
+        square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
+    else:
+        square, vector = whole_spectrum(system)
     part = chosen(frequency_of(square))
     modes = found_modes(system, square[part], vector[:, part], choice, "dense")
-    modes.attributes |= certificate(0) | {"floppy_modes": int((square <= system.zero).sum())}
+    modes.attributes |= certificate(0) | at_zero(system, square)
     return modes
 
 
@@ -59,7 +63,9 @@ def _group_of(system: LinearSystem) -> LateralTranslations:
 
     InputError where all modes would take too much memory or time.
     """
-    group = lateral_translations(system.network, system.scaled, system.dof)
+    group = LateralTranslations((1, 1), np.arange(system.network.n_particles)[None])
+    if system.symmetric:
+        group = lateral_translations(system.network, system.scaled, system.dof)
     cells = len(group.orbit)
     rows = system.size // cells
     cut = "with no lateral symmetry" if group.trivial else f"in {cells} blocks of {rows} rows"
@@ -126,8 +132,8 @@ def _dense_by_symmetry(
     if resonances is not None:
         modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
     solver = f"symmetry {group.cells[0]}x{group.cells[1]}"
-    zero = int((modes.frequency <= frequency_of(np.array([system.zero]))[0]).sum())
-    modes.attributes = {"solver": solver, "floppy_modes": zero} | certificate(0)
+    square = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
+    modes.attributes = {"solver": solver} | at_zero(system, square) | certificate(0)
     part = chosen(modes.frequency)
     modes = subset(modes, part, choice)
     if system.shapes:

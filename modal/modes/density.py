@@ -24,6 +24,7 @@ from modal.formats.hdf5 import get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
 from modal.modes.asked import frequencies
 from modal.modes.collective import every_floppy
+from modal.modes.counts import refuse_unstable
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
 from modal.system.linear_system import LinearSystem
@@ -178,6 +179,7 @@ def density_of_states(
     resolution: float = 2e3,
     tolerance: float = 1e-3,
     sliding: str = "elastic",
+    pre_stress: str = "none",
     seed: int = 1,
 ) -> DensityOfStates:
     """How the 6n natural frequencies of a packing are distributed, without finding each of them.
@@ -189,8 +191,8 @@ def density_of_states(
     signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
     so many of them that the whole spectrum costs less; then there is no error but the kernel's
     width. Motions without energy are split off, at zero. `seed` draws the random vectors;
-    `sliding` as of `modal.eigenmodes`. InputError where K has a negative direction, and where the
-    estimated work exceeds a day or the memory.
+    `sliding` and `pre_stress`, "none" or "normal", as of `modal.eigenmodes`. InputError where K has
+    a negative direction, and where the estimated work exceeds a day or the memory.
 
     >>> import modal
     >>> dos = density_of_states(modal.fcc(cells=(2, 2, 20)), resolution=1e4)
@@ -204,7 +206,7 @@ def density_of_states(
         raise InputError(f"seed {seed}: give a whole number from 0 on")
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
-    system = LinearSystem.of(network, sliding=sliding)
+    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
     operator, size = system.operator.renumbered(), system.size
     top, products = bound_of_spectrum(operator)
     if top <= 0:
@@ -222,6 +224,7 @@ def density_of_states(
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
+    refuse_unstable(system)
     floppy = every_floppy(system)
     if exact:
         moments, at_zero = _exact_moments(system, top, count)

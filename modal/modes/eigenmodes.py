@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from modal.modes.collective import every_floppy
-from modal.modes.counts import refuse_unstable
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
+from modal.modes.unsymmetric import WHOLE, modes_at_an_end
 from modal.packing.network import Network
-from modal.system.contacts import with_sliding
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
@@ -32,6 +31,7 @@ def eigenmodes(
     all: bool = False,
     translations_only: bool = False,
     sliding: str = "elastic",
+    pre_stress: str = "none",
     solver: str | None = None,
     shapes: bool = True,
     certify: bool = True,
@@ -43,17 +43,20 @@ def eigenmodes(
     `all` says which modes; the ten lowest without. They solve K phi = omega^2 M phi (Otsubo et al.
     2017, Eq. 1), with three displacements and three rotations a sphere; `translations_only` holds
     the rotations at zero; with `sliding` "slip", not "elastic", contacts at the friction limit have
-    their normal springs alone. Motions without energy are counted (`floppy_modes` of the result),
-    and listed only among all modes.
+    their normal springs alone; `pre_stress` adds what the contact forces do (`modal.propagate`).
+    Motions without energy are counted (`floppy_modes` of the result), and so are those that release
+    energy (`unstable_modes`); the lowest modes, and those of an interval, are without both.
 
     A result with k modes has `frequency` (k,) Hz, `chi_z` (k,), the share of motion along z (Eq.
     2; of a crystal's degenerate pairs that of travelling waves), and `mode_shape` (k, n, 6),
     mass-normalised, kg^-1/2, where `shapes` are wanted and take no more than 2 GB. It is
     `certified` where an exact count of modes says that none is missing; with `highest` that may be
-    left out (`certify=False`). `solver` names a factorisation: pardiso, banded or superlu.
-    InputError where there are no such modes, where K has a negative direction, so that the packing
-    is not stable, and where the search is estimated to take longer than `hours` or more than the
-    free memory.
+    left out (`certify=False`). With the shear forces (`pre_stress` "full" or "law") K is not
+    symmetric: omega^2 may be complex, the frequency is that of omega's real part, and with more
+    than 3,000 degrees of freedom the lowest and the highest modes come without a certificate.
+    `solver` names a factorisation: pardiso, banded or superlu. InputError where there are no such
+    modes, and where the search is estimated to take longer than `hours` or more than the free
+    memory.
 
     >>> import modal
     >>> low = eigenmodes(modal.fcc(cells=(2, 2, 20)), lowest=3)
@@ -72,12 +75,19 @@ def eigenmodes(
         )
     if between is not None and np.shape(between) != (2,):
         raise InputError(f"between {between}: give two frequencies in Hz, the lower one first")
-    network = with_sliding(network, sliding)
     system = LinearSystem.of(
-        network, translations_only=translations_only, solver=solver, shapes=shapes, hours=hours
+        network,
+        pre_stress=pre_stress,
+        sliding=sliding,
+        translations_only=translations_only,
+        solver=solver,
+        shapes=shapes,
+        hours=hours,
     )
-    refuse_unstable(system)
-    if highest is not None:
+    large = not system.symmetric and system.size > WHOLE
+    if large and (count := lowest or highest or (FEW if not given else None)):
+        modes = modes_at_an_end(system, count, highest=highest is not None)
+    elif highest is not None:
         modes = highest_modes(system, highest, certify=certify)
     elif all:
         modes = all_modes(system)
@@ -86,9 +96,10 @@ def eigenmodes(
     elif between is not None:
         modes = modes_between(system, *between)
     else:
-        few = min(FEW, system.size - every_floppy(system).total)
+        few = min(FEW, system.size - every_floppy(system).held)
         modes = lowest_modes(system, few if lowest is None else lowest)
     if "floppy_modes" not in modes.attributes:
-        modes.attributes["floppy_modes"] = every_floppy(system).total
-    modes.attributes["packing"] = network.fingerprint
+        floppy = every_floppy(system)
+        modes.attributes |= {"floppy_modes": floppy.total, "unstable_modes": floppy.unstable}
+    modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": pre_stress}
     return modes

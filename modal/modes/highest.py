@@ -25,7 +25,7 @@ def highest_modes(system: LinearSystem, count: int, *, certify: bool = True) -> 
     """
     check_count(system, count, system.size)
     choice = Choice("highest", count)
-    if system.size <= SMALL or count > system.size // 4:
+    if system.size <= SMALL or count > system.size // 4 or not system.symmetric:
         top = slice(system.size - count, system.size)
         return dense_modes(system, lambda frequency: top, choice)
     effort = from_the_top(system, count)

@@ -56,14 +56,14 @@ def lowest_modes(system: LinearSystem, count: int) -> ModeSet:
     Certified: the exact count below the highest of them is that of the modes found. Where modes
     did not converge the list ends early, and `missing` says how many it lacks.
     """
-    check_count(system, count, system.size - every_floppy(system).total)
+    check_count(system, count, system.size - every_floppy(system).held)
     choice = Choice("lowest", count)
 
     def lowest(frequency: Floats) -> slice:
         first = _zero_modes(system, frequency)
         return slice(first, first + count)
 
-    if system.size <= SMALL or count > system.size // MANY:
+    if system.size <= SMALL or count > system.size // MANY or not system.symmetric:
         return dense_modes(system, lowest, choice)
     effort = near_a_shift(system, count, SLICE)
     refuse_endless_search(system, effort, f"the lowest {count} modes take", FEWER)
@@ -84,13 +84,15 @@ def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> M
         floppy = counted_floppy(system)
         modes = listed(floppy)
     modes.attributes.setdefault("floppy_modes", floppy.total)
+    modes.attributes.setdefault("unstable_modes", floppy.unstable)
     return modes
 
 
 def _nearest_zero(system: LinearSystem, count: int, choice: Choice, floppy: FloppyModes) -> ModeSet:
     """The `count` lowest modes beside the `floppy` ones, about a shift just below zero."""
-    search = Search(system, -SHIFT * system.diagonal.max(), definite=True, floppy=floppy)
-    missing = search.complete(count, 1, lambda edge: count_below(system, edge) - floppy.total)
+    stable, sigma = not floppy.unstable, -SHIFT * system.diagonal.max()
+    search = Search(system, sigma, definite=stable, floppy=floppy)
+    missing = search.complete(count, 1, lambda edge: count_below(system, edge) - floppy.held)
     if len(search.square) == 0:
         raise InputError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
@@ -126,7 +128,7 @@ def modes_between(system: LinearSystem, low: float, high: float) -> ModeSet:
         first = max(int((frequency < choice.low).sum()), _zero_modes(system, frequency))
         return slice(first, max(first, int((frequency < choice.high).sum())))
 
-    if system.size <= SMALL:
+    if system.size <= SMALL or not system.symmetric:
         return dense_modes(system, inside, choice)
     low -= low * system.blur((2 * np.pi * low) ** 2)
     high += high * system.blur((2 * np.pi * high) ** 2)
@@ -143,13 +145,13 @@ def _between(
     floppy: FloppyModes,
 ) -> ModeSet:
     """Every mode with low <= f < high, Hz, beside the `floppy` ones; dense those `inside`."""
-    below = {low: floppy.total if low == 0 else count_below(system, low)}
+    below = {low: floppy.held if low == 0 else count_below(system, low)}
     below[high] = count_below(system, high)
     wanted = below[high] - below[low]
     if system.size <= DENSE_LIMIT and wanted > system.size // MANY:
         return dense_modes(system, inside, choice)
     effort, low_end = near_a_shift(system, wanted, SLICE), None
-    if wanted > 0 and below[low] == floppy.total:
+    if wanted > 0 and below[low] == floppy.held and not floppy.unstable:
         effort, low_end = _quickest(system, high, wanted, effort)
     refuse_endless_search(system, effort, f"the {wanted} modes of this interval take", FEWER)
     if low_end is not None:
@@ -212,7 +214,8 @@ def _slice(
     sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
     if not interior:
         sigma = -SHIFT * system.diagonal.max()
-    search = Search(system, sigma, definite=not interior, floppy=floppy)
+    definite = not interior and not floppy.unstable
+    search = Search(system, sigma, definite=definite, floppy=floppy)
     return _found(search, low, high, wanted, of)
 
 
@@ -237,7 +240,7 @@ def _lowest_by_slices(system: LinearSystem, count: int) -> ModeSet:
     The frequency is found by exact counts, each a third of an octave above the last.
     """
     top = frequency_of(np.array([system.bound]))[0]
-    high, total = top / 64, counted_floppy(system).total
+    high, total = top / 64, counted_floppy(system).held
     while high < top and count_below(system, high) - total < count:
         high *= 2 ** (1 / 3)
     modes = modes_between(system, 0.0, high)

@@ -129,6 +129,11 @@ class ModeSet:
         """How many motions without energy the network has."""
         return int(self.attributes.get("floppy_modes", 0))
 
+    @property
+    def unstable_modes(self) -> int:
+        """How many modes release energy: their omega^2 is negative."""
+        return int(self.attributes.get("unstable_modes", 0))
+
     def chi(self, axis: str) -> Floats:
         """Shape (k,): share of the motion along x, y or z of each mode shape that is kept.
 

@@ -41,12 +41,13 @@ LARGEST_PART = 100
 class FloppyModes:
     """Zero modes; `basis` (size, z), sparse, orthonormal in the mass-scaled degrees of freedom.
 
-    The other fields are numbers of zero modes by kind. `free_particles`: of particles without
-    contacts. `loose_clusters`: of clusters that no wall holds, or that slide along a wall without
-    tangential springs. `hinged`: of loosely held parts of clusters that touch a wall. `spinning`:
-    rotations of particles without tangential springs. `collective`: those of many spheres together,
-    which an exact count has shown. `counted`: whether it was made; without it there may be more
-    than `total`. `whole`: whether no loose part was too large to be looked at as a whole.
+    Its last columns are the `unstable` modes, which release energy. The other fields are numbers of
+    zero modes by kind. `free_particles`: of particles without contacts. `loose_clusters`: of
+    clusters that no wall holds, or that slide along a wall without tangential springs. `hinged`: of
+    loosely held parts of clusters that touch a wall. `spinning`: rotations of particles without
+    tangential springs. `collective`: those of many spheres together, which an exact count has
+    shown. `counted`: whether it was made; without it there may be more than `total`. `whole`:
+    whether no loose part was too large to be looked at as a whole.
     """
 
     basis: sp.csc_matrix
@@ -57,10 +58,16 @@ class FloppyModes:
     collective: int = 0
     counted: bool = False
     whole: bool = True
+    unstable: int = 0
 
     @property
     def total(self) -> int:
         """Number of zero modes."""
+        return self.held - self.unstable
+
+    @property
+    def held(self) -> int:
+        """Number of all modes that are no elastic ones, and are held out of lists of these."""
         return int(self.basis.shape[1])
 
     def by_kind(self) -> dict[str, int]:
@@ -68,10 +75,16 @@ class FloppyModes:
         kinds = ("free_particles", "loose_clusters", "hinged", "spinning", "collective")
         return {kind: getattr(self, kind) for kind in kinds}
 
-    def with_collective(self, vectors: Floats) -> FloppyModes:
-        """These and the `vectors` (size, k), orthonormal, which a count says are the rest."""
-        basis = sp.hstack([self.basis, sp.csc_matrix(vectors)], format="csc")
-        return replace(self, basis=basis, collective=vectors.shape[1], counted=True)
+    def with_counted(self, collective: Floats, unstable: Floats) -> FloppyModes:
+        """These and the vectors (size, k), orthonormal, which a count says are the rest."""
+        more = [sp.csc_matrix(vectors) for vectors in (collective, unstable)]
+        return replace(
+            self,
+            basis=sp.hstack([self.basis, *more], format="csc"),
+            collective=collective.shape[1],
+            unstable=unstable.shape[1],
+            counted=True,
+        )
 
 
 def clusters(network: Network) -> tuple[Ints, Bools]:

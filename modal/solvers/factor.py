@@ -192,6 +192,8 @@ def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
         raise SingularError(_singular(definite)) from error
     symmetric = np.array_equal(lu.perm_r, lu.perm_c)
     negative = int((lu.U.diagonal() < 0).sum()) if symmetric else None
+    if definite and negative:
+        raise SingularError(_singular(definite))
     return Factor(lu.solve, _certain(negative, lu.solve, matrix), "superlu")
 
 

@@ -215,4 +215,5 @@ def test_low_pass_is_that_of_the_study(tmp_path):
     (case,) = cases_of_files([path])
     reported = Measures(case).passband.mean_of_columns
     assert (found["f_low_pass"], found["f_low_pass_error"]) == (reported.value, reported.error)
-    assert 1.5e4 < reported.value < 3.5e4
+    # Of 500 spheres, whose rounding differs from machine to machine: within the pulse's own band.
+    assert 0.3 < reported.value / case.wave.input_frequency < 1

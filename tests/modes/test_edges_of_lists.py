@@ -30,10 +30,8 @@ def unstable(cells: tuple[int, int, int]) -> Network:
 
 @pytest.mark.parametrize("cells", [(3, 3, 5), (3, 3, 14)])
 @pytest.mark.parametrize("solver", [None, "superlu", "layers"])
-def test_unstable_modes_are_counted_and_refused_by_name_at_any_size(
-    cells, solver, tmp_path, capsys
-):
-    """The dense spectrum says how many there are; no list and no density goes by without a word."""
+def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, solver):
+    """The dense spectrum says how many there are; lists have the modes above."""
     network = unstable(cells)
     system = LinearSystem.of(network, solver=solver)
     assert (system.size <= SMALL) == (cells[2] == 5)
@@ -43,11 +41,20 @@ def test_unstable_modes_are_counted_and_refused_by_name_at_any_size(
     at = [0.0, 8e3, 5e4]
     expected = [negative] + [int((frequency_of(square) < f).sum()) for f in at[1:]]
     assert modal.count_modes(network, at, solver=solver).tolist() == expected
-    assert summary_at_zero(system) == {"unstable_modes": negative}
-    assert f"({negative} unstable modes)" in modal.describe(network)
-    for question in ({"lowest": 3}, {"highest": 3}, {"below": 8e3}, {"all": True}):
-        with pytest.raises(InputError, match=rf"negative direction \({negative} unstable"):
-            modal.eigenmodes(network, **question)
+    assert summary_at_zero(system)["unstable_modes"] == negative
+    assert f"{negative} unstable" in modal.describe(network)
+    elastic = frequency_of(square[square > 1e-11 * square[-1]])
+    for question, listed in (
+        ({"lowest": 3}, elastic[:3]),
+        ({"highest": 3}, elastic[-3:]),
+        ({"below": 5e4}, elastic[elastic < 5e4]),
+        ({"between": (2e4, 5e4)}, elastic[(elastic >= 2e4) & (elastic < 5e4)]),
+        ({"all": True}, frequency_of(square)),
+    ):
+        kind = None if solver == "layers" else solver
+        found = modal.eigenmodes(network, **question, solver=kind)
+        assert found.certified and found.unstable_modes == negative
+        assert found.frequency == pytest.approx(listed, rel=1e-7)
     for tolerance in (1e-3, 0.3):
         with pytest.raises(InputError, match=rf"negative direction \({negative} unstable"):
             modal.density_of_states(network, tolerance=tolerance)

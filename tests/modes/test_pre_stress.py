@@ -1,0 +1,136 @@
+"""Modes, counts and densities with the forces that the contacts carry, by dense matrices."""
+
+import json
+from functools import cache
+
+import numpy as np
+import packings
+import pytest
+
+import modal
+from modal.__main__ import main
+from modal.modes import eigenmodes as questions
+from modal.packing import examples as gallery
+from modal.packing.network import Network
+from modal.packing.network_file import write_network
+from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.linear_system import LinearSystem, frequency_of
+from modal.tools.errors import InputError
+
+PACKINGS = {
+    "friction": lambda: packings.sheared(),
+    "mixture": lambda: packings.polydisperse(),
+    "crystal": lambda: gallery.fcc(cells=(3, 3, 14)),
+    "random": lambda: modal.random_packing(spheres=150, friction=0.4, seed=1),
+}
+
+
+@cache
+def packing(name: str) -> Network:
+    return PACKINGS[name]()
+
+
+@cache
+def spectrum(name: str, pre_stress: str) -> tuple[np.ndarray, int, int]:
+    """Elastic frequencies, Hz, ascending, by LAPACK's general problem; how many are zero, below."""
+    network = packing(name)
+    K, M = stiffness_matrix(network, pre_stress=pre_stress), mass_diagonal(network)
+    A = K.toarray() / np.sqrt(M) / np.sqrt(M)[:, None]
+    square = np.linalg.eigvals(A) if pre_stress == "full" else np.linalg.eigvalsh((A + A.T) / 2)
+    omega = np.where(square.imag == 0, square.real, np.sqrt(square.astype(complex)).real ** 2)
+    omega.sort()
+    zero = 1e-11 * A.diagonal().max()
+    return frequency_of(omega[omega > zero]), (abs(omega) <= zero).sum(), (omega < -zero).sum()
+
+
+def exact_to(frequency: np.ndarray, name: str) -> np.ndarray:
+    """Relative round-off of a dense frequency: size eps |A| / omega^2, and 1e-8 of a solver's."""
+    system = LinearSystem.of(packing(name))
+    return 1e-8 + system.size * np.finfo(float).eps * system.bound / (2 * np.pi * frequency) ** 2
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("pre_stress", ["normal", "full"])
+@pytest.mark.parametrize("name", PACKINGS)
+def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, whole, monkeypatch):
+    """The lowest 20, the highest 5, an interval; without a certificate where K is not symmetric."""
+    monkeypatch.setattr(questions, "WHOLE", questions.WHOLE if whole else 0)
+    elastic, zero, unstable = spectrum(name, pre_stress)
+    middle = elastic[30] * (1 + 1e-5), elastic[60] * (1 - 1e-5)
+    inside = (elastic > middle[0]) & (elastic < middle[1])
+    for question, expected in (
+        ({"lowest": 20}, elastic[:20]),
+        ({"highest": 5}, elastic[-5:]),
+        ({"between": middle}, elastic[inside]),
+    ):
+        found = modal.eigenmodes(packing(name), pre_stress=pre_stress, **question)
+        assert (abs(found.frequency / expected - 1) <= exact_to(expected, name)).all()
+        assert found.certified == (pre_stress == "normal" or whole or "between" in question)
+        if found.certified:
+            assert (found.floppy_modes, found.unstable_modes) == (zero, unstable)
+
+
+@pytest.mark.parametrize("name", PACKINGS)
+def test_counts_and_densities_under_pre_stress(name):
+    """Unstable modes count below 0 Hz; a density with them is refused with their number."""
+    network = packing(name)
+    elastic, zero, unstable = spectrum(name, "normal")
+    widest = np.argmax(np.diff(elastic[:60])), 60 + np.argmax(np.diff(elastic[60:]))
+    at = [0.0, 1e-3, *((elastic[k] + elastic[k + 1]) / 2 for k in widest)]
+    expected = [unstable, unstable + zero, *(unstable + zero + k + 1 for k in widest)]
+    assert modal.count_modes(network, at, pre_stress="normal").tolist() == expected
+    if unstable:
+        with pytest.raises(InputError, match=rf"\({unstable} unstable modes\)"):
+            modal.density_of_states(network, pre_stress="normal")
+        return
+    for tolerance in (1e-3, 0.3):
+        states = modal.density_of_states(network, pre_stress="normal", tolerance=tolerance)
+        assert states.zero_modes.sum() == pytest.approx(zero, abs=1e-6)
+        value, error = states.count_below([0.5 * elastic[-1]])
+        exact = zero + (elastic < 0.5 * elastic[-1]).sum()
+        assert abs(value[0, 6] - exact) < 4 * error[0, 6] + 5
+
+
+def test_the_column_buckles_under_its_own_force():
+    """Two spheres that only touch each other and the walls: N / length against kt, by hand."""
+    column = gallery.column(2)
+    free = column.unchecked(stiffness_tangential=np.zeros(3), sliding=np.ones(3, bool))
+    # Against each other across the axis: -2 N dn on either, N over the distance of the centres.
+    force, distance = column.force_normal[1], np.linalg.norm(column.branch[1])
+    square = -2 * force / distance / column.mass[0]
+    found = modal.eigenmodes(free, all=True, pre_stress="normal")
+    assert found.unstable_modes == 2
+    assert found.frequency[:2] == pytest.approx(frequency_of(square), rel=1e-9)
+
+
+def test_what_needs_a_symmetric_stiffness_refuses_another_by_name():
+    network = packing("friction")
+    for ask in (
+        lambda: modal.count_modes(network, 1e4, pre_stress="full"),
+        lambda: modal.density_of_states(network, pre_stress="full"),
+    ):
+        with pytest.raises(InputError, match="'full': K is not symmetric"):
+            ask()
+    with pytest.raises(InputError, match="pre-stress 'some': choose one of"):
+        modal.eigenmodes(network, pre_stress="some")
+
+
+def test_commands_take_pre_stress(tmp_path, capsys):
+    """`modes`, `count` and `density` with the normal forces; `modes` with all of them."""
+    path = tmp_path / "a.network.h5"
+    write_network(path, packing("random"))
+    elastic, zero, unstable = spectrum("random", "normal")
+
+    def said(*words: str) -> dict:
+        assert main([words[0], str(path), *words[1:], "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    modes = said("modes", "--lowest", "3", "--pre-stress", "normal")
+    assert modes["frequency_hz"] == pytest.approx(elastic[:3], rel=1e-6)
+    assert (modes["floppy_modes"], modes["unstable_modes"]) == (zero, unstable)
+    counted = said("count", "--at", "0", "2e4", "--pre-stress", "normal")
+    assert counted["count_below"]["0"] == counted["unstable_modes"] == unstable
+    everything = said("modes", "--lowest", "3", "--pre-stress", "full")
+    assert everything["frequency_hz"] == pytest.approx(spectrum("random", "full")[0][:3], rel=1e-4)
+    assert main(["count", str(path), "--at", "1", "--pre-stress", "full"]) == 2
+    assert main(["density", str(path), "--pre-stress", "normal"]) == 2 * bool(unstable)
