@@ -32,6 +32,7 @@ KIND_OF = {
 }
 """Kinds of product by their schema; modes are of several kinds, and so are signals."""
 PACKINGS = "network", "sample"
+WAVES = "signals", "shear.signals", "shear_yade.signals"
 
 
 def cases_of(arguments: Sequence[str], folder: str | Path) -> list[Case]:
@@ -63,7 +64,7 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
     for path, kind in kinds.items():
         if kind in PACKINGS:
             continue
-        _give(_owner(path, cases), kind, path)
+        _give(owner_of(path, cases), kind, path)
     for case in cases:
         _give_what_lies_beside(case, set(kinds))
     return cases
@@ -103,7 +104,7 @@ def _digests(case: Case) -> set[str]:
     return {source.sha256 for source in case.packing}
 
 
-def _owner(path: Path, cases: list[Case]) -> Case:
+def owner_of(path: Path, cases: list[Case]) -> Case:
     """The case whose packing a product was made from; of unknown origin, the only case."""
     if len(cases) == 1:
         require_same_packing(path, cases[0].packing)

@@ -44,6 +44,10 @@ ANALYSIS_BELOW = {
     "case": {"case_files", "estimators", "packings", "paper"},
     "belonging": {"case", "estimators"},
     "prepare": {"case", "estimators"},
+    "value": set(),
+    "measuring": {"case", "estimators", "packings", "prepare"},
+    "quantities": {"estimators", "measuring", "value"},
+    "measurement": {"belonging", "measuring", "quantities", "value"},
     "status": {"batch_table", "case", "case_files", "estimators"},
     "crystal": {"case", "estimators", "paper", "table"},
     "measures": {"case", "estimators"},
@@ -65,8 +69,8 @@ ANALYSIS_BELOW = {
     "quality": {"case", "figures", "table"},
     "cli": {
         *("agreement", "belonging", "case", "case_files", "case_tables", "crystal", "estimators"),
-        *("figures", "measures", "packings", "prepare", "quality", "report", "status", "study"),
-        *("table", "watch"),
+        *("figures", "measurement", "measures", "packings", "prepare", "quality", "quantities"),
+        *("report", "status", "study", "table", "watch"),
     },
     "__main__": {"cli"},
 }

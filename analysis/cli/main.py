@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from analysis.cli import cases, packings, study, waves
+from analysis.cli import cases, measure, packings, study, waves
 from modal.cli.options import Parser, check_files, check_text, say_error
 from modal.tools.errors import InputError
 
@@ -18,7 +18,7 @@ def parser() -> argparse.ArgumentParser:
     commands = whole.add_subparsers(
         dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
     )
-    for group in (cases, study, packings, waves):
+    for group in (measure, cases, study, packings, waves):
         group.add(commands)
     return whole
 

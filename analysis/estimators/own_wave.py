@@ -12,7 +12,7 @@ from analysis.estimators.effective_medium import of_contacts
 from modal.packing.network import Network
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import Pulse
+from modal.waves.source import Motion, Pulse
 
 FREQUENCY = 0.33
 """Of the pulse, in V / D of the affine wave: 100 kHz in the crystal of glass at 100 kPa. A
@@ -21,6 +21,8 @@ INTERVAL = 0.4
 """Between records, in D / V: two samples at 1.25 V / D, above all modes."""
 RECORD = 1.5 * PASSAGES
 """Length of the record, in passages from wall to wall of the affine wave."""
+SLOWER = 0.5
+"""Least V_S over V_P for which an S-wave's record is long enough."""
 HIGHEST = {True: 0.5, False: 0.2}
 """Highest frequency of the coherent wave, in V / D, of a crystal or not."""
 
@@ -35,16 +37,20 @@ def own_pulse(network: Network) -> Pulse:
     return Pulse(frequency=FREQUENCY * affine_frequency(network))
 
 
-def own_wave(network: Network) -> Signals:
-    """The linear wave of a packing's own pulse, on every particle."""
+def own_wave(network: Network, motion: Motion | None = None, direction: str = "z") -> Signals:
+    """The linear wave of a packing's own pulse, or another motion, of the wall along `direction`.
+
+    P-waves are recorded on every particle, S-waves for longer, as they are slower.
+    """
     frequency = affine_frequency(network)
     duration = RECORD * network.length / (2 * float(network.radius.mean())) / frequency
     return propagate(
         network,
-        duration,
-        motion=own_pulse(network),
+        duration if direction == "z" else duration / SLOWER,
+        motion=own_pulse(network) if motion is None else motion,
         interval=INTERVAL / frequency,
-        particles=True,
+        particles=direction == "z",
+        direction=direction,
     ).signals
 
 

@@ -1,0 +1,13 @@
+"""What can be measured of a packing: one registry, in which each quantity is one function.
+
+A further quantity is one more function with `@quantity(...)` in one of the modules of this room.
+"""
+
+from importlib import import_module
+
+from analysis.quantities.registry import QUANTITIES as QUANTITIES
+from analysis.quantities.registry import QUICK as QUICK
+
+# In the order in which results are shown.
+for _room in ("velocity", "passband", "scattering", "spectrum", "elasticity", "packing"):
+    import_module(f"analysis.quantities.{_room}")

@@ -1,0 +1,213 @@
+"""`analysis.measure`: any packing's answer, beside theory, other units, files and samples."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import analysis
+import modal
+from analysis.__main__ import main
+from analysis.measuring import Measuring
+from analysis.quantities import QUANTITIES, QUICK
+from analysis.quantities.registry import quantity
+from analysis.value import Value, unknown
+from modal.packing.network_file import write_network
+from modal.tools.errors import InputError
+from modal.waves.propagate import propagate
+from modal.waves.signals import write_signals
+from modal.waves.source import Pulse, chirp
+
+KEYS = {
+    *("v_p", "v_s", "low_pass", "low_pass_unbiased", "highest_frequency", "attenuation"),
+    *("quality", "ioffe_regel", "excess_peak", "bulk_modulus", "shear_modulus", "void_ratio"),
+    *("coordination", "crystalline_share"),
+}
+"""What other people's programs read."""
+
+
+@pytest.fixture(scope="module")
+def random():
+    return modal.random_packing(spheres=2000, aspect=12, seed=1)
+
+
+@pytest.fixture(scope="module")
+def found(random):
+    return analysis.measure(random)
+
+
+def test_a_crystal_is_as_theory_has_it():
+    """Eqs. 6 and 10, Bloch waves and the top of their branches; without disorder no decay."""
+    theory = modal.FccLattice(1e5)
+    found = analysis.measure(modal.fcc(), quantities=[*QUICK, "low_pass_unbiased", "attenuation"])
+    for name, exact in (
+        ("v_p", theory.velocity),
+        ("low_pass_unbiased", theory.low_pass_frequency),
+    ):
+        assert found[name].value == pytest.approx(exact, rel=1e-4)
+        assert abs(found[name].value - exact) < 5 * found[name].error + 1e-6 * exact
+    slow = 2 * np.pi * theory.bloch(np.array([0, 0, 1.0]))[0][0]
+    assert abs(found["v_s"].value / slow - 1) < 1e-3
+    assert found["crystalline_share"].value == 1
+    alpha = found["attenuation"]
+    assert (abs(alpha.value) < 4 * alpha.error).mean() > 0.9
+    assert abs(alpha.value[: len(alpha.at) // 2]).max() * modal.fcc().length < 1e-2
+
+
+def test_ways_to_a_velocity_agree(found):
+    """Longest waves, the springs under a push, the elastic moduli of the bulk."""
+    v_p = found["v_p"]
+    assert abs(v_p.value - found["v_p_static"].value) < 3 * v_p.error + 0.01 * v_p.value
+    assert 0 < v_p.error < 0.03 * v_p.value
+    assert 0.4 < found["v_s"].value / v_p.value < 0.8
+    assert set(found) > KEYS
+
+
+def test_an_attenuation_is_that_of_its_quality_factor(found):
+    alpha, quality = found["attenuation"], found["quality"]
+    seen = np.isfinite(quality.value)
+    assert seen.sum() >= 2 and (quality.at == alpha.at).all()
+    # Waves fade faster than their amplitude falls by a half in a wavelength only at their end.
+    assert (quality.value[seen] > 0.5).all()
+    assert quality.value[seen] == pytest.approx(sorted(quality.value[seen], reverse=True))
+
+
+@pytest.mark.parametrize(("length", "mass", "time"), [(5, 125, 1), (1, 1, 0.1), (1e-3, 7, 40)])
+def test_other_units_and_materials_are_the_same_dimensionless_answers(random, length, mass, time):
+    """No setting has a unit of its own: frequencies times D / V are equal to 1e-6."""
+    names = [*QUICK, "attenuation"]
+    scaled = replace(
+        random,
+        **{
+            name: getattr(random, name) * length
+            for name in ("position", "radius", "lever_i", "lever_j", "overlap", "cell_size")
+        },
+        study={},
+        force_normal=random.force_normal * mass * length / time**2,
+        force_tangential=random.force_tangential * mass * length / time**2,
+        wall_position=random.wall_position * length,
+        mass=random.mass * mass,
+        inertia=random.inertia * mass * length**2,
+        stiffness_normal=random.stiffness_normal * mass / time**2,
+        stiffness_tangential=random.stiffness_tangential * mass / time**2,
+    )
+    units = {"m/s": length / time, "Hz": 1 / time, "1": 1.0, "1/m": 1 / length}
+    one, two = (analysis.measure(net, quantities=names) for net in (random, scaled))
+    for name in names:
+        unit = units[one[name].unit]
+        assert np.array(two[name].value) == pytest.approx(
+            one[name].value * np.array(unit), rel=1e-6
+        )
+        assert np.size(two[name].error) == np.size(one[name].error)
+
+
+def test_records_take_the_place_of_the_own_wave(random, tmp_path, capsys):
+    """Of another motion of the wall, in memory and from a file: the same within the errors."""
+    own = analysis.measure(random, quantities=["v_p"])["v_p"]
+    duration = 3 * random.length / own.value
+    motion = chirp(1e-9, 1e3, 6e4, duration / 3)
+    wave = propagate(random, duration, motion=motion, interval=2e-6).signals
+    given = analysis.measure(random, wave, quantities=["v_p"])["v_p"]
+    assert given.value != own.value
+    assert abs(given.value - own.value) < 3 * np.hypot(own.error, given.error)
+    sent = analysis.measure(random, source=motion, quantities=["v_p"])["v_p"]
+    assert abs(sent.value - own.value) < 3 * np.hypot(own.error, sent.error)
+    write_network(tmp_path / "a.network.h5", random)
+    write_signals(tmp_path / "w.signals.h5", wave)
+    files = [str(tmp_path / "a.network.h5"), str(tmp_path / "w.signals.h5")]
+    assert main(["measure", *files, "--json", "--quantities", "v_p"]) == 0
+    assert json.loads(capsys.readouterr().out)["v_p"]["value"] == given.value
+    assert analysis.measure(*files, quantities=["v_p"])["v_p"].value == given.value
+    with pytest.raises(InputError, match="leaves the packing"):
+        analysis.measure(modal.fcc(cells=(1, 1, 20)), wave)
+
+
+def test_caveats_have_their_numbers(random, found):
+    said = " ".join(found["low_pass"].caveats)
+    length = random.length / (2 * random.radius.mean())
+    assert length > 50 and "too short" not in said and "one sample" in said and "narrow: 5" in said
+    short = modal.random_packing(spheres=1000, aspect=5, seed=1)
+    said = " ".join(analysis.measure(short, quantities=["low_pass"])["low_pass"].caveats)
+    assert f"too short: {short.length / (2 * short.radius.mean()):.1f} D" in said
+    assert "no band edge" in " ".join(found["low_pass_unbiased"].caveats)
+    small = modal.random_packing(spheres=300, aspect=1, seed=1)
+    few = analysis.measure(small, quantities=["v_p", "bulk_modulus"])
+    assert not few["v_p"].known and few["v_p"].caveats
+    moved = random.force_normal.copy()
+    moved[::7] *= 1.5
+    pushed = replace(random, force_normal=moved)
+    said = " ".join(analysis.measure(pushed, quantities=["v_p"])["v_p"].caveats)
+    assert "not in equilibrium: residual" in said
+
+
+def test_a_cell_without_walls_has_velocities_and_says_how():
+    found = analysis.measure("examples/packings/triaxial.network.h5", quantities=QUICK)
+    assert found["v_p"].known and "there are no walls" in " ".join(found["v_p"].caveats)
+    assert not found["low_pass"].known and "no two walls" in " ".join(found["low_pass"].caveats)
+
+
+def test_files_on_the_command_line(tmp_path, capsys):
+    """One file: the quantities. Seeds: a block each, and their mean with its standard error."""
+    paths = []
+    for seed in (1, 2, 3):
+        paths.append(str(tmp_path / f"seed{seed}.network.h5"))
+        write_network(paths[-1], modal.random_packing(spheres=1000, aspect=12, seed=seed))
+    assert main(["measure", paths[0], "--quick", "--json"]) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert set(alone) == set(QUICK)
+    assert set(alone["v_p"]) == {"value", "error", "unit", "caveats"}
+    assert alone["v_p"]["unit"] == "m/s" and alone["void_ratio"]["error"] == 0
+    assert main(["measure", *paths, "--quick", "--json"]) == 0
+    several = json.loads(capsys.readouterr().out)
+    assert set(several) == {*paths, "mean"} and several[paths[0]] == alone
+    values = [several[path]["v_p"]["value"] for path in paths]
+    mean = several["mean"]["v_p"]
+    assert mean["value"] == pytest.approx(np.mean(values))
+    assert mean["error"] == pytest.approx(np.std(values, ddof=1) / np.sqrt(3))
+    assert not any("one sample" in caveat for caveat in mean["caveats"])
+    assert main(["measure", paths[0], "--quantities", "coordination", "low_pass_unbiased"]) == 3
+    told = capsys.readouterr()
+    assert "coordination" in told.out and "low_pass_unbiased could not" in told.err
+    assert main(["measure", paths[0], "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)) > KEYS
+    assert main(["measure", str(tmp_path / "none.h5")]) == 2
+
+
+def test_a_quantity_is_one_function(random, monkeypatch):
+    """Registered under its name, measured with the others; what is not known is refused."""
+
+    @quantity("spheres", "1", "how many spheres there are")
+    def spheres(packing: Measuring) -> Value:
+        return Value(packing.network.n_particles, "1")
+
+    try:
+        assert analysis.measure(random, quantities=["spheres"])["spheres"].value == 2000
+    finally:
+        del QUANTITIES["spheres"]
+    with pytest.raises(InputError, match="quantity 'spheres': unknown; choose from v_p"):
+        analysis.measure(random, quantities=["spheres"])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (Value(776.3824, "m/s", {"fit": 0.0041}), "776.382 ± 0.004 m/s"),
+        (Value(8131.4, "Hz", {"a": 300.0, "b": 400.0}), "8.13 ± 0.50 kHz"),
+        (Value(0.68, "1"), "0.6800"),
+        (unknown("Hz", "no wall"), "not known"),
+    ],
+)
+def test_a_value_is_written_as_exact_as_it_is(value, text):
+    assert value.text() == text
+    assert json.loads(json.dumps(value.as_json()))["unit"] == value.unit
+
+
+def test_pulse_is_no_other_number(random):
+    """Its default is 0.33 V / D of the packing, whatever its units."""
+    own = analysis.measure(random, quantities=["low_pass"])["low_pass"]
+    from analysis.estimators.own_wave import affine_frequency
+
+    same = Pulse(frequency=0.33 * affine_frequency(random))
+    given = analysis.measure(random, source=same, quantities=["low_pass"])["low_pass"]
+    assert given.value == own.value
