@@ -350,7 +350,7 @@ def test_long_wave_is_refused_before_it_starts(monkeypatch):
     network = gallery.fcc(cells=(4, 4, 125))
     assert network.n_particles == 2000
     for simulate in (propagate, partial(leapfrog, time_step=1e-7, every=10)):
-        with pytest.raises(InputError, match="products with K, .* (days|h) here, and .* [TG]B"):
+        with pytest.raises(InputError, match="products with K, .* (days|h|min) here, and .* [TG]B"):
             simulate(network, 1e3)
     monkeypatch.setattr(workload, "LONGEST", np.inf)
     with pytest.raises(InputError, match="longer interval"):
