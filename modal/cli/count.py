@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--at", nargs="+", required=True, metavar="HZ", help="one or several frequencies"
     )
-    command.add_argument(
+    command.add_argument_group("advanced").add_argument(
         "--solver",
         choices=("pardiso", "superlu", "layers"),
         help="what factorises (default: the fastest)",

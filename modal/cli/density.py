@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from modal.cli.options import (
-    add_if_stale,
     add_output,
+    add_skip_current,
     network_command,
     numbers,
     remark_on_ends,
@@ -48,7 +48,7 @@ def add(commands: Any) -> None:
     )
     add_springs(command, SYMMETRIC)
     add_output(command, "write *.density.h5")
-    add_if_stale(command)
+    add_skip_current(command)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

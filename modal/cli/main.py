@@ -87,9 +87,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         options.made, options.remarks = None, []
         if hasattr(command, "read_product") and options.output:
             options.made = made_by(options.command, vars(options), arguments)
-        elif getattr(options, "if_stale", False):
-            raise InputError("--if-stale is about the file of -o; give one")
-        if getattr(options, "if_stale", False) and is_current(
+        elif getattr(options, "skip_current", False):
+            raise InputError("--skip-current is about the file of -o; give one")
+        if getattr(options, "skip_current", False) and is_current(
             options.output, options.made, say, command.read_product
         ):
             result = {"current": options.output}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import SHORT, add_if_stale, add_output, network_command, say
+from modal.cli.options import SHORT, add_output, add_skip_current, network_command, say
 from modal.cli.reading import add_springs, packing_of
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
@@ -39,9 +39,6 @@ def add(commands: Any) -> None:
     )
     choice.add_argument("--all", action="store_true", help="all modes; for small packings")
     command.add_argument(
-        "--uncertified", action="store_true", help="--highest without its exact count: faster"
-    )
-    command.add_argument(
         "--hours",
         type=float,
         default=1.0,
@@ -49,10 +46,14 @@ def add(commands: Any) -> None:
         help="refuse what is estimated to take longer (default 1)",
     )
     command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
-    command.add_argument("--solver", choices=SOLVERS, help="what factorises (default: the fastest)")
+    advanced = command.add_argument_group("advanced")
+    advanced.add_argument(
+        "--uncertified", action="store_true", help="--highest without its exact count: faster"
+    )
+    advanced.add_argument("--solver", choices=SOLVERS, help="factorisation (default: the fastest)")
     add_springs(command, TANGENTS)
     add_output(command, "write *.modes.h5")
-    add_if_stale(command)
+    add_skip_current(command)
 
 
 def kept(options: argparse.Namespace) -> dict[str, Any]:

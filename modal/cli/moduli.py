@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from modal.cli.options import add_if_stale, add_output, network_command
+from modal.cli.options import add_output, add_skip_current, network_command
 from modal.cli.reading import add_springs, packing_of
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
@@ -36,7 +36,7 @@ def add(commands: Any) -> None:
         default=TOLERANCE,
         help="relative error (default 1e-6)",
     )
-    command.add_argument(
+    command.add_argument_group("advanced").add_argument(
         "--solver", choices=SOLVERS, help="what solves (default: the likely faster)"
     )
     command.add_argument(
@@ -46,7 +46,7 @@ def add(commands: Any) -> None:
     )
     add_springs(command)
     add_output(command, "write *.moduli.h5")
-    add_if_stale(command)
+    add_skip_current(command)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -57,10 +57,12 @@ def network_command(commands: Any, name: str, text: str, example: str) -> argpar
     return command
 
 
-def add_if_stale(command: argparse.ArgumentParser) -> None:
-    """The option --if-stale of a command that writes one product."""
+def add_skip_current(command: argparse.ArgumentParser) -> None:
+    """The option --skip-current of a command that writes one product."""
     command.add_argument(
-        "--if-stale", action="store_true", help="keep FILE if sources and settings are the same"
+        "--skip-current",
+        action="store_true",
+        help="keep FILE if sources and settings are the same",
     )
 
 

@@ -26,6 +26,10 @@ WITH_FRICTION = {
     "residual": "mean residual over contact force of a settled state",
 }
 """Numbers of the protocol that a study may change."""
+ADVANCED = ("approach_rate", "agitated_damping")
+"""Those of them that hardly anyone needs."""
+TYPED = {"fraction": "--time-step-fraction", "hot_stress": "--agitation-stress"}
+"""Options whose names are not those of the protocol's numbers."""
 
 
 def add(commands: Any) -> None:
@@ -75,15 +79,20 @@ def add(commands: Any) -> None:
     with_friction.add_argument(
         "--width", type=float, metavar="D", help="in diameters, instead of --aspect"
     )
+    advanced = pack.add_argument_group("with friction alone, advanced")
     for name, text in WITH_FRICTION.items():
-        default = getattr(study, name)
-        with_friction.add_argument(
-            typed(name), type=float, metavar="X", help=f"{text} (default {default:g})"
-        )
+        (advanced if name in ADVANCED else with_friction).add_argument(
+            _typed(name), dest=name, type=float, metavar="X",
+            help=f"{text} (default {getattr(study, name):g})",
+        )  # fmt: skip
     pack.add_argument(
         "-o", "--output", type=NewFolder, required=True, metavar="DIR",
         help="folder; goes on where it was",
     )  # fmt: skip
+
+
+def _typed(name: str) -> str:
+    return TYPED.get(name, typed(name))
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -92,7 +101,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     for name in unused:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
-            raise InputError(f"{typed(name)}: has no meaning {kind} friction; leave it out")
+            raise InputError(f"{_typed(name)}: has no meaning {kind} friction; leave it out")
     tolerance, peak = options.tolerance, options.peak
     if tolerance is not None and not 0 < tolerance < 1:
         raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; {TOLERANCE:g} is usual")

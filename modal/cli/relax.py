@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import NewFile, add_command, add_if_stale, add_output, say
+from modal.cli.options import NewFile, add_command, add_output, add_skip_current, say
 from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network_file import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
@@ -38,7 +38,7 @@ def add(commands: Any) -> None:
         help="write the contact network as well",
     )  # fmt: skip
     add_output(balance, "the sample at rest, *.sample.h5", required=True)
-    add_if_stale(balance)
+    add_skip_current(balance)
 
 
 def kept(options: argparse.Namespace) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_if_stale, add_output, network_command
+from modal.cli.options import add_output, add_skip_current, network_command
 from modal.cli.reading import add_springs, packing_of
 from modal.formats.hdf5 import sha256
 from modal.system.damping import ContactDamping
@@ -42,7 +42,7 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     add_springs(command)
     add_output(command, "write *.response.h5")
-    add_if_stale(command)
+    add_skip_current(command)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import add_if_stale, add_output, network_command, say, typed
+from modal.cli.options import add_output, add_skip_current, network_command, say, typed
 from modal.cli.reading import add_springs, packing_of
 from modal.formats.hdf5 import open_h5, sha256
 from modal.packing.network import Network
@@ -59,7 +59,7 @@ def add(commands: Any) -> None:
         help="of the source wall (default pulse)",
     )  # fmt: skip
     given.add_argument(
-        "--source", metavar="FILE", help="the wall's motion as a table of two columns: s, m"
+        "--motion-file", metavar="FILE", help="the wall's motion as a table of two columns: s, m"
     )
     command.add_argument(
         "--cycles", type=int, default=1, metavar="N", help="of a pulse (default 1)"
@@ -96,18 +96,18 @@ def add(commands: Any) -> None:
         "--plane", type=float, metavar="Z",
         help="of a cell without walls: the contacts across the plane at this height, m, open",
     )  # fmt: skip
-    command.add_argument(
+    command.add_argument_group("advanced").add_argument(
         "--whole", action="store_true",
         help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
     )  # fmt: skip
     add_springs(command)
     add_output(command, "write *.signals.h5, with --plane *.plane.h5")
-    add_if_stale(command)
+    add_skip_current(command)
 
 
 def _motion(options: argparse.Namespace) -> Motion:
     """The motion of the source wall; InputError for options that another motion has."""
-    name = "file" if options.source else options.motion
+    name = "file" if options.motion_file else options.motion
     has = {
         "file": (),
         "pulse": ("amplitude", "input_frequency", "cycles"),
@@ -122,7 +122,7 @@ def _motion(options: argparse.Namespace) -> Motion:
         if not given and option in has.get(name, ()) and option not in usual:
             raise InputError(f"--motion {name} needs {typed(option)}")
     if name == "file":
-        return read_motion(options.source)
+        return read_motion(options.motion_file)
     if name == "chirp":
         return chirp(
             options.amplitude, options.input_frequency, options.last_frequency, options.sweep

@@ -190,21 +190,21 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
     return Provenance(command_line("python -m modal", arguments), settings, sources)
 
 
-_ROLES = {"sample": STATE, "source": "motion", "file": "spheres"} | {
+_ROLES = {"sample": STATE, "motion_file": "motion", "file": "spheres"} | {
     name: name for name in ("contacts", "log")
 }
 _NOT_SETTINGS = {
     "command",
     "network",
     "sample",
-    "source",
+    "motion_file",
     "file",
     "contacts",
     "log",
     "output",
     "exported",
     "json",
-    "if_stale",
+    "skip_current",
     "at",
     "hours",
 }

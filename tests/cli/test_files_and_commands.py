@@ -266,7 +266,7 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
     "command",
     [
         "modes {} --lowest 2 -o {}",
-        "modes {} --lowest 2 --if-stale -o {}",
+        "modes {} --lowest 2 --skip-current -o {}",
         "density {} -o {}",
         "wave {} --duration 1e-5 -o {}",
         "relax {} --friction 0.3 -o {}",

@@ -106,11 +106,11 @@ def test_every_product_says_what_it_was_made_from(command, network):
 def test_current_product_is_kept_and_a_stale_one_made_again(command, network, capsys):
     path = made(command, network)
     before = path.stat().st_mtime_ns
-    made(command, network, "--if-stale")
+    made(command, network, "--skip-current")
     assert path.stat().st_mtime_ns == before
     capsys.readouterr()
     option, value = COMMANDS[command][0], OTHER[command]
-    made(command, network, "--if-stale", option, value)
+    made(command, network, "--skip-current", option, value)
     told = capsys.readouterr().err
     old = json.loads(COMMANDS[command][1])
     assert f"stale, {option[2:]} was {old}, is {json.loads(value)}; making it again" in told
@@ -133,14 +133,14 @@ def test_a_default_that_is_typed_is_no_other_setting(command, network):
     said = read_provenance(path).settings
     assert DEFAULTS[command].items() <= said.items()
     for name, value in DEFAULTS[command].items():
-        made(command, network, "--if-stale", f"--{name}", str(value))
+        made(command, network, "--skip-current", f"--{name}", str(value))
     assert path.stat().st_mtime_ns == before
 
 
 def test_a_file_takes_the_place_of_the_setting_that_it_gives(network, tmp_path):
     motion = tmp_path / "motion.txt"
     motion.write_text("0 0\n1e-5 1e-9\n")
-    said = read_provenance(made("wave", network, "--source", str(motion)))
+    said = read_provenance(made("wave", network, "--motion-file", str(motion)))
     assert "motion" not in said.settings
     assert [(s.role, s.name) for s in said.sources[1:]] == [("motion", "motion.txt")]
 
@@ -150,7 +150,7 @@ def test_changed_source_makes_a_product_stale(network, capsys):
     old = hashlib.sha256(network.read_bytes()).hexdigest()
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     new = hashlib.sha256(network.read_bytes()).hexdigest()
-    made("wave", network, "--if-stale")
+    made("wave", network, "--skip-current")
     told = capsys.readouterr().err
     assert f"was case02.network.h5 ({old[:8]}), is case02.network.h5 ({new[:8]})" in told
     assert read_provenance(path).packing[0].sha256 == new
@@ -161,18 +161,18 @@ def test_a_kept_product_that_fell_short_keeps_its_status(network, tmp_path):
     modes = made("modes", network)
     with h5py.File(modes, "r+") as file:
         file.attrs["missing"] = 2
-    arguments = ["modes", str(network), *COMMANDS["modes"], "--if-stale", "-o", str(modes)]
+    arguments = ["modes", str(network), *COMMANDS["modes"], "--skip-current", "-o", str(modes)]
     assert main(arguments) == 3
     rested = tmp_path / "case30.sample.h5"
     relax = ["relax", str(ROOT / "tests/data/friction150.sample.h5"), "-o", str(rested)]
     assert main([*relax, "--tolerance", "1e-6"]) == 0
     with h5py.File(rested, "r+") as file:
         file["study"].attrs["at_rest"] = False
-    assert main([*relax, "--tolerance", "1e-6", "--if-stale"]) == 3
+    assert main([*relax, "--tolerance", "1e-6", "--skip-current"]) == 3
 
 
-def test_if_stale_needs_a_file(network, capsys):
-    assert main(["modes", str(network), "--if-stale"]) == 2
+def test_skip_current_needs_a_file(network, capsys):
+    assert main(["modes", str(network), "--skip-current"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -238,9 +238,9 @@ def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
     network = packing_of(tmp_path / "case30.network.h5")
     assert [s.name for s in network] == ["case30.network.h5", "case30.sample.h5"]
     before = rested.stat().st_mtime_ns
-    assert main([*relax, "--if-stale"]) == 0
+    assert main([*relax, "--skip-current"]) == 0
     assert rested.stat().st_mtime_ns == before
-    assert main([*relax, "--if-stale", "--friction", "0.7"]) == 0
+    assert main([*relax, "--skip-current", "--friction", "0.7"]) == 0
     assert "friction was absent, is 0.7" in capsys.readouterr().err
 
 

@@ -216,7 +216,7 @@ def test_far_stress_is_walked_to_by_way_of_others():
         (["--aspect", "nan"], "width"),
         (["--stress", "1e5", "1e4"], "rising order"),
         (["--stress", "-1"], "stress -1 Pa"),
-        (["--fraction", "2"], "fraction"),
+        (["--time-step-fraction", "2"], "fraction"),
         (["--tolerance", "1e-3"], "no meaning with friction"),
         (["--friction", "0", "--width", "5"], "no meaning without friction"),
     ],
@@ -233,7 +233,7 @@ def test_bad_input_is_one_line(wrong, said, tmp_path, capsys):
     [
         (["--seed", "2"], "seed is 1, not 2"),
         (["--friction", "0.3"], "mu_comp is 0.4, not 0.3"),
-        (["--fraction", "0.35"], "fraction is 0.7, not 0.35"),
+        (["--time-step-fraction", "0.35"], "fraction is 0.7, not 0.35"),
         (["--stress", "5e4", "1e6"], "50000 Pa lies below its present stress of 100000 Pa"),
     ],
 )

@@ -249,12 +249,12 @@ def test_command_writes_a_sample_at_rest_and_its_network(packed, tmp_path, capsy
     assert rested.friction == 0.5 and network.exists()
     assert balance_of(rested, rested.network())[1].residual < 1e-9
     network.unlink()
-    assert main([*arguments, "--network", str(network), "--if-stale"]) == 0
+    assert main([*arguments, "--network", str(network), "--skip-current"]) == 0
     exported = read_network(network)
     assert np.array_equal(exported.force_normal, rested.network().force_normal)
     assert packing_of(network)[-1].sha256 == sha256(out)
     before = network.stat().st_mtime_ns
-    assert main([*arguments, "--network", str(network), "--if-stale"]) == 0
+    assert main([*arguments, "--network", str(network), "--skip-current"]) == 0
     assert network.stat().st_mtime_ns == before
     capsys.readouterr()
     assert main([*arguments, "--network", str(out)]) == 2

@@ -310,7 +310,7 @@ def test_wave_on_the_command_line(tmp_path, capsys):
     assert difference < 0.02 * np.linalg.norm(signals.chain_displacement)
     wall = tmp_path / "wall.txt"
     wall.write_text("0 0\n2e-6 1e-9\n")
-    assert main([*base, "--source", str(wall)]) == 0
+    assert main([*base, "--motion-file", str(wall)]) == 0
     assert read_signals(out).source_displacement[-1] == 1e-9
     capsys.readouterr()
     leap = ["--method", "leapfrog", "--time-step"]

@@ -142,19 +142,19 @@ def test_commands_name_what_a_motion_lacks(tmp_path, capsys):
         (["--motion", "chirp", "--sweep", "1e-5"], "needs --last-frequency"),
         (["--sweep", "1e-5"], "the motion is a pulse"),
         (["--motion", "step", "--sweep", "0"], "above 0"),
-        (["--motion", "step", "--source", "x.txt"], "not allowed with argument --motion"),
+        (["--motion", "step", "--motion-file", "x.txt"], "not allowed with argument --motion"),
         (
             ["--motion", "step", "--sweep", "1e-5", "--input-frequency", "2e5"],
             "--input-frequency: the motion is a step",
         ),
-        (["--source", "x.txt", "--amplitude", "1e-9"], "--amplitude: the motion is a file"),
+        (["--motion-file", "x.txt", "--amplitude", "1e-9"], "--amplitude: the motion is a file"),
     ):
         assert main([*command, *options]) == 2
         said = capsys.readouterr().err
         assert words in said and said.count("\n") == 1
     still, out = tmp_path / "still.txt", tmp_path / "a.signals.h5"
     still.write_text("0 0\n1e-5 0\n")
-    for options in (["--source", str(still)], ["--motion", "step", "--sweep", "1e-5"]):
+    for options in (["--motion-file", str(still)], ["--motion", "step", "--sweep", "1e-5"]):
         options += ["--amplitude", "0"] * ("--motion" in options)
         assert main([*command, *options, "-o", str(out)]) == 2
         said = capsys.readouterr().err

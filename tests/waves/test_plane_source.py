@@ -153,10 +153,10 @@ def test_command_and_file(crystal, tmp_path, capsys):
     assert said["products_with_k"] == own.products == read.products
     assert said["truncation"] == own.truncation == read.truncation < 1e-9
     assert "PlaneWave along x" in repr(read) and read.plot().get_ylabel() == "z, mm"
-    assert main([*asked, "-o", str(product), "--particles", "--if-stale"]) == 0
+    assert main([*asked, "-o", str(product), "--particles", "--skip-current"]) == 0
     assert (read_plane_wave(product).particle_displacement == own.particle_displacement).all()
     capsys.readouterr()
-    assert main([*asked, "-o", str(product), "--particles", "--if-stale"]) == 0
+    assert main([*asked, "-o", str(product), "--particles", "--skip-current"]) == 0
     assert "current" in capsys.readouterr().out
     assert main(["export", str(path), str(product), "-o", str(tmp_path / "wave.xyz")]) == 0
     capsys.readouterr()
