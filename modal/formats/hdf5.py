@@ -190,7 +190,7 @@ def _require_schema(file: h5py.File, schema: str, version: int | tuple[int, ...]
     if np.shape(found_version) != () or found_version not in known:
         reads = " and ".join(map(str, known))
         raise InputError(
-            f"{file.filename}: schema_version is {found_version!r}, this program reads {reads}; "
+            f"{file.filename}: schema_version is {found_version}, this program reads {reads}; "
             "convert the file or update the program"
         )
 
