@@ -14,7 +14,7 @@ from modal.formats.provenance import packing_of, read_provenance, require_same_p
 from modal.modes.density import SCHEMA as DENSITY
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import Choice
-from modal.packing.network_file import SCHEMA as NETWORK
+from modal.packing.network import SCHEMA as NETWORK
 from modal.packing.sample import SCHEMA as SAMPLE
 from modal.tools.errors import InputError
 from modal.waves.response import SCHEMA as RESPONSE

@@ -23,12 +23,12 @@ from modal.formats.provenance import (
     read_provenance,
 )
 from modal.modes import density, mode_set
-from modal.packing import network_file, sample
+from modal.packing import network, sample
 from modal.tools.errors import InputError
 from modal.waves import response, signals
 
 FORMATS = {
-    "network": network_file,
+    "network": network,
     "sample": sample,
     "signals": signals,
     "modes": mode_set,

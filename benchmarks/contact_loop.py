@@ -22,8 +22,7 @@ from benchmarks.harness import diagram, product
 from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import sample_or_small
 from benchmarks.harness.report import Page, Rows
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import Network, read_network, write_network
 from modal.system.operator import ContactOperator
 from modal.system.packed import PackedContacts
 from modal.tools.arrays import Ints

@@ -17,9 +17,9 @@ from benchmarks.harness.lammps import Lammps
 from benchmarks.harness.measure import Measured
 from benchmarks.harness.report import Rows
 from benchmarks.harness.yade import Yade, in_yades_order
-from modal.packing import examples as gallery
-from modal.packing.affine import affine_velocity
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
+from modal.packing.state import affine_velocity
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals

@@ -19,7 +19,7 @@ from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import KnownPacking
 from benchmarks.harness.report import Page, Rows
 from modal.modes.density import DensityOfStates, density_of_states
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 
 TITLE = "Density of states: moments and random vectors"
 SPHERES = {True: 250, False: 700}

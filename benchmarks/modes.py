@@ -24,7 +24,7 @@ from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
 from modal.modes.lowest import lowest_modes
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem, frequency_of

@@ -27,9 +27,8 @@ from modal.modes.counts import count_below
 from modal.modes.density import density_of_states
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator

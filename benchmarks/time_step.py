@@ -14,7 +14,7 @@ from benchmarks.harness import diagram
 from benchmarks.harness.packing import sample_or_small
 from benchmarks.harness.report import Page, Rows
 from benchmarks.wave import leapfrog_rows
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 
 TITLE = "Time step of a wave in a random packing"
 SMALL, DURATION = 300, {True: 5e-5, False: 2e-4}

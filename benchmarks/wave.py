@@ -20,8 +20,7 @@ from benchmarks.harness.measure import measured
 from benchmarks.harness.packing import step_and_records
 from benchmarks.harness.report import Page, Rows
 from benchmarks.harness.yade import Yade
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import Network, read_network, write_network
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 

@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT))
 import modal  # noqa: E402
 from analysis.watch import watch_page  # noqa: E402
 from modal.modes.mode_set import write_modes  # noqa: E402
-from modal.packing.network_file import write_network  # noqa: E402
+from modal.packing.network import write_network  # noqa: E402
 from modal.waves.signals import write_signals  # noqa: E402
 
 DURATION = {"case02": 4e-4, "case06": 8e-4, "case30": 9e-4}

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import modal
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.network_file import write_network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 
 R, kn, kt, rho = 1e-3, 1e6, 8e5, 2500.0
 a, b, c = 3, 3, 8

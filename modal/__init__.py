@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from modal.modes.counts import count_modes
     from modal.modes.density import density_of_states
     from modal.modes.eigenmodes import eigenmodes
-    from modal.packing.examples import fcc
+    from modal.packing.crystal import fcc
     from modal.packing.network import Network
     from modal.packing.reading import read_packing as read
     from modal.preparation.packings import random_packing
@@ -57,7 +57,7 @@ _HOME = {
     "describe": ("modal.description", "describe"),
     "eigenmodes": ("modal.modes.eigenmodes", "eigenmodes"),
     "elastic_moduli": ("modal.elasticity.moduli", "elastic_moduli"),
-    "fcc": ("modal.packing.examples", "fcc"),
+    "fcc": ("modal.packing.crystal", "fcc"),
     "frequency_response": ("modal.waves.response", "frequency_response"),
     "propagate": ("modal.waves.propagate", "propagate"),
     "random_packing": ("modal.preparation.packings", "random_packing"),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from places import SHEARED
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat

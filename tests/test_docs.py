@@ -14,7 +14,7 @@ import pytest
 import analysis.__main__
 import modal
 from modal.cli.main import main
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])

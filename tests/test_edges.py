@@ -21,10 +21,9 @@ from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.neighbours import tangents
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample, read_sample
 from modal.system.contacts import with_sliding
 from modal.system.linear_system import LinearSystem

@@ -25,8 +25,8 @@ import pytest
 
 from modal.__main__ import main
 from modal.formats.hdf5 import HOST, refuse_unwritable
-from modal.packing import examples as gallery
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample
 from modal.tools.errors import InputError
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate

@@ -21,7 +21,7 @@ import modal
 from modal.__main__ import main
 from modal.modes.damped import decay_rates
 from modal.modes.mode_set import read_modes, write_modes
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 
 ROOT = Path(__file__).resolve().parents[1]

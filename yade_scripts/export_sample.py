@@ -20,7 +20,7 @@ from yade.utils import readParamsFromTable
 
 from modal.formats.provenance import Provenance, is_current, packing_of, set_aside, versions
 from modal.packing.layers import Layers
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import read_sample
 from modal.preparation.durations import time_step

@@ -29,8 +29,7 @@ from yade import O, config
 
 from modal.formats.provenance import Provenance, versions
 from modal.packing.checks import named
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.network_file import write_network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import spheres, springs
 

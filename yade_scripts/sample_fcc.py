@@ -20,7 +20,7 @@ from yade.utils import readParamsFromTable
 from modal.formats.provenance import Provenance, is_current, set_aside, versions
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.crystal import FccPacking
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import contact_network
 from yade_scripts.scene import find_contacts, finish, place, products_folder, set_engines

@@ -38,9 +38,9 @@ from modal.formats.provenance import (
     versions,
 )
 from modal.modes.mode_set import read_modes
-from modal.packing.affine import affine_velocity
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.packing.sample import sample_of_network
+from modal.packing.state import affine_velocity
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals

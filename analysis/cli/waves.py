@@ -16,7 +16,7 @@ from analysis.watch import watch_page
 from modal.cli.options import add_output
 from modal.cli.terminal import put
 from modal.formats.provenance import packing_of, require_same_packing
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.tools.errors import InputError
 from modal.waves.signals import read_signals
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.packing.affine import affine_stiffness
 from modal.packing.contact_law import GLASS, Elastic, Moduli, overlap_of_force, stiffness_normal
 from modal.packing.contact_law import stiffness_tangential as tangential
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
+from modal.packing.state import affine_stiffness
 from modal.tools.errors import InputError
 
 

@@ -17,8 +17,7 @@ from analysis.table import Table
 from modal.elasticity.static_velocity import static_velocity
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
-from modal.packing.network import Network
-from modal.packing.network_file import read_network
+from modal.packing.network import Network, read_network
 from modal.packing.sample import read_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import balance_of

@@ -57,7 +57,7 @@ def measured(path: str | Path) -> dict[str, Any]:
     sample = read_sample(path)
     network = sample.network()
     found = summary(network, sample.friction)
-    force = network.known("force_normal", "the state of a packing")
+    force = network.require("force_normal", "the state of a packing")
     force = force[~network.with_wall]
     velocity, passing, remarks = np.nan, UNKNOWN, []
     try:

@@ -24,7 +24,7 @@ from analysis.rows import Row, groups_of, law_of
 from analysis.study.frictions import powers
 from analysis.table import Table
 from modal.elasticity.static_velocity import static_velocity
-from modal.packing.examples import fcc
+from modal.packing.crystal import fcc
 from modal.packing.state import contacts_per_particle, void_ratio
 from modal.theory.fcc import FccLattice
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample
 from modal.system.linear_system import LinearSystem
 from modal.waves.signals import Signals, read_signals

@@ -15,7 +15,7 @@ from modal.exchange.mercury import import_mercury
 from modal.exchange.program_law import SI, Units
 from modal.exchange.report import summary_of
 from modal.exchange.rows import fault, open_bytes
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 
 read_product = read_network

@@ -8,7 +8,7 @@ from typing import Any
 
 from modal.cli.options import NewFile, add_command, add_output, add_skip_current, say
 from modal.formats.provenance import Provenance, is_current, packing_of
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import MAX_STEPS, TOLERANCE, Balance, relax

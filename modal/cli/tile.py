@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from modal.cli.options import add_output, network_command
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.tiling import repeat, repeat_sample

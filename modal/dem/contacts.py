@@ -69,9 +69,9 @@ class MovingContacts:
         self.position = sample.position.copy()
         self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
         self._ends = np.column_stack([network.particle_i, network.particle_j])
-        self._shift = network.known("cell_shift", "list of contacts")[:, :2].astype(int)
+        self._shift = network.require("cell_shift", "list of contacts")[:, :2].astype(int)
         self._normal = network.normal.copy()
-        self._shear = network.known("force_tangential", "history of contacts").copy()
+        self._shear = network.require("force_tangential", "history of contacts").copy()
         self.seek()
         self.touch(np.zeros((n, 6)), 0.0)
 

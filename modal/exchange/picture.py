@@ -50,8 +50,10 @@ def sphere_fields(network: Network) -> dict[str, Array]:
 def sphere_stress(network: Network) -> Floats:
     """Shape (n, 6), Pa: see `sphere_fields`; the symmetric part."""
     n, pair = network.n_particles, ~network.with_wall
-    along = network.known("force_normal", "stress of spheres")
-    on_j = along[:, None] * network.normal - network.known("force_tangential", "stress of spheres")
+    along = network.require("force_normal", "stress of spheres")
+    on_j = along[:, None] * network.normal - network.require(
+        "force_tangential", "stress of spheres"
+    )
     virial = np.zeros((n, 3, 3))
     np.add.at(virial, network.particle_i, network.lever_i[:, :, None] * on_j[:, None, :])
     np.add.at(

@@ -86,7 +86,7 @@ def counted_floppy(system: LinearSystem) -> FloppyModes:
             further = count_below(system, least) - floppy.total - unstable.shape[1]
         return floppy.with_counted(_further(system, floppy, unstable, further), unstable)
 
-    return system.once("counted zero modes", make)
+    return system.cached("counted zero modes", make)
 
 
 def _unstable(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:

@@ -104,7 +104,7 @@ def by_structure(system: LinearSystem) -> FloppyModes:
     Where motions may release energy, springs may balance others, and none is shown but motions
     that no contact meets. How many there are beside these: `modal.modes.collective`.
     """
-    return system.once("floppy modes", lambda: _by_structure(system))
+    return system.cached("floppy modes", lambda: _by_structure(system))
 
 
 def _by_structure(system: LinearSystem) -> FloppyModes:

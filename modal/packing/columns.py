@@ -105,7 +105,7 @@ class Columns:
         own = {k: _own(v) if isinstance(v, np.ndarray) else v for k, v in state.items()}
         vars(self).update(own, study=dict(state["study"]), provenance=dict(state["provenance"]))
 
-    def once(self, name: str, make: Callable[[], Made]) -> Made:
+    def cached(self, name: str, make: Callable[[], Made]) -> Made:
         """What `make` gives, made when this name is first asked for and kept with the network."""
         if name not in self._made:
             self._made[name] = make()

@@ -1,4 +1,4 @@
-"""The FCC crystal at rest under isotropic stress: its geometry, contact forces and stiffnesses.
+"""Packings known in closed form: the FCC crystal under isotropic stress, a column of spheres.
 
 The crystal stands with [001] along z: square layers with spacing d (one contact distance), each
 layer shifted by half a cell, layer distance l = d / sqrt(2). Each sphere has twelve contacts of
@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
+
+import numpy as np
 
 from modal.packing.checks import DEEPEST
 from modal.packing.contact_law import (
@@ -20,8 +23,26 @@ from modal.packing.contact_law import (
     stiffness_normal,
     stiffness_tangential,
 )
-from modal.tools.arguments import refuse_other_kinds
+from modal.packing.hertz_mindlin_network import network_of
+from modal.packing.neighbours import ContactList
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.sample import void_ratio
+from modal.tools.arguments import checked, refuse_other_kinds
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above_memory
+
+SPHERE_BYTES = 4000.0
+"""Memory for each sphere of a crystal while its contacts are listed, measured."""
+STEPS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)])
+"""From a sphere to half of its neighbours: layers up, along y, along x. The layer above an even one
+is shifted by half a cell to the right, the one above an odd one to the left."""
+UP = sqrt(0.5)
+NORMALS = np.array(
+    [(1, 0, 0), (0, 1, 0), (-0.5, -0.5, UP), (0.5, -0.5, UP), (-0.5, 0.5, UP), (0.5, 0.5, UP)]
+    + [(0, 0, -1), (0, 0, 1)]
+)
+"""Towards those neighbours, and towards the source and the receiver wall."""
 
 
 @dataclass(frozen=True)
@@ -92,3 +113,126 @@ class FccPacking:
     def kt(self) -> float:
         """Tangential contact stiffness, N/m."""
         return float(stiffness_tangential(self.overlap, self.radius / 2, self.material))
+
+
+@checked
+def fcc(
+    stress: float = 1e5,
+    cells: tuple[int, int, int] = (4, 4, 200),
+    *,
+    radius: float = RADIUS,
+    material: Material = GLASS,
+    periodic_z: bool = False,
+) -> Network:
+    """A crystal of equal glass spheres between two flat walls, under the same pressure everywhere.
+
+    The face-centred cubic packing of Otsubo et al. 2017, section 2, with [001] along z and periods
+    along x and y: `cells` spheres along x and y, and that many layers along z. One or two spheres
+    across are allowed: a sphere then touches itself, or a neighbour through several periods.
+    `stress` in Pa, `radius` in m. With `periodic_z` there are no walls: the layers, an even number,
+    go on through a period along z. InputError where there is no such crystal.
+
+    >>> net = fcc(stress=1e5, cells=(2, 2, 20))
+    >>> net.n_particles, net.n_contacts
+    (80, 472)
+    """
+    if len(cells) != 3 or any(number < 1 or number % 1 != 0 for number in cells):
+        raise InputError(f"cells {cells}: give three whole numbers, along x and y, and layers")
+    nx, ny, layers = (int(number) for number in cells)
+    if periodic_z and layers % 2:
+        raise InputError(f"{layers} layers: a crystal periodic along z has an even number of them")
+    refuse_above_memory(
+        SPHERE_BYTES * nx * ny * layers,
+        f"a crystal of {nx} x {ny} x {layers} spheres",
+        "take fewer; `tile` repeats a packing",
+    )
+    crystal = FccPacking(stress, radius, material)
+    if not periodic_z and crystal.wall_overlap > DEEPEST * radius:
+        raise InputError(
+            f"stress {stress:g} Pa: spheres of this material overlap with the walls by more than "
+            f"{DEEPEST:g} of the radius; take less"
+        )
+    d, l_z = crystal.spacing, crystal.layer_distance
+    z0 = l_z / 2 if periodic_z else radius - crystal.wall_overlap
+    height = 2 * z0 + (layers - 1) * l_z
+    place: Ints = np.indices((layers, ny, nx)).reshape(3, -1).T
+    layer, n = place[:, 0], len(place)
+    offset = 0.5 * (layer % 2)
+    position = np.column_stack(
+        [(place[:, 2] + offset) * d, (place[:, 1] + offset) * d, z0 + layer * l_z]
+    )
+    there = place[:, None] + STEPS
+    there[:, 2:, 1:] += (layer % 2 - 1)[:, None, None]
+    shift, inside = np.divmod(there, (layers, ny, nx))
+    other = (inside[..., 0] * ny + inside[..., 1]) * nx + inside[..., 2]
+    exists = np.ones((n, 8), bool)
+    if not periodic_z:
+        exists[:, 2:6] = (layer + 1 < layers)[:, None]
+    for column, end in ((6, 0), (7, layers - 1)):
+        exists[:, column] = (layer == end) & (not periodic_z)
+    sphere, kind = np.nonzero(exists)
+    walls = np.broadcast_to([SOURCE_WALL, RECEIVER_WALL], (n, 2))
+    contact = ContactList(
+        sphere,
+        np.column_stack([other, walls])[exists],
+        np.pad(shift[..., ::-1], ((0, 0), (0, 2), (0, 0)))[exists],
+        NORMALS[kind],
+        np.where(kind < 6, crystal.overlap, crystal.wall_overlap),
+    )
+    side = np.array([nx * d, ny * d])
+    study = {
+        "case": "fcc",
+        "stress": stress,
+        "void_ratio": void_ratio(n, radius, side, height),
+        "coordination_number": float((kind < 6).sum() + len(kind)) / n,
+    }
+    return _network(
+        contact, radius, material, position, (*side, height), (True, True, periodic_z), study
+    )
+
+
+def column(
+    particles: int = 3, force: float = 0.5, radius: float = RADIUS, material: Material = GLASS
+) -> Network:
+    """Spheres on one another between two flat walls under `force` (N): a chain known exactly."""
+    overlap = float(overlap_of_force(force, radius / 2, material))
+    at_wall = float(overlap_of_force(force, radius, material))
+    k: Ints = np.arange(particles)
+    z = radius - at_wall + k * (2 * radius - overlap)
+    normal = np.zeros((particles + 1, 3))
+    normal[:, 2] = [-1.0, *np.ones(particles)]
+    contact = ContactList(
+        np.array([0, *k]),
+        np.array([SOURCE_WALL, *k[1:], RECEIVER_WALL]),
+        np.zeros((particles + 1, 3), int),
+        normal,
+        np.array([at_wall, *np.full(particles - 1, overlap), at_wall]),
+    )
+    position = np.column_stack([np.zeros(particles), np.zeros(particles), z])
+    cell = (4 * radius, 4 * radius, z[-1] + radius - at_wall)
+    return _network(
+        contact, radius, material, position, cell, (False, False, False), {"case": "column"}
+    )
+
+
+def _network(
+    contact: ContactList,
+    radius: float,
+    material: Material,
+    position: Floats,
+    cell: tuple[float, float, float],
+    periodic: tuple[bool, bool, bool],
+    study: dict[str, Any],
+) -> Network:
+    """The network of these contacts; the walls are the ends of the cell along z."""
+    return network_of(
+        contact,
+        radius,
+        material,
+        study=study,
+        position=position,
+        cell_size=np.array(cell),
+        cell_periodic=np.array(periodic),
+        wall_position=np.array([0.0, cell[2]]),
+        provenance={"command": "modal.packing.crystal"},
+    )

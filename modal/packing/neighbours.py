@@ -16,7 +16,7 @@ checked, measured."""
 
 
 @dataclass
-class Touching:
+class ContactList:
     """Contacts of equal spheres in canonical order (i, then j, then shift); see `touching`.
 
     particle_i, particle_j (m,) with i <= j, or a wall's negative code in j; cell_shift (m, 3)
@@ -107,7 +107,7 @@ def _pairs_by_tree(position: Floats, side: Floats, distance: float) -> tuple[Int
     return first[keep], owners[second][keep], shift[keep]
 
 
-def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floats) -> Touching:
+def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floats) -> ContactList:
     """All overlapping contacts of spheres between flat walls at z = `walls` (2,), m.
 
     `radius` in m, of all spheres, or of each (n,).
@@ -139,7 +139,7 @@ def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floa
     apart = overlap <= 0
     if apart.any():
         i, j, shift, normal, overlap = (of[~apart] for of in (i, j, shift, normal, overlap))
-    return Touching(i, j, shift, normal, overlap)
+    return ContactList(i, j, shift, normal, overlap)
 
 
 def tangents(normal: Floats) -> tuple[Floats, Floats]:

@@ -1,26 +1,51 @@
-"""The contact network: particles, contacts, periodic cell and walls.
+"""The contact network: particles, contacts, periodic cell and walls; and its file.
 
-Its columns: `modal.packing.columns`; its file: `modal.packing.network_file`; which networks are
-refused: `modal.packing.checks`.
+This module is the one definition of the format "granular-contact-network". The columns:
+`modal.packing.columns`; which networks are refused: `modal.packing.checks`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 
-from modal.packing.checks import check, converted
+from modal.formats.product import Column, Product
+from modal.packing.checks import check, converted, named
+from modal.packing.columns import CELL, CONTACTS, OF_BONDS, OPTIONAL, PARTICLES, UNKNOWN, Columns
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
-from modal.packing.columns import UNKNOWN, Columns
 from modal.tools.arrays import Array, Bools, Ints
 from modal.tools.display import quantity, table
 from modal.tools.errors import InputError
 
+SCHEMA = "granular-contact-network"
+VERSION = (1, 2)
+"""With a column of `OF_BONDS` a file says 2, which a reader that would miss it refuses."""
+_GROUPS = {"particles": ("n", PARTICLES), "contacts": ("m", CONTACTS)}
+# What is not finite is refused, by its row, with all else that no packing can be.
+_COLUMNS = {
+    name: Column(
+        f"{group}/{name}",
+        kind,
+        (count, *row),
+        unit,
+        name in OPTIONAL,
+        finite=False,
+        since=VERSION[name in OF_BONDS],
+    )
+    for group, (count, columns) in _GROUPS.items()
+    for name, (kind, row, unit) in columns.items()
+} | {
+    name: Column(name.replace("_", "/").replace("wall/", "walls/"), *about, finite=False)
+    for name, about in CELL.items()
+}
+FORMAT = Product(SCHEMA, _COLUMNS, groups=("study", "provenance"), versions=VERSION)
 
-def handed_over(**columns: Array) -> dict[str, Array]:
+
+def freeze_arrays(**columns: Array) -> dict[str, Array]:
     """Arrays that nobody else writes to: a `Network` takes them as they are, without a copy."""
     for data in columns.values():
         data.flags.writeable = False
@@ -34,7 +59,7 @@ class Network(Columns):
     `normal` (m, 3) points from i towards j or the wall; `lever_i`, `lever_j` (m, 3) from the
     centre to the contact point, zero for a wall. `study` and `provenance` are free attributes. A
     network is checked when it is made, InputError for what no packing can be, and does not change:
-    what follows from it is kept with it (`once`), and `dataclasses.replace` makes another one.
+    what follows from it is kept with it (`cached`), and `dataclasses.replace` makes another one.
     What a program does not know of its contacts is None, which is not zero: `force_normal` (m,),
     compression positive; `force_tangential` (m, 3) on i; `overlap` (m,); `sliding` (m,) bool;
     `cell_shift` (m, 3), the periods that are added to j. Of another program's law (m,):
@@ -102,7 +127,7 @@ class Network(Columns):
         """Names of the optional data of contacts that are not known."""
         return [name for name in UNKNOWN if getattr(self, name) is None]
 
-    def known(self, name: str, purpose: str) -> Array:
+    def require(self, name: str, purpose: str) -> Array:
         """The optional data `name` of the contacts; InputError where they are absent.
 
         `purpose` says in the message what cannot be computed without them.
@@ -123,3 +148,18 @@ class Network(Columns):
                 "a contact is selected twice; list each once, with its whole stiffness"
             )
         return self.some(rows)
+
+
+def write_network(path: str | Path, network: Network) -> None:
+    """Write the network atomically."""
+    FORMAT.write(path, vars(network))
+
+
+def read_network(path: str | Path) -> Network:
+    """Read and validate a network; raises InputError with one line for anything wrong."""
+    said = FORMAT.read(path)
+    columns = {name: said[name] for name in _COLUMNS if said[name] is not None}
+    with named(path):
+        return Network(
+            **freeze_arrays(**columns), study=said["study"], provenance=said["provenance"]
+        )

@@ -38,7 +38,7 @@ def force_bearing(network: Network) -> Bools:
 
 def strongest_force(network: Network) -> Floats:
     """Shape (n,), N: the largest push or pull on each particle, 0 for one without contacts."""
-    force = abs(network.known("force_normal", "strongest force"))
+    force = abs(network.require("force_normal", "strongest force"))
     strongest = np.zeros(network.n_particles)
     pair = ~network.with_wall
     np.maximum.at(strongest, network.particle_i, force)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from modal.packing.checks import named
-from modal.packing.network import Network
-from modal.packing.network_file import read_network
+from modal.packing.network import Network, read_network
 from modal.packing.sample import read_sample
 from modal.tools.arguments import checked
 

@@ -16,8 +16,8 @@ import numpy as np
 from modal.formats.hdf5 import atomic_h5, complete, get, open_h5, put
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
-from modal.packing.equal_spheres import constants, network_of
-from modal.packing.neighbours import Touching, tangents, touching
+from modal.packing.hertz_mindlin_network import constants, network_of
+from modal.packing.neighbours import ContactList, tangents, touching
 from modal.packing.network import Network
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
@@ -81,7 +81,7 @@ class Sample:
         mass, inertia = self.material.sphere(each, self.densities)
         return mass, inertia
 
-    def contacts(self) -> Touching:
+    def contacts(self) -> ContactList:
         """All contacts, in canonical order; their overlaps follow from the positions."""
         return touching(self.position, self.side, self.walls, self.sizes)
 
@@ -136,7 +136,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     of another law or of other moduli, another order, or a cell without periods.
     """
     shear = shear_components(network)
-    network.known("cell_shift", "sample with its contacts in order")
+    network.require("cell_shift", "sample with its contacts in order")
     radius, density = network.radius, density_of(network)
     noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
     material = Material(**{name: float(value) for name, value in noted.items()})
@@ -187,7 +187,7 @@ def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
 def shear_components(network: Network) -> Floats:
     """Shape (m, 2), N: tangential forces on i along `neighbours.tangents` of each normal."""
     first, second = tangents(network.normal)
-    force = network.known("force_tangential", "sample with its history")
+    force = network.require("force_tangential", "sample with its history")
     return np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
 
 

@@ -71,7 +71,7 @@ def _copied_contacts(
 ) -> tuple[Ints, Ints, Ints, Ints]:
     """Ends i and j, periods (k, 3) and original (k,) of the contacts, copy by copy."""
     m, copies = network.n_contacts, times_x * times_y
-    shifts = network.known("cell_shift", "telling which copies touch")
+    shifts = network.require("cell_shift", "telling which copies touch")
     i, j = np.empty((2, m * copies), np.int64)
     shift, row = np.empty((m * copies, 3), np.int8), np.tile(np.arange(m, dtype=np.int32), copies)
     wall, partner = network.with_wall, network.partner
@@ -124,7 +124,7 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
             "repeat its network (-o *.network.h5)"
         )
     del i, j, shift, ours, theirs
-    force = network.known("force_tangential", "history of contacts")[row[order]]
+    force = network.require("force_tangential", "history of contacts")[row[order]]
     force[turned[order]] *= -1
     shear = [(force * along).sum(axis=1) for along in tangents(contact.normal)]
     return replace(large, shear=np.column_stack(shear))

@@ -49,7 +49,7 @@ def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
     """
     network = sample.network()
     springs = _Springs(network)
-    stride = STRIDE * float(np.median(network.known("overlap", "rest")))
+    stride = STRIDE * float(np.median(network.require("overlap", "rest")))
     loose = _sliding(network, contacts.friction)
     for _ in range(ROUNDS):
         if loose.mean() > LOOSE:

@@ -79,7 +79,7 @@ def balance_of(sample: Sample, network: Network) -> tuple[np.ndarray, Balance]:
     load = net_forces(network)
     if network.n_contacts == 0:
         return load, Balance(0.0, 0.0, 0.0, 0, 0)
-    mean = network.known("force_normal", "balance").mean()
+    mean = network.require("force_normal", "balance").mean()
     size = _size(load, 1 / _each(sample))
     used = friction_used(network, sample.friction)
     return load, Balance(

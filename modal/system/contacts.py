@@ -105,13 +105,13 @@ class Carried:
             purpose = f"pre-stress {'full' if SHEAR in terms else 'normal'!r} (there is 'none')"
 
         def asked(name: str, *by: str) -> Floats | None:
-            return network.known(name, purpose) if set(by) & set(terms) else None
+            return network.require(name, purpose) if set(by) & set(terms) else None
 
         carried = {"shortening": asked("torque_shortening", ARMS)}
         if ARMS in terms:
-            overlap = network.known("overlap", purpose)
+            overlap = network.require("overlap", purpose)
             for name in ("motion", "torque"):
-                share = network.known(f"{name}_shortening", purpose)
+                share = network.require(f"{name}_shortening", purpose)
                 carried[name] = (0.5 - share) * overlap
         return cls(
             normal=asked("force_normal", NORMAL),
@@ -258,10 +258,12 @@ def with_sliding(network: Network, sliding: str) -> Network:
     """The network with contacts at the friction limit as one of `SLIDING` holds them."""
     if sliding not in SLIDING:
         raise InputError(f"sliding {sliding!r}: choose one of {', '.join(SLIDING)}")
-    return network if sliding == "elastic" else network.once("slipping", lambda: _slipping(network))
+    return (
+        network if sliding == "elastic" else network.cached("slipping", lambda: _slipping(network))
+    )
 
 
 def _slipping(network: Network) -> Network:
-    sliding = network.known("sliding", "knowing which contacts slip")
+    sliding = network.require("sliding", "knowing which contacts slip")
     tangential = np.where(sliding, 0.0, network.stiffness_tangential)
     return replace(network, stiffness_tangential=tangential)

@@ -70,9 +70,9 @@ class LinearSystem:
         network = with_sliding(network, sliding)
         return cls(network, pre_stress, 3 if translations_only else 6, solver, shapes, hours)
 
-    def once(self, name: str, make: Callable[[], Made]) -> Made:
+    def cached(self, name: str, make: Callable[[], Made]) -> Made:
         """What does not depend on the solver, and is made once for all systems of a network."""
-        return self.network.once(f"{name}, {self.dof} a particle, {self.pre_stress}", make)
+        return self.network.cached(f"{name}, {self.dof} a particle, {self.pre_stress}", make)
 
     @property
     def size(self) -> int:
@@ -93,7 +93,7 @@ class LinearSystem:
     @property
     def root(self) -> RootMass:
         """M^1/2."""
-        return self.once("root of the mass", lambda: RootMass.of(self.network, self.dof))
+        return self.cached("root of the mass", lambda: RootMass.of(self.network, self.dof))
 
     @property
     def own_blocks(self) -> Floats:
@@ -104,7 +104,7 @@ class LinearSystem:
     @property
     def diagonal(self) -> Floats:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
-        return self.once("diagonal", lambda: np.einsum("naa->na", self.own_blocks).ravel())
+        return self.cached("diagonal", lambda: np.einsum("naa->na", self.own_blocks).ravel())
 
     def assembled(self) -> sp.csr_matrix:
         """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
@@ -163,7 +163,7 @@ class LinearSystem:
         def make() -> Floats:
             return eigh(self.scaled.toarray(), eigvals_only=True)
 
-        return self.once("spectrum", make)
+        return self.cached("spectrum", make)
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""

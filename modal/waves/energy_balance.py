@@ -78,8 +78,8 @@ def drift_limit(network: Network, fraction: float, amplitude: float, energy: flo
     A position of size L is rounded by eps L; the contact force does work over this distance, of
     random sign, in each of the contacts.
     """
-    overlap = network.known("overlap", "limit of the energy drift")
-    force = float(network.known("force_normal", "limit of the energy drift").mean())
+    overlap = network.require("overlap", "limit of the energy drift")
+    force = float(network.require("force_normal", "limit of the energy drift").mean())
     bend = min(1.0, 2 * abs(amplitude) / float(overlap.mean()))
     rounding = np.finfo(float).eps * network.length * force * math.sqrt(network.n_contacts)
     return fraction**2 * bend + ROUNDED * rounding / energy

@@ -9,8 +9,8 @@ from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
 from analysis.case import Case
 from analysis.case_files import OTHER_WAVES
-from modal.packing import examples as gallery
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate

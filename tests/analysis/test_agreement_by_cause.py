@@ -12,7 +12,7 @@ from analysis.agreement import Agreement, Difference, split_by_cause
 from benchmarks.harness import yade
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import write_modes
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.packing.sample import read_sample
 from modal.system.linear_system import LinearSystem
 from modal.waves.signals import Signals, read_signals

@@ -16,8 +16,8 @@ from analysis.cli.cases import COMPARED
 from analysis.cli.main import parser
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.modes.mode_set import ModeSet, write_modes
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 from modal.waves.signals import write_signals

@@ -19,7 +19,7 @@ from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.transfer import at_frequency, cross_spectrum, wall_velocity
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
 from analysis.estimators.trial import LENGTH, Condition, two_arrivals
-from modal.packing.examples import fcc
+from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 from modal.waves.signals import source_pulse

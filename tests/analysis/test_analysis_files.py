@@ -20,8 +20,8 @@ from analysis.report import provenance_table
 from analysis.table import Table
 from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import atomic_h5, sha256
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 from modal.packing.sample import sample_of_network, write_sample
 from modal.preparation.random_packing import random_network
 from modal.tools.errors import InputError

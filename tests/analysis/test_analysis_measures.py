@@ -17,8 +17,8 @@ from analysis.measures.estimate import Estimate
 from analysis.paper import matching_case, stated, stated_range
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet
-from modal.packing.examples import column, fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import column, fcc
+from modal.packing.network import write_network
 from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError

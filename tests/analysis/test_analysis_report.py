@@ -19,10 +19,10 @@ from analysis.estimators.structure_factor import (
 )
 from analysis.figures import FIGURES
 from analysis.figures.picture import Panel, Picture, read_picture, write_picture
-from modal.packing.affine import affine_stiffness, affine_velocity
 from modal.packing.contact_law import Material
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
+from modal.packing.state import affine_stiffness, affine_velocity
 from modal.preparation.random_packing import random_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.operator import ContactOperator

@@ -9,7 +9,7 @@ from analysis.estimators.shear_lattice import ShearLattice
 from analysis.estimators.structure_factor import standing_waves
 from analysis.packings.elastic import HEADER, row, standing_velocity, travelling_velocity
 from modal.elasticity.waves import isotropic_mean
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 

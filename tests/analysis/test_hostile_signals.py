@@ -17,8 +17,8 @@ from analysis.estimators.power_law import power_law
 from analysis.estimators.ridge import ridge
 from analysis.estimators.transfer import wall_velocity
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals, write_signals

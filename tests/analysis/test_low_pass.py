@@ -23,8 +23,8 @@ from analysis.estimators.low_pass import (
 )
 from analysis.measures import Measures
 from modal.packing.contact_law import RADIUS
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 

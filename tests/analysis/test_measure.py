@@ -13,7 +13,7 @@ from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.registry import quantity
 from analysis.value import Value, unknown
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals

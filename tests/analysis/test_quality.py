@@ -9,7 +9,7 @@ from analysis.belonging import cases_of_files
 from analysis.quality import quality_of
 from modal.modes import damped
 from modal.modes.mode_set import write_modes
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 from modal.tools import progress, workload
 

@@ -8,7 +8,7 @@ from analysis.case import Case
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.ridge import ridge
 from analysis.measures import Measures
-from modal.packing.examples import fcc
+from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
 

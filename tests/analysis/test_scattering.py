@@ -11,8 +11,8 @@ from analysis.estimators.scattering import Scattering
 from analysis.estimators.structure_factor import StructureFactor
 from analysis.estimators.transfer import Gain
 from analysis.measures import Measures
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 
 
 @pytest.mark.parametrize("power", [2.0, 4.0])

@@ -25,8 +25,8 @@ from analysis.study.targets import TARGETS, answers, targets
 from analysis.study.velocity_rules import exact_biases, velocities
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 from modal.packing.state import void_ratio
 from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem

@@ -21,8 +21,8 @@ from analysis.study.other_seeds import AT_REST, row_of_seed
 from analysis.study.tables import table_1, table_1_seen
 from analysis.study.target_rules import crystal_exponent, gain, highest_apart
 from analysis.study.targets import answers
-from modal.packing.examples import fcc
-from modal.packing.network_file import write_network
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 from modal.preparation.random_packing import random_network
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate

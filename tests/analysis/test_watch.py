@@ -13,7 +13,7 @@ from PIL import Image
 import modal
 from analysis.__main__ import main
 from modal.modes.mode_set import write_modes
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
 

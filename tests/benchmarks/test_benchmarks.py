@@ -21,9 +21,8 @@ from benchmarks.harness.report import Page, read_csv
 from benchmarks.harness.yade import in_yades_order
 from modal.modes.density import density_of_states
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
-from modal.packing.network import RECEIVER_WALL
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import RECEIVER_WALL, write_network
 from modal.preparation.random_packing import random_network
 from modal.system import loops as contact_loops
 from modal.system.assembly import stiffness_matrix

@@ -13,9 +13,9 @@ import pytest
 from modal.__main__ import main
 from modal.cli.options import json_text
 from modal.modes.mode_set import read_modes
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.chain import wall_to_wall_chain
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
 from modal.tools.errors import InputError

@@ -16,7 +16,7 @@ import modal
 from modal.cli.info import shown
 from modal.cli.main import COMMANDS, main, parser
 from modal.cli.terminal import label_and_unit, page
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.tools.display import PREFIXES, quantities
 
 POWER = {prefix: power for power, prefix in PREFIXES.items()}

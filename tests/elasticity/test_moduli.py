@@ -14,9 +14,8 @@ from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.moduli_file import read_moduli, write_moduli
 from modal.elasticity.waves import anisotropy, christoffel, isotropic_mean, plane_waves
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, write_network
 from modal.packing.state import stress_tensor
 from modal.system.assembly import mass_diagonal
 from modal.system.linear_system import LinearSystem

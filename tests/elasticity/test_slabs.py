@@ -7,7 +7,7 @@ import pytest
 
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.static_velocity import static_velocity
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError

@@ -14,9 +14,8 @@ from test_moduli import bloch_matrix, without_loose_spheres
 from modal.__main__ import main
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, read_network, write_network
 from modal.tools.errors import InputError
 
 

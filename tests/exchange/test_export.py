@@ -15,7 +15,7 @@ from modal.__main__ import main
 from modal.exchange.extended_xyz import read_frames, write_frames
 from modal.exchange.picture import contact_lines, sphere_stress
 from modal.modes.mode_set import read_modes
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.packing.state import contacts_per_particle, stress_tensor
 from modal.waves.signals import read_signals
 

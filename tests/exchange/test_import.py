@@ -17,7 +17,7 @@ from program_files import PAIR, imported, refused, respelt, sorted_ends
 import modal
 from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
 
 FILE = "out.network.h5"

@@ -12,8 +12,7 @@ from modal.__main__ import main
 from modal.exchange.lammps import import_lammps
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.contacts import asymmetry
 from modal.system.operator import ContactOperator

@@ -15,7 +15,7 @@ from program_files import imported, refused
 
 from modal.exchange.liggghts import import_liggghts
 from modal.exchange.program_law import SI
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.system.assembly import assembled
 from modal.system.contacts import TANGENTS, Contacts
 

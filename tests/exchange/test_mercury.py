@@ -13,8 +13,7 @@ from program_files import imported, packing, refused
 import modal
 from modal.exchange.mercury import import_mercury
 from modal.exchange.program_law import SI
-from modal.packing.network import SOURCE_WALL, Network
-from modal.packing.network_file import read_network
+from modal.packing.network import SOURCE_WALL, Network, read_network
 from modal.system.assembly import assembled
 from modal.system.contacts import TANGENTS, Contacts
 

@@ -12,8 +12,7 @@ import pytest
 from program_files import imported, refused, respelt, sorted_ends
 
 import modal
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.packing.network_file import read_network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, read_network
 
 FILE = "out.network.h5"
 

@@ -24,8 +24,8 @@ from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import open_h5, sha256
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import read_modes, write_modes
-from modal.packing import examples as gallery
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample, write_sample
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError

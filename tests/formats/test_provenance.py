@@ -33,8 +33,8 @@ from modal.formats.provenance import (
     require_same_packing,
 )
 from modal.modes.density import density_of_states, write_density
-from modal.packing import examples as gallery
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import write_network
 from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, sample_of_network, write_sample
 from modal.tools.errors import InputError

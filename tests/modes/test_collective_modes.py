@@ -12,7 +12,7 @@ from modal.modes import lowest
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.effort import Effort
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import available
 from modal.system.contacts import with_sliding

@@ -15,7 +15,7 @@ from packings import (
 import modal
 from modal.modes.counts import count_below, count_negative, layers_of_contacts
 from modal.modes.lowest import lowest_modes
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.solvers.factor import _certain, available, factorise
 from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of

@@ -13,8 +13,8 @@ from modal.__main__ import main
 from modal.formats.hdf5 import sha256
 from modal.modes.density import DensityOfStates, density_of_states, read_density
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import write_network
 from modal.preparation.random_packing import random_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem

@@ -12,9 +12,8 @@ from modal.modes import search
 from modal.modes.collective import summary_at_zero
 from modal.modes.dense import all_modes
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, write_network
 from modal.packing.tiling import repeat
 from modal.solvers.factor import available
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of

@@ -12,8 +12,8 @@ from modal.modes import effort
 from modal.modes.counts import count_below
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import SLICE, lowest_modes
-from modal.packing import examples as gallery
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import write_network
 from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.solvers.factor import available

@@ -12,9 +12,8 @@ from modal.modes import search
 from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.mode_set import read_modes
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, write_network
 from modal.solvers.factor import SingularError, available, factorise
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.errors import InputError

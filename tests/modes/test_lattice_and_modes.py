@@ -15,7 +15,7 @@ from modal.modes import dense, from_vectors
 from modal.modes import highest as modes
 from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.contact_law import Material, stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
 from modal.system.assembly import mass_diagonal, stiffness_matrix

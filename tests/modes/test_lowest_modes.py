@@ -18,8 +18,8 @@ from modal.modes.effort import Effort
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import write_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
 from modal.system.linear_system import LinearSystem, frequency_of

@@ -19,9 +19,8 @@ from modal.modes.mode_set import (
     subset,
     write_modes,
 )
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, write_network
 from modal.solvers import lanczos
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem, frequency_of

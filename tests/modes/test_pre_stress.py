@@ -10,9 +10,8 @@ import pytest
 import modal
 from modal.__main__ import main
 from modal.modes import eigenmodes as questions
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError

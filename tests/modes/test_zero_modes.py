@@ -9,7 +9,7 @@ from packings import dense_squares, diluted, with_contacts
 from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.system.contacts import with_sliding
 from modal.system.linear_system import LinearSystem
 

@@ -12,9 +12,8 @@ from packings import contact_matrices
 
 from modal.__main__ import main
 from modal.elasticity.static_velocity import static_velocity
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import Sample, sample_of_network
 from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress

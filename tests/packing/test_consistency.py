@@ -10,10 +10,9 @@ import packings
 import pytest
 from packings import permuted, times
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.checks import _check_pairs
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import Network, read_network, write_network
 from modal.tools.errors import InputError
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 8))

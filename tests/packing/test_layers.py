@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.rattlers import firmly_held, force_bearing

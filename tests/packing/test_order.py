@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
 from modal.packing.order import crystalline
 from modal.packing.sample import Sample

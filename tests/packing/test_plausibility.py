@@ -11,9 +11,9 @@ import pytest
 from packings import changed, permuted, times
 
 from modal.__main__ import main
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.columns import SOURCE_WALL
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.packing.plausibility import plausibility
 
 

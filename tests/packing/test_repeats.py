@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.repeats import SAME, lateral_repeats
 from modal.packing.tiling import repeat

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
 from modal.packing.neighbours import periodic_pairs, tangents
 from modal.packing.sample import Sample, read_sample, shear_components, write_sample

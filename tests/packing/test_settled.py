@@ -13,7 +13,7 @@ from analysis.measures import Measures
 from analysis.packings.samples import HEADER, row
 from analysis.packings.settled import why_unsettled
 from modal.packing.contact_law import GLASS
-from modal.packing.examples import fcc
+from modal.packing.crystal import fcc
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation.random_packing import random_sample
 

@@ -8,10 +8,9 @@ import pytest
 from places import PACKINGS, SHEARED
 
 from modal.__main__ import main
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import Network, read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import (
     coordination_without_rattlers,

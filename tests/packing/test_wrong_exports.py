@@ -17,9 +17,8 @@ import numpy as np
 import packings
 import pytest
 
-from modal.packing import examples as gallery
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import Network, read_network, write_network
 from modal.packing.plausibility import plausibility
 from modal.packing.state import stress_tensor
 from modal.packing.summary import summary

@@ -15,7 +15,7 @@ from modal.dem import forces as contact_forces
 from modal.dem.contacts import MovingContacts
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import packing_of
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation import relax as relaxation

@@ -13,7 +13,7 @@ from analysis.agreement import Agreement, compare
 from modal.__main__ import main
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample

@@ -9,7 +9,7 @@ import pytest
 from modal.modes import density
 from modal.modes.collective import every_floppy
 from modal.modes.density import density_of_states
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.solvers.spectrum import (
     LANCZOS_STEPS,
     GrowthError,

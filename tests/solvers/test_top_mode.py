@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.solvers.lanczos import TOLERANCE
 from modal.solvers.top_mode import top_mode

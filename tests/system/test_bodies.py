@@ -9,10 +9,9 @@ from scipy.linalg import eigh
 
 import modal
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.columns import OF_BONDS, UNKNOWN
-from modal.packing.network import Network
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import stiffness_matrix
 from modal.system.imposed import WallTurns, put_on
 from modal.system.linear_system import LinearSystem

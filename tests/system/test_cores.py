@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.system import packed as packed_contacts
 from modal.system.assembly import stiffness_matrix

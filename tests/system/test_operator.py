@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from packings import contact_matrices
 from scipy.sparse.linalg import eigsh
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.tiling import repeat
 from modal.system import operator

@@ -9,7 +9,7 @@ from packings import polydisperse
 
 import modal
 from modal.__main__ import main
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal
 from modal.waves.plane_source import propagate_from_plane
 

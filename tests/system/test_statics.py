@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from modal.elasticity import static_velocity as statics
 from modal.elasticity.static_velocity import STRAIN_TOLERANCE, spring_motion, static_velocity
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.layers import Layers
 from modal.packing.state import WALL_ZONE, net_forces
 from modal.preparation.random_packing import random_network

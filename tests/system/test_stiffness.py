@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from packings import contact_matrices
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.contact_law import (
     GLASS,
     RADIUS,

@@ -10,9 +10,8 @@ import modal
 from modal.__main__ import main
 from modal.modes.damped import damped_modes
 from modal.modes.zero_modes import by_structure
-from modal.packing import examples as gallery
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem

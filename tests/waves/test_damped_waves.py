@@ -10,8 +10,8 @@ import modal
 from modal.__main__ import main
 from modal.modes import damped
 from modal.modes.damped import damped_modes, decay_rates
-from modal.packing.examples import column
-from modal.packing.network_file import write_network
+from modal.packing.crystal import column
+from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.packing import examples as gallery
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import write_network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem

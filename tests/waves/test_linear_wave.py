@@ -9,9 +9,8 @@ from packings import scaled, wall_pattern
 from places import SHEARED
 
 from modal.__main__ import main
-from modal.packing import examples as gallery
-from modal.packing.network import SOURCE_WALL, Network
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import SOURCE_WALL, Network, write_network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
 from modal.solvers.spectrum import bound_of_spectrum, top_of_spectrum

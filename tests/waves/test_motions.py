@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 import modal
 from modal.__main__ import main
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.source import (

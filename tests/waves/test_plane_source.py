@@ -12,7 +12,7 @@ import modal
 from analysis.__main__ import main as analysis_main
 from analysis.estimators.layer_lattice import driven_by_pulse
 from modal.__main__ import main
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.imposed import crossings
 from modal.theory.fcc import FccLattice

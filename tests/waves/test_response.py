@@ -10,9 +10,8 @@ from analysis.crystal import compare
 from analysis.estimators.transfer import TRAVELS, gain_factor
 from analysis.measures import Measures
 from modal.__main__ import main
-from modal.packing import examples as gallery
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.packing.network_file import write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate

@@ -12,7 +12,7 @@ import modal
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.shear_lattice import ShearLattice
 from modal.__main__ import main
-from modal.packing.network_file import write_network
+from modal.packing.network import write_network
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError

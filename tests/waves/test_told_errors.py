@@ -8,7 +8,7 @@ from packings import wall_pattern
 from scipy.linalg import expm
 
 import modal
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.waves.source import Pulse, SampledMotion, chirp, step

@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 from places import ROOT
 
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
 
 SCENE = ROOT / "tests" / "yade" / "two_sizes.py"

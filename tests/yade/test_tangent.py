@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from packings import contact_matrices, scaled
 from places import ROOT
 
-from modal.packing import examples as gallery
+from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.system.assembly import stiffness_matrix

@@ -9,7 +9,7 @@ from test_yade_fcc import batch
 
 from analysis.agreement import Agreement, compare
 from modal.__main__ import main
-from modal.packing.network_file import read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample
 from modal.waves.signals import read_signals
 

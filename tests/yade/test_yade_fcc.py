@@ -12,8 +12,8 @@ from places import ROOT
 from modal.__main__ import main
 from modal.formats.provenance import Source, read_provenance
 from modal.modes.dense import all_modes
-from modal.packing import examples as gallery
-from modal.packing.network_file import read_network, write_network
+from modal.packing import crystal as gallery
+from modal.packing.network import read_network, write_network
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate

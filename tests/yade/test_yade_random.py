@@ -14,7 +14,7 @@ from places import ROOT
 from modal.__main__ import main
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import packing_of, read_provenance
-from modal.packing.network_file import read_network
+from modal.packing.network import read_network
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.preparation.protocol import SETTLED

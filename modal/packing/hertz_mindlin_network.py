@@ -14,13 +14,13 @@ from modal.packing.contact_law import (
     stiffness_normal,
     stiffness_tangential,
 )
-from modal.packing.neighbours import Touching
-from modal.packing.network import Network, handed_over
+from modal.packing.neighbours import ContactList
+from modal.packing.network import Network, freeze_arrays
 from modal.tools.arrays import Bools, Floats
 
 
 def network_of(
-    contact: Touching,
+    contact: ContactList,
     radius: float | Floats,
     material: Material,
     *,
@@ -57,7 +57,7 @@ def network_of(
     backwards = (overlap / 2 - second)[:, None] * contact.normal
     backwards[wall] = 0
     mass, inertia = material.sphere(each, densities)
-    columns: dict[str, Any] = handed_over(
+    columns: dict[str, Any] = freeze_arrays(
         radius=np.array(each),
         mass=mass,
         inertia=inertia,
