@@ -126,6 +126,32 @@ function ribbons() {
   mesh.frustumCulled = false;
   return mesh;
 }
+// Walls as sheets that one sees through. The source wall follows the motion that was recorded of it.
+const WALL = 0.25; // opacity
+const wallShift = { value: 0 };
+function sheet(z, follows) {
+  const [x, y] = [0, 1].map((a) => [data.cell.low[a], data.cell.high[a]]);
+  const corners = [[0, 0], [1, 0], [0, 1], [1, 1]].flatMap(([a, b]) => [z, x[a], y[b]]);
+  const shape = new BufferGeometry();
+  shape.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
+  shape.setIndex([0, 1, 2, 2, 1, 3]);
+  const mesh = new Mesh(shape, new ShaderMaterial({
+    uniforms: { shift: follows ? wallShift : { value: 0 } },
+    vertexShader: `
+      uniform float shift;
+      void main() {
+        vec3 p = position + vec3(${data.along === "x" ? "0.0, shift, 0.0" : data.along === "y" ? "0.0, 0.0, shift" : "shift, 0.0, 0.0"});
+        gl_Position = projectionMatrix * modelViewMatrix * vec4(p, 1.0);
+      }`,
+    fragmentShader: `void main() { gl_FragColor = vec4(0.29, 0.35, 0.41, ${WALL}); }`,
+    side: DoubleSide, transparent: true, depthWrite: false,
+  }));
+  mesh.frustumCulled = false;
+  mesh.renderOrder = 1; // over the spheres that stand behind it
+  return mesh;
+}
+data.walls.forEach((z, k) => { if (z !== null) scene.add(sheet(z, k === 0)); });
+
 let lines = null; // made when they are first asked for
 function showForces(wanted) {
   if (wanted && !lines) scene.add((lines = ribbons()));
@@ -138,25 +164,85 @@ const renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuf
 const camera = new PerspectiveCamera(30, 1, 1e-3, 1e3);
 const controls = new OrbitControls(camera, canvas);
 
-const low = new Vector3(Infinity, Infinity, Infinity), high = low.clone().negate();
-for (let s = 0; s < n; s++) {
-  const at = new Vector3(position[3 * s], position[3 * s + 1], position[3 * s + 2]);
-  low.min(at); high.max(at);
-}
+const [low, high] = [data.cell.low, data.cell.high].map((p) => new Vector3(p[2], p[0], p[1]));
 const middle = low.clone().add(high).multiplyScalar(0.5), size = high.clone().sub(low);
 function home() {
   const half = Math.tan((camera.fov * Math.PI) / 360);
-  const away = 1.28 * Math.max(size.x / 2 / half / camera.aspect, (size.y + size.z) / 2 / half) + size.z / 2;
+  const away = 1.2 * Math.max(size.x / 2 / half / camera.aspect, (size.y + size.z) / 2 / half) + size.z / 2;
   controls.target.copy(middle);
   camera.position.copy(middle).add(new Vector3(-0.12, 0.26, 0.96).normalize().multiplyScalar(away));
   camera.near = away / 1e3; camera.far = 10 * away;
   camera.updateProjectionMatrix();
   controls.update();
 }
+// Rulers along three edges of the cell, drawn over the spheres: mm, from the source wall on.
+const rulers = by("rulers"), pen = rulers.getContext("2d");
+function onScreen(x, y, z) {
+  const p = new Vector3(x, y, z).project(camera);
+  return [((p.x + 1) / 2) * canvas.clientWidth, ((1 - p.y) / 2) * canvas.clientHeight, p.z];
+}
+function roundStep(length, most) {
+  const least = length / most, ten = 10 ** Math.floor(Math.log10(least));
+  return [1, 2, 5, 10].map((k) => k * ten).find((step) => step >= least);
+}
+function ruler(name, from, to) {
+  const start = onScreen(...from), end = onScreen(...to);
+  if (Math.max(start[2], end[2]) > 1) return; // behind the eye
+  const along = [end[0] - start[0], end[1] - start[1]], pixels = Math.hypot(...along);
+  if (pixels < 40) return;
+  const aside = [-along[1] / pixels, along[0] / pixels], centre = onScreen(...middle.toArray());
+  const sign = Math.sign(aside[0] * (start[0] - centre[0]) + aside[1] * (start[1] - centre[1]));
+  const length = 1e3 * Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
+  const step = roundStep(length, Math.max(1, Math.min(10, pixels / 55)));
+  const digits = Math.max(0, -Math.floor(Math.log10(step)));
+  pen.beginPath(); pen.moveTo(start[0], start[1]); pen.lineTo(end[0], end[1]);
+  for (let mm = 0; mm <= length * (1 + 1e-9); mm += step) {
+    const [x, y] = onScreen(...from.map((p, a) => p + ((to[a] - p) * mm) / length));
+    const out = (d) => [x + sign * d * aside[0], y + sign * d * aside[1]];
+    pen.moveTo(x, y); pen.lineTo(...out(5));
+    if (mm > 0 || name === "z") pen.fillText(mm.toFixed(digits), ...out(14));
+  }
+  pen.stroke();
+  const half = [(start[0] + end[0]) / 2 + sign * 30 * aside[0], (start[1] + end[1]) / 2 + sign * 30 * aside[1]];
+  pen.fillText(`${name}, mm`, ...half);
+}
+function drawRulers() {
+  pen.setTransform(renderer.getPixelRatio(), 0, 0, renderer.getPixelRatio(), 0, 0);
+  pen.clearRect(0, 0, rulers.width, rulers.height);
+  pen.strokeStyle = pen.fillStyle = "#1c2530";
+  pen.font = "12px system-ui, sans-serif"; pen.textAlign = "center"; pen.textBaseline = "middle";
+  const front = camera.position.z > middle.z ? high.z : low.z; // the edges that are near the eye
+  const below = camera.position.y > middle.y ? low.y : high.y, first = low.x;
+  ruler("z", [low.x, below, front], [high.x, below, front]);
+  ruler("x", [first, low.y, front], [first, high.y, front]);
+  const above = low.y + high.y - below;
+  ruler("y", [high.x, above, low.z], [high.x, above, high.z]);
+}
+
+// The sphere nearest to the eye among those whose disc is under a point of the screen, or -1.
+function sphereUnder(x, y) {
+  const m = camera.matrixWorldInverse.elements, half = Math.tan((camera.fov * Math.PI) / 360);
+  const unit = canvas.clientHeight / 2 / half, radius = geometry.attributes.radius.array;
+  const factor = shared.factor.value, cutAxis = shared.axis.value, cut = shared.cut.value;
+  let found = -1, nearest = Infinity;
+  for (let s = 0; s < n; s++) {
+    if (position[3 * s + cutAxis] > cut) continue;
+    const [a, b, c] = [0, 1, 2].map((k) => position[3 * s + k] + factor * motion[4 * s + k]);
+    const away = -(m[2] * a + m[6] * b + m[10] * c + m[14]);
+    if (away <= camera.near || away >= nearest) continue;
+    const right = (unit * (m[0] * a + m[4] * b + m[8] * c + m[12])) / away + canvas.clientWidth / 2;
+    const down = canvas.clientHeight / 2 - (unit * (m[1] * a + m[5] * b + m[9] * c + m[13])) / away;
+    const size = (unit * material.uniforms.size.value * radius[s]) / away;
+    if ((right - x) ** 2 + (down - y) ** 2 <= size ** 2) { found = s; nearest = away; }
+  }
+  return found;
+}
 function fit() {
   const width = canvas.clientWidth, height = canvas.clientHeight;
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   renderer.setSize(width, height, false);
+  rulers.width = width * renderer.getPixelRatio();
+  rulers.height = height * renderer.getPixelRatio();
   camera.aspect = width / height;
   camera.updateProjectionMatrix();
   material.uniforms.pixels.value =

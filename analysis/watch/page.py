@@ -21,7 +21,7 @@ from modal.formats.hdf5 import open_h5, write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import ModeSet, read_modes
-from modal.packing.network import Network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.reading import read_packing
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
@@ -35,7 +35,10 @@ MOTION = 7_500_000
 FRAMES = 100, 400
 """Times of a wave: as many as fit into `MOTION`, within these limits."""
 SHOWN_SIGNALS = 16
-PRODUCERS = {"yade": "a wave simulated by YADE", "linear": "the linear wave of its springs"}
+PRODUCERS = {
+    "yade": "a wave simulated by YADE",
+    "linear": "the linear wave of its contacts' springs",
+}
 SPECTRUM = 2.5
 """Highest frequency of the spectra over that of the pulse."""
 
@@ -94,6 +97,11 @@ def _of_packing(network: Network) -> dict[str, Any]:
         "radius": coded(network.radius, "<f4"),
         "mean_radius": float(network.radius.mean()),
         "visible": VISIBLE * float(network.radius.mean()),
+        "cell": _of_cell(network),
+        "walls": [
+            float(z) if (network.particle_j == wall).any() else None
+            for z, wall in zip(network.wall_position, (SOURCE_WALL, RECEIVER_WALL), strict=True)
+        ],
     }
     if network.force_normal is not None:
         shown["contacts"] = _of_contacts(network, network.force_normal)
@@ -102,6 +110,17 @@ def _of_packing(network: Network) -> dict[str, Any]:
         shown["pressure"], top = _from_zero(pressure)
         shown["pressure_ends"] = ["0", quantity(top, "Pa", 3)]
     return shown
+
+
+def _of_cell(network: Network) -> dict[str, list[float]]:
+    """Corners of the box that holds the packing: its walls, its periods, or its outer spheres."""
+    reach = network.radius[:, None]
+    low, high = (network.position - reach).min(axis=0), (network.position + reach).max(axis=0)
+    middle, periodic = (low + high) / 2, network.cell_periodic
+    low = np.where(periodic, middle - network.cell_size / 2, low)
+    high = np.where(periodic, middle + network.cell_size / 2, high)
+    low[2], high[2] = network.wall_position
+    return {"low": low.tolist(), "high": high.tolist()}
 
 
 def _of_contacts(network: Network, force: np.ndarray) -> dict[str, Any]:
@@ -159,6 +178,7 @@ def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) 
         "displacement": quantised(moved[at], largest),
         "real": largest,
         "largest_nm": 1e9 * largest,
+        "wall_displacement": _short(1e9 * signals.source_displacement[at]),
         "contrast": float(np.log10(largest / max(typical, 1e-3 * largest))),
         "signal_time": _short(1e6 * signals.time),
         "spectrum_frequency": _short(frequency[band] / 1e3),
@@ -202,7 +222,8 @@ def _of_modes(
         "contrast": 0.0,
         "told": (
             f"{network.n_particles:,} spheres; {len(index)} of {len(modes.frequency)} modes, "
-            f"{'' if modes.certified else 'not '}certified complete. Amplitudes are arbitrary."
+            f"{'' if modes.certified else 'not '}complete by an exact count. "
+            "Amplitudes are arbitrary."
         ),
         "displacement": quantised(shape / largest[:, None, None], 1.0),
         "layer_z": _short(1e3 * (edges[1:] + edges[:-1]) / 2),

@@ -54,6 +54,7 @@ function layOut() {
     : isWave ? [-1, 1].map((sign) => `${sign < 0 ? "-" : ""}${(data.largest_nm / 10 ** by("contrast").value).toPrecision(2)} nm`)
     : ["-", "+"];
   by("low").textContent = edges[0]; by("high").textContent = edges[1];
+  wallShift.value = isWave ? (factor * data.visible * interpolated(data.wall_displacement)) / data.largest_nm : 0;
   by("now").textContent = isWave ? `${interpolated(data.time).toFixed(1)} µs` : `${(now / count).toFixed(2)} T`;
   by("scrub").value = now;
 }
@@ -67,7 +68,7 @@ const marker = () => (isWave ? interpolated(data.time) : data.modes[which].frequ
 function plot(where, titles, columns, points, marked, range) {
   where.replaceChildren(Object.assign(document.createElement("div"), { textContent: titles[0] }));
   return new uPlot({
-    width: Math.min(620, Math.max(300, innerWidth / 2 - 40)), height: 230,
+    width: Math.min(760, Math.max(300, innerWidth / 2 - 40)), height: 200,
     scales: { x: { time: false }, y: range ? { range } : {} }, legend: { show: false },
     axes: [{ label: titles[1] }, { label: titles[2], size: 70 }],
     series: [{}, points
@@ -97,9 +98,31 @@ function plots() {
   }
 }
 
+// The number of the sphere under the pointer, where it is, and what its colour stands for.
+let pointer = null;
+function tell() {
+  const s = pointer ? sphereUnder(...pointer) : -1;
+  by("under").hidden = s < 0;
+  if (s < 0) return;
+  const z = 1e3 * (position[3 * s] - low.x), value = motion[4 * s + 3], colour = by("colour").value;
+  const shown = colour === "pressure of contacts" ? `pressure ${(50 * (value + 1)).toFixed(0)} % of ${data.pressure_ends[1]}`
+    : isWave ? `u_${data.along} = ${(value * data.largest_nm).toPrecision(3)} nm`
+    : `${colour.replace("displacement ", "u_")} = ${value.toFixed(3)} of the largest`;
+  by("under").textContent = `sphere ${s}, z = ${z.toFixed(2)} mm: ${shown}`;
+  const left = Math.min(pointer[0] + 14, canvas.clientWidth - by("under").offsetWidth - 4);
+  by("under").style.transform = `translate(${left}px, ${Math.max(0, pointer[1] - 34)}px)`;
+}
+canvas.addEventListener("pointermove", (event) => {
+  pointer = event.buttons ? null : [event.offsetX, event.offsetY];
+  tell();
+});
+canvas.addEventListener("pointerleave", () => { pointer = null; tell(); });
+
 function draw() {
   layOut();
   renderer.render(scene, camera);
+  drawRulers();
+  tell();
   if (left && isWave) left.redraw(false);
   document.body.dataset.drawn = String(++drawn);
   document.body.dataset.now = now.toFixed(3);
@@ -129,7 +152,9 @@ for (const id of ["axis", "slice"]) by(id).oninput = () => {
   draw();
 };
 controls.addEventListener("change", draw);
-addEventListener("resize", () => { fit(); plots(); draw(); });
+addEventListener("resize", plots);
 showForces(by("forces").checked);
-fit(); home(); choose(); plots(); draw();
+choose(); plots(); // before the packing, which has the height that they leave
+fit(); home(); draw();
+new ResizeObserver(() => { fit(); draw(); }).observe(canvas);
 requestAnimationFrame(step);

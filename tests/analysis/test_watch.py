@@ -56,6 +56,8 @@ def test_the_page_holds_the_packing_and_its_wave(folder):
     assert len(data["time"]) == len(signals.time)  # fewer than the page has room for
     assert abs(moved * data["real"] - wanted).max() <= 0.501 * abs(wanted).max() / 32767
     assert np.allclose(data["time"], 1e6 * signals.time, rtol=1e-4)
+    wall = np.interp(data["time"], 1e6 * signals.time, 1e9 * signals.source_displacement)
+    assert data["wall_displacement"] == pytest.approx(list(wall), rel=1e-3, abs=1e-4)
     # Parseval: the spectrum's one-sided energy is that of the signal, where it is whole.
     signal = data["signals"][len(data["signals"]) // 2]
     energy = (np.array(signal["displacement"]) ** 2).sum() * 0.5  # nm^2 us
@@ -74,6 +76,7 @@ def test_the_page_holds_the_modes(folder):
         true = true / np.linalg.norm(true, axis=1).max()
         assert abs(found - true).max() <= 0.501 / 32767
     assert [m["frequency"] for m in data["modes"]] == pytest.approx(modes.frequency / 1e3)
+    assert data["walls"] == pytest.approx(list(network.wall_position))
     # The mean of a crystal's plane waves over layers has the shape's own largest value.
     plane = [m for m in data["modes"] if m["chi_z"] > 0.999]
     assert plane and all(m["along"] == "z" for m in plane)
@@ -134,8 +137,8 @@ def test_mistakes_are_one_line(folder, arguments, words, capsys):
     assert not (folder[0] / "no.html").exists()
 
 
-@pytest.mark.parametrize("name", ["signals", "modes", "modes#forces"])
-def test_a_browser_plays_it(folder, name, tmp_path):
+def seen_by_a_browser(page, tmp_path):
+    """The page's elements after a second and a half, and a picture of it."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         pytest.skip("Chromium is not installed")
@@ -144,12 +147,42 @@ def test_a_browser_plays_it(folder, name, tmp_path):
     options += ["--enable-unsafe-swiftshader", "--window-size=900,700", "--disable-extensions"]
     options += ["--virtual-time-budget=1500", "--enable-logging=stderr", "--dump-dom"]
     options += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
-    name, _, forces = name.partition("#")
-    page = (folder[0] / f"{name}.html").as_uri() + f"#{forces}" * bool(forces)
     done = subprocess.run([browser, *options, page], capture_output=True, text=True, timeout=240)
     # Every message of the page's console is a line with this word.
     assert "CONSOLE" not in done.stderr, done.stderr
-    (state,) = re.findall(r"<body ([^>]*)>", done.stdout)
+    return done.stdout, picture
+
+
+def test_what_is_under_the_pointer_is_told(folder, tmp_path):
+    """Over the sphere nearest to the eye: its number, its place, its recorded displacement."""
+    path, network, signals, _ = folder
+    points = """<script>
+      playing = false;
+      const all = [...Array(n).keys()].map((s) => onScreen(...position.slice(3 * s, 3 * s + 3)));
+      const [clientX, clientY] = all.reduce((a, b) => (a[2] < b[2] ? a : b));
+      const above = canvas.getBoundingClientRect().top;
+      canvas.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY: clientY + above }));
+    </script></body>"""
+    (tmp_path / "pointed.html").write_text(
+        (path / "signals.html").read_text().replace("</body>", points)
+    )
+    seen, _ = seen_by_a_browser((tmp_path / "pointed.html").as_uri(), tmp_path)
+    told = re.search(r"sphere (\d+), z = ([\d.]+) mm: u_z = ([-+.\de]+) nm", seen)
+    number, z, motion = int(told[1]), float(told[2]), float(told[3])
+    at = float(re.search(r'data-now="([\d.]+)"', seen)[1])
+    assert z == pytest.approx(1e3 * network.position[number, 2], abs=0.006)
+    recorded = 1e9 * signals.particle_displacement[:, number]
+    # Three digits are told of numbers of 16 bits, between two recorded times.
+    there = np.interp(at, np.arange(len(recorded)), recorded)
+    assert motion == pytest.approx(there, rel=0.005, abs=1e9 * signals.amplitude / 3e4)
+
+
+@pytest.mark.parametrize("name", ["signals", "modes", "modes#forces"])
+def test_a_browser_plays_it(folder, name, tmp_path):
+    name, _, forces = name.partition("#")
+    page = (folder[0] / f"{name}.html").as_uri() + f"#{forces}" * bool(forces)
+    dom, picture = seen_by_a_browser(page, tmp_path)
+    (state,) = re.findall(r"<body ([^>]*)>", dom)
     drawn, now = (re.search(rf'data-{key}="([\d.]+)"', state)[1] for key in ("drawn", "now"))
     # Time has gone on from the first drawing; how many there are depends on the machine.
     assert int(drawn) > 1 and 1 < float(now) < 60
