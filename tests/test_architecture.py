@@ -17,7 +17,7 @@ BELOW = {
     "packing": {"formats", "tools"},
     "system": {"packing", "solvers", "tools"},
     "dem": {"packing", "tools"},
-    "waves": {"formats", "packing", "solvers", "system", "tools"},
+    "waves": {"dem", "formats", "packing", "solvers", "system", "tools"},
     "modes": {"formats", "packing", "solvers", "system", "tools"},
     "elasticity": {"formats", "modes", "packing", "solvers", "system", "tools"},
     "preparation": {"dem", "formats", "packing", "solvers", "system", "tools"},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,21 @@ from modal.cli.options import add_output, add_skip_current, network_command, say
 from modal.cli.reading import add_springs, packing_of
 from modal.formats.hdf5 import open_h5, sha256
 from modal.packing.network import Network
+from modal.packing.reading import is_sample
+from modal.packing.sample import read_sample
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog, steps_between_records
+from modal.waves.nonlinear import ACCURACY, propagate_nonlinear
 from modal.waves.plane_file import SCHEMA as PLANE
 from modal.waves.plane_file import read_plane_wave, write_plane_wave
 from modal.waves.plane_source import PlaneWave, propagate_from_plane
 from modal.waves.propagate import propagate
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
+
+NOISY = 0.01
+"""Motion without a wave, over the wave's, from which on it is remarked on."""
 
 
 def read_product(path: str | Path) -> Signals | PlaneWave:
@@ -97,6 +104,14 @@ def add(commands: Any) -> None:
         help="of a cell without walls: the contacts across the plane at this height, m, open",
     )  # fmt: skip
     command.add_argument_group("advanced").add_argument(
+        "--nonlinear", action="store_true",
+        help="contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3",
+    )  # fmt: skip
+    command.add_argument(
+        "--accuracy", type=float, metavar="T",
+        help=f"of --nonlinear: error of the time step over the largest motion (default {ACCURACY})",
+    )  # fmt: skip
+    command.add_argument(
         "--whole", action="store_true",
         help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
     )  # fmt: skip
@@ -134,6 +149,10 @@ def _motion(options: argparse.Namespace) -> Motion:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source wall sends, and how exact it is."""
+    if options.nonlinear:
+        return _nonlinear(options)
+    if options.accuracy is not None:
+        raise InputError("--accuracy is of --nonlinear; the linear wave takes --tolerance")
     network = packing_of(options, waves=True)
     if options.plane is not None:
         return _from_plane(options, network)
@@ -187,6 +206,60 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         **accuracy,
         "largest_displacement_m": float(abs(signals.chain_displacement).max()),
         "degrees_of_freedom": 6 * network.n_particles,
+    }
+
+
+def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
+    """The wave of a sample whose contacts follow their law; InputError for linear options."""
+    if not is_sample(options.network):
+        raise InputError(
+            f"{options.network}: --nonlinear takes a *.sample.h5, which has the law and the "
+            "friction of its contacts"
+        )
+    for option, usual in (
+        *(("pre_stress", "none"), ("sliding", "elastic"), ("damping", None), ("plane", None)),
+        *(("method", "chebyshev"), ("tolerance", 1e-9), ("whole", False)),
+    ):
+        if getattr(options, option) != usual:
+            raise InputError(f"{typed(option)} with --nonlinear: take one of them")
+    sample = read_sample(options.network)
+    wave = propagate_nonlinear(
+        sample,
+        options.duration,
+        motion=_motion(options),
+        interval=options.interval,
+        accuracy=ACCURACY if options.accuracy is None else options.accuracy,
+        time_step=options.time_step,
+        particles=options.particles,
+        direction=options.direction,
+        network_sha256=sha256(options.network),
+    )
+    signals, balance = wave.signals, wave.signals.balance
+    if options.output:
+        write_signals(options.output, signals, options.made)
+    if balance and not balance.kept:
+        options.remarks.append(
+            f"the energy does not add up: gap {balance.gap:.1e}, drift {balance.drift:.1e} of the "
+            "wave; take a smaller --accuracy"
+        )
+    if wave.noise > NOISY:
+        options.remarks.append(
+            f"without a wave the sample moves by {wave.noise:.1g} of the wave's motion; bring it "
+            "to rest (modal relax)"
+        )
+    return {
+        "particles_of_the_chain": len(signals.chain_particle),
+        "times": len(signals.time),
+        "steps": wave.steps,
+        "time_step_s": signals.time_step,
+        "time_step_error": wave.error,
+        "noise": wave.noise,
+        "largest_displacement_m": float(abs(signals.chain_displacement).max()),
+        "contacts_slid": int((wave.dissipated > 0).sum()),
+        "contacts_opened": int(wave.opened.sum()),
+        "energy_gap": balance.gap if balance else math.nan,
+        "dissipated_share": float(wave.energy[-1, 3] / wave.energy[:, 0].max()),
+        "degrees_of_freedom": 6 * len(sample.position),
     }
 
 

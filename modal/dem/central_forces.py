@@ -69,7 +69,7 @@ class CentralForces:
             position,
             self._near.ends,
             self._near.shift,
-            lengths[:2],
+            lengths,
             np.array([0.0, lengths[2]]),
             self.radius,
             self._moduli,

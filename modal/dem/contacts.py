@@ -6,7 +6,6 @@ shear forces of the contacts that go on. The law itself is `modal.dem.forces`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,14 +19,16 @@ from modal.tools.loops import slabs_of
 SKIN = 0.02
 """Reach of the list of pairs beyond touch, diameters of the largest sphere: it holds while no
 sphere has gone by half."""
+STILL = np.zeros((2, 3))
+"""Change of a cell whose periods and walls rest, m."""
 
 
 def _numbers(i: np.ndarray, j: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """One number for each contact by its ends and periods."""
     number = i.astype(np.int64)
     # Walls are -1 and -2; periods are small, a sphere reaches few images of another.
-    number = (number << 24) + j + 2
-    for axis in range(2):
+    number = (number << 22) + j + 2
+    for axis in range(3):
         number = (number << 6) + shift[:, axis].astype(np.int64) + 32
     return number
 
@@ -43,7 +44,10 @@ class MovingContacts:
 
     After each `move`: load (n, 6), N and N m, the net force and torque on each sphere; stiffness
     (n,), N/m, the sum of its kn; mean_force, N; the numbers touching and sliding; virial (3,), N m,
-    the principal stresses times the volume; mean_contact, N, of normal and shear force together.
+    the principal stresses times the volume; mean_contact, N, of normal and shear force together;
+    on_walls (2, 3), N, the forces on source and receiver wall; elastic_energy, J, of the normal
+    forces. `work` (m, 2), J, is what shear forces have stored and slip has dissipated so far, see
+    `modal.dem.forces`; nothing of that is noted unless `books` are kept.
     position (n, 3), m, is not brought back into the lateral cell; side (2,) and walls (2,), m, may
     be strained in place; largest, smallest, m, of the radii. `friction` limits the shear forces,
     the sample's own by default; `skin` is the reach of the list, diameters.
@@ -56,6 +60,7 @@ class MovingContacts:
         *,
         skin: float = SKIN,
         stiffness: bool = True,
+        books: bool = False,
     ) -> None:
         network = sample.network()
         n = network.n_particles
@@ -69,9 +74,13 @@ class MovingContacts:
         self.position = sample.position.copy()
         self.load, self.stiffness = np.zeros((n, 6)), np.zeros(n if stiffness else 0)
         self._ends = np.column_stack([network.particle_i, network.particle_j])
-        self._shift = network.require("cell_shift", "list of contacts")[:, :2].astype(int)
+        self._shift = network.require("cell_shift", "list of contacts").astype(int)
         self._normal = network.normal.copy()
         self._shear = network.require("force_tangential", "history of contacts").copy()
+        self._first = _numbers(self._ends[:, 0], self._ends[:, 1], self._shift)
+        self.work, self._gone = np.zeros((network.n_contacts if books else 0, 2)), 0.0
+        if books:
+            self.work[:, 0] = (self._shear**2).sum(axis=1) / (2 * network.stiffness_tangential)
         self.seek()
         self.touch(np.zeros((n, 6)), 0.0)
 
@@ -87,7 +96,7 @@ class MovingContacts:
             ends, shift = near_enough((ends, shift), inside, lengths, self._radius, skin)
         # Periods between the places as they are, which are not brought back into the cell.
         pair = ends[:, 1] >= 0
-        shift[pair] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
+        shift[pair, :2] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
         before_ends, before_shift = self._ends, self._shift
         self._ends, self._shift = ends, shift
         touched = self._normal.any(axis=1)
@@ -97,6 +106,11 @@ class MovingContacts:
         normal, shear = self._normal[touched], self._shear[touched]
         self._normal, self._shear = np.zeros((2, len(ends), 3))
         self._normal[after], self._shear[after] = normal[before], shear[before]
+        if len(self.work):
+            work, self.work = self.work, np.zeros((len(ends), 2))
+            self.work[after] = work[touched][before]
+            # A contact that is open has nothing stored; what it has dissipated stays in the sum.
+            self._gone += float(work.sum() - self.work.sum())
         self._slabs = slabs_of(self._ends, len(self.position))
         self._sought_at = self.position.copy()
 
@@ -114,28 +128,28 @@ class MovingContacts:
             self.seek()
         self.touch(motion, 1.0)
 
-    def touch(
-        self, velocity: np.ndarray, dt: float, change: Sequence[float] | np.ndarray = (0.0, 0.0)
-    ) -> None:
+    def touch(self, velocity: np.ndarray, dt: float, change: np.ndarray = STILL) -> None:
         """Forces at the present positions, where `velocity` (n, 6) has led in `dt`, s.
 
-        `change`, m, is what the sides have gained by the same step.
+        `change` (2, 3), m, is what the periods have gained by the same step, and the way that the
+        source wall has gone.
         """
         totals = forces_by_loop(
             self._slabs,
             self.position,
             self._ends,
             self._shift,
-            self.side,
+            np.array([*self.side, self.walls[1] - self.walls[0]]),
             self.walls,
             self._radius,
             self._moduli,
             velocity,
             dt,
-            np.asarray(change),
+            change,
             self.friction,
             self._normal,
             self._shear,
+            self.work,
             self.load,
             self.stiffness,
         )
@@ -143,7 +157,8 @@ class MovingContacts:
         self.touching, self.sliding = int(of["touching"]), int(of["sliding"])
         self.mean_force = of["normal force"] / max(self.touching, 1)
         self.mean_contact = of["contact force"] / max(self.touching, 1)
-        self.virial = totals[4:7]
+        self.virial, self.on_walls = totals[4:7], totals[9:].reshape(2, 3)
+        self.elastic_energy = of["energy"]
 
     def level_shear(self) -> None:
         """Take the part along the contact off every shear force, as a sample does.
@@ -153,6 +168,30 @@ class MovingContacts:
         """
         along = (self._shear * self._normal).sum(axis=1)
         self._shear -= along[:, None] * self._normal
+
+    def kept(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the contacts of the start that still touch: in the sample's order, and here."""
+        (touching,) = np.nonzero(self._normal.any(axis=1))
+        ends, shift = self._ends[touching], self._shift[touching]
+        rows, here = _matching(self._first, _numbers(ends[:, 0], ends[:, 1], shift))
+        return rows, touching[here]
+
+    def slip_work(self) -> np.ndarray:
+        """Shape (m,), J: what slip has dissipated in each contact of the start, in their order.
+
+        Of those that have opened and gone apart beyond the list it is only in `slipped`.
+        """
+        lost = np.zeros(len(self._first))
+        rows, here = _matching(
+            self._first, _numbers(self._ends[:, 0], self._ends[:, 1], self._shift)
+        )
+        lost[rows] = self.work[here, 1]
+        return lost
+
+    @property
+    def slipped(self) -> float:
+        """What slip has dissipated so far, J, if `books` are kept."""
+        return float(self._gone + self.work[:, 1].sum())
 
     def pairs(self) -> np.ndarray:
         """Shape (k, 2): the two spheres of each contact that there is, or that may soon be."""
@@ -179,7 +218,7 @@ class MovingContacts:
         contact = bare.contacts()
         i, j = self._ends.T.astype(int)
         shift, pair = self._shift.astype(int), j >= 0
-        shift[pair] += turns[j[pair]] - turns[i[pair]]
+        shift[pair, :2] += turns[j[pair]] - turns[i[pair]]
         here = _numbers(contact.particle_i, contact.particle_j, contact.cell_shift)
         before, after = _matching(_numbers(i, j, shift), here)
         force = np.zeros((len(here), 3))

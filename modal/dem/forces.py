@@ -7,8 +7,13 @@ without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), 
 `modal.system.contacts` with finite increments. Without friction there is no history.
 
 `radius` (n,) is that of each sphere, m; `moduli` are E* and G*, Pa, of two spheres and then those
-of a sphere and a wall. The lever arms of a contact end in the middle of its overlap; of equal
+of a sphere and a wall. `change` (2, 3), m, is what the periods have gained in the step, and what
+the source wall has moved by. The lever arms of a contact end in the middle of its overlap; of equal
 spheres they are equal, and what makes them differ adds zeros.
+
+`work` (m, 2), J, is what each contact's shear force has stored and what slip has dissipated, by the
+trapezoidal rule; (0, 2) where nobody asks. The law keeps the force as the overlap changes, and with
+it the stiffness: what is stored is the sum of the work, no function of the force.
 
 The law of a contact is written once, for numbers and for arrays: the loop over contacts, compiled
 by numba, and numpy, which is about ten times slower and the loop's oracle, both call it.
@@ -27,7 +32,7 @@ from modal.packing.contact_law import (
     stiffness_normal,
     stiffness_tangential,
 )
-from modal.packing.network import SOURCE_WALL
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.loops import (
     compiled,
     compiled_part,
@@ -43,11 +48,13 @@ from modal.tools.loops import (
 TOTALS = (
     *("normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"),
     *("energy", "stiffness"),
+    *("source x", "source y", "source z", "receiver x", "receiver y", "receiver z"),
 )
-"""What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m."""
-WITHOUT_HISTORY = None, None, None, None, None, None
-"""In place of motion, time step, change of the sides, friction, normals and shear forces: numba
-then compiles a loop of the normal forces alone."""
+"""What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m, and
+the forces on both walls, N."""
+WITHOUT_HISTORY = None, None, None, None, None, None, None
+"""In place of motion, time step, change of the sides, friction, normals, shear forces and their
+work: numba then compiles a loop of the normal forces alone."""
 
 for _of_law in (
     contact_radius,
@@ -69,7 +76,7 @@ def increment(normal, lever, longer, apart, turning, second, dt, gained):
     """
     moved = plus(apart, lever, cross(normal, turning))
     moved = plus(moved, longer, cross(normal, second))
-    moved = dt * moved[0] + gained[0], dt * moved[1] + gained[1], dt * moved[2]
+    moved = plus(gained, dt, moved)
     return plus(moved, -dot(moved, normal), normal)
 
 
@@ -90,24 +97,36 @@ def share_held(shear, limit):
     return np.minimum(1.0, limit / np.maximum(size, 1e-300))
 
 
+@elementwise
+def shear_work(before, trial, after, stiffness):
+    """What a step stores in a contact's shear force and what its slip dissipates, J.
+
+    `before` and `after` are the forces, N, `trial` what the force would be without slip.
+    """
+    mean = plus((0.5 * before[0], 0.5 * before[1], 0.5 * before[2]), 0.5, after)
+    stored = dot(mean, plus(after, -1.0, before)) / stiffness
+    return stored, dot(mean, plus(trial, -1.0, after)) / stiffness
+
+
 def _forces_of_slab(
     first, last, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
-    normal, shear, load, stiffness, totals,
+    normal, shear, work, load, stiffness, totals,
 ):  # fmt: skip
     of_pairs, of_walls = Moduli(moduli[0], moduli[1]), Moduli(moduli[2], moduli[3])
     summed = len(stiffness) > 0
     all_normal = all_contact = energy = all_stiffness = 0.0
     along_x = along_y = along_z = 0.0
     touching = sliding = 0
+    at_source = at_receiver = (0.0, 0.0, 0.0)
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
         overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
         size = radius[i]
         if j >= 0:
-            a, b = shift[c, 0], shift[c, 1]
+            a, b, up = shift[c, 0], shift[c, 1], shift[c, 2]
             bx = position[j, 0] - position[i, 0] + a * side[0]
             by = position[j, 1] - position[i, 1] + b * side[1]
-            bz = position[j, 2] - position[i, 2]
+            bz = position[j, 2] - position[i, 2] + up * side[2]
             square = bx * bx + by * by + bz * bz
             reach = size + radius[j]
             if 0.0 < square < reach * reach:
@@ -118,7 +137,7 @@ def _forces_of_slab(
                 inverse = 1 / distance
                 nx, ny, nz = bx * inverse, by * inverse, bz * inverse
         else:
-            a = b = 0
+            a = b = up = 0
             nx, ny, nz = 0.0, 0.0, -1.0 if j == SOURCE_WALL else 1.0
             bx, by, bz = 0.0, 0.0, walls[0 if j == SOURCE_WALL else 1] - position[i, 2]
             overlap = size - nz * bz
@@ -127,6 +146,10 @@ def _forces_of_slab(
             if shear is not None and (normal[c, 0] != 0 or normal[c, 1] != 0 or normal[c, 2] != 0):
                 normal[c, 0] = normal[c, 1] = normal[c, 2] = 0.0
                 shear[c, 0] = shear[c, 1] = shear[c, 2] = 0.0
+                if len(work):
+                    # What an opening contact had stored in shear has slipped away.
+                    work[c, 1] += work[c, 0]
+                    work[c, 0] = 0.0
             continue
         pressed = normal_force(overlap, effective, law)
         fx, fy, fz = -pressed * nx, -pressed * ny, -pressed * nz
@@ -138,16 +161,23 @@ def _forces_of_slab(
                 apart = plus(apart, 1.0, (motion[j, 0], motion[j, 1], motion[j, 2]))
                 second = motion[j, 3], motion[j, 4], motion[j, 5]
                 turning = plus(turning, 1.0, second)
-            gained = a * change[0], b * change[1]
+            gained = a * change[0, 0], b * change[0, 1], up * change[0, 2]
+            if j == SOURCE_WALL:
+                gained = change[1, 0], change[1, 1], change[1, 2]
             slip = increment(n, lever, longer, apart, turning, second, dt, gained)
             before = normal[c, 0], normal[c, 1], normal[c, 2]
-            s = turned((shear[c, 0], shear[c, 1], shear[c, 2]), before, n, turning, dt)
-            s = plus(s, stiffness_tangential(overlap, effective, law), slip)
+            old = turned((shear[c, 0], shear[c, 1], shear[c, 2]), before, n, turning, dt)
+            kt = stiffness_tangential(overlap, effective, law)
+            s = trial = plus(old, kt, slip)
             limit = friction * pressed
             if dot(s, s) > limit * limit:
                 held = share_held(s, limit)
                 s = held * s[0], held * s[1], held * s[2]
                 sliding += 1
+            if len(work):
+                stored, lost = shear_work(old, trial, s, kt)
+                work[c, 0] += stored
+                work[c, 1] += lost
             normal[c, 0], normal[c, 1], normal[c, 2] = n
             shear[c, 0], shear[c, 1], shear[c, 2] = s
             fx, fy, fz = fx + s[0], fy + s[1], fz + s[2]
@@ -168,6 +198,10 @@ def _forces_of_slab(
             load[j, 0] -= fx
             load[j, 1] -= fy
             load[j, 2] -= fz
+        elif j == SOURCE_WALL:
+            at_source = plus(at_source, -1.0, (fx, fy, fz))
+        else:
+            at_receiver = plus(at_receiver, -1.0, (fx, fy, fz))
         kn = stiffness_normal(overlap, effective, law)
         if summed:
             stiffness[i] += kn
@@ -183,35 +217,36 @@ def _forces_of_slab(
     totals[0], totals[1], totals[2], totals[3] = all_normal, all_contact, touching, sliding
     totals[4], totals[5], totals[6] = along_x, along_y, along_z
     totals[7], totals[8] = energy, all_stiffness
+    totals[9], totals[10], totals[11] = at_source
+    totals[12], totals[13], totals[14] = at_receiver
 
 
 def _forces_by_slabs(
     slabs, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
-    normal, shear, load, stiffness,
+    normal, shear, work, load, stiffness,
 ):  # fmt: skip
     load[:], stiffness[:] = 0, 0
     count = len(slabs) - 1
-    totals = np.zeros((count, 9))
+    totals = np.zeros((count, len(TOTALS)))
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             k = 2 * half + odd
             _forces_of_slab(
                 slabs[k], slabs[k + 1], position, ends, shift, side, walls, radius, moduli, motion,
-                dt, change, friction, normal, shear, load, stiffness, totals[k],
+                dt, change, friction, normal, shear, work, load, stiffness, totals[k],
             )  # fmt: skip
     return totals.sum(axis=0)
 
 
 def forces_by_arrays(
     slabs, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
-    normal, shear, load, stiffness,
+    normal, shear, work, load, stiffness,
 ):  # fmt: skip
     """The same as the compiled loop; the fallback, and its oracle."""
     count = len(position)
     i, j = ends.T
     pair = j >= 0
-    branch = position[j] - position[i]
-    branch[:, :2] += shift * side
+    branch = position[j] - position[i] + shift * side
     face = walls[np.where(j == SOURCE_WALL, 0, 1)] - position[i, 2]
     branch[~pair] = np.column_stack([0 * face, 0 * face, face])[~pair]
     # A sphere beyond a wall is pushed back: its distance is negative.
@@ -232,13 +267,20 @@ def forces_by_arrays(
         lever, second = radius[i] - overlap / 2, np.where(pair, motion[j].T, 0.0)
         longer = np.where(pair, radius[j] - radius[i], 0.0)
         apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
-        gained = np.where(pair, (shift[near] * change).T, 0.0)
+        gained = np.where(pair, (shift[near] * change[0]).T, 0.0)
+        gained[:, j == SOURCE_WALL] = change[1][:, None]
         slip = increment(n, lever, longer, apart, turning, second[3:], dt, gained)
-        s = turned(shear[near].T, normal[near].T, n, turning, dt)
-        s = np.array(plus(s, stiffness_tangential(overlap, effective, law), slip))
+        old = turned(shear[near].T, normal[near].T, n, turning, dt)
+        kt = stiffness_tangential(overlap, effective, law)
+        trial = np.array(plus(old, kt, slip))
         limit = friction * pressed
-        slid = int((dot(s, s) > limit**2).sum())
-        s *= share_held(s, limit)
+        slid = int((dot(trial, trial) > limit**2).sum())
+        s = trial * share_held(trial, limit)
+        if len(work):
+            apart = np.setdiff1d(np.arange(len(ends)), near)
+            work[apart, 1] += work[apart, 0]
+            work[apart, 0] = 0
+            work[near] += np.transpose(shear_work(old, trial, s, kt))
         normal[:], shear[:] = 0, 0
         normal[near], shear[near] = n.T, s.T
         force, contact = force + s, np.sqrt(dot(force + s, force + s)).sum()
@@ -254,7 +296,9 @@ def forces_by_arrays(
         stiffness[:] = np.bincount(i, kn, count) + np.bincount(j[pair], kn[pair], count)
     virial = -(distance * force * n).sum(axis=1)
     energy = elastic_energy(overlap, effective, law).sum()
-    return np.array([pressed.sum(), contact, len(near), slid, *virial, energy, kn.sum()])
+    walls_hold = [-force[:, j == code].sum(axis=1) for code in (SOURCE_WALL, RECEIVER_WALL)]
+    sums = pressed.sum(), contact, len(near), slid, *virial, energy, kn.sum()
+    return np.array([*sums, *np.concatenate(walls_hold)])
 
 
 if numba is None:

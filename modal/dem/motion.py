@@ -95,11 +95,14 @@ class Dynamics:
 
     contacts: see `MovingContacts`; velocity (n, 6), m/s and rad/s; rates (3,), 1/s, of the cell;
     damping, the share of each force that local damping takes; masses (n, 2), kg and kg m^2. `step`
-    takes the time step, s.
+    takes the time step, s; `books` as of `MovingContacts`.
     """
 
-    def __init__(self, sample: Sample, damping: float = 0.0, skin: float = SKIN) -> None:
-        self.contacts = MovingContacts(sample, skin=skin, stiffness=False)
+    def __init__(
+        self, sample: Sample, damping: float = 0.0, skin: float = SKIN, *, books: bool = False
+    ) -> None:
+        self.contacts = MovingContacts(sample, skin=skin, stiffness=False, books=books)
+        self._source_at, self._source_step, self._source_way = np.zeros(3), np.zeros(3), 0.0
         self._bare = sample
         n = len(sample.position)
         self.velocity, self.damping = np.zeros((n, 6)), damping
@@ -112,6 +115,16 @@ class Dynamics:
         self._stretch = np.ones(3)
         self._far, self._moved = False, 0.0
         self._note_sought()
+
+    def place_source(self, displacement: Floats) -> None:
+        """Put the source wall of a cell at rest `displacement` (3,), m, off its place at the start.
+
+        It slides along x and y; the next step finds the forces of it where it is.
+        """
+        self._source_step = displacement - self._source_at
+        self._source_at = displacement
+        self.contacts.walls[0] = self._bare.walls[0] + displacement[2]
+        self._source_way += abs(float(self._source_step[2]))
 
     def step(self, dt: float, control: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
         """One step; `control` gives the strain rates (3,), 1/s, for the stresses (3,), Pa."""
@@ -134,7 +147,7 @@ class Dynamics:
         )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
-        moved = float(np.sqrt(largest))
+        moved = float(np.sqrt(largest)) + self._source_way
         # Both are ways since the list was made: by their difference the farthest one has grown.
         if not moved - self._moved < contacts.smallest:
             raise InputError(
@@ -154,11 +167,11 @@ class Dynamics:
             self._note_sought()
         self._age += 1
         gained = contacts.side * (1 - 1 / (1 + dt * self.rates[:2]))
-        contacts.touch(self.velocity, dt, gained)
+        contacts.touch(self.velocity, dt, np.array([[*gained, 0.0], self._source_step]))
 
     def _note_sought(self) -> None:
         self._age, self._far = 0, False
-        self._moved = 0.0
+        self._moved = self._source_way = 0.0
         self._sought_at: Floats = self.contacts.position.copy()
         self._stretch[:] = 1.0
 

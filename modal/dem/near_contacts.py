@@ -24,13 +24,14 @@ def still_complete(skin: float, stretch: np.ndarray, moved: float, radius: float
 def contacts_in_reach(
     position: np.ndarray, lengths: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (k, 2) and lateral periods (k, 2) of the contacts in reach, sorted by the first end.
+    """Ends (k, 2) and periods (k, 3) of the contacts in reach, sorted by the first end.
 
     Pairs at most `reach`, m, apart, and spheres at most half of it from a wall, whose code is the
     second end. `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, walls at both ends
     of z, the lower one at 0.
     """
     ends, shift = pairs_in_reach(position, lengths, reach)
+    shift = np.column_stack([shift, np.zeros(len(shift), np.int8)])
     low = np.flatnonzero(position[:, 2] < reach / 2)
     high = np.flatnonzero(lengths[2] - position[:, 2] < reach / 2)
     at = np.concatenate([low, high])
@@ -54,7 +55,7 @@ def near_enough(
     ends, shift = contacts
     i, j = ends.T
     branch = position[j] - position[i]
-    branch[:, :2] += shift * lengths[:2]
+    branch += shift * lengths
     reach = radius[i] + radius[j] + 2 * skin
     near = (j < 0) | ((branch**2).sum(axis=1) <= reach**2)
     return ends[near].copy(), shift[near].copy()

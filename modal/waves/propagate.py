@@ -14,11 +14,12 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
 from modal.packing.network import Network
+from modal.packing.sample import Sample
 from modal.system.contacts import with_sliding
 from modal.system.damping import ContactDamping
 from modal.system.operator import ContactOperator
@@ -30,6 +31,7 @@ from modal.tools.workload import refuse_endless
 from modal.waves.chebyshev import Observer, summed
 from modal.waves.damped import propagate_damped
 from modal.waves.driven import Driven
+from modal.waves.nonlinear import NonlinearWave, propagate_nonlinear
 from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion, Pulse
 from modal.waves.weights import Expansion, orders_of
@@ -66,11 +68,22 @@ class LinearWave:
         return self.signals.plot(ax)
 
 
-@checked
+@overload
 def propagate(
-    network: Network,
+    network: Network | Sample, duration: float, *, nonlinear: Literal[True], **options: Any
+) -> NonlinearWave: ...
+
+
+@overload
+def propagate(network: Network | Sample, duration: float, **options: Any) -> LinearWave: ...
+
+
+@checked  # type: ignore[misc]  # the overloads leave the options to the function itself
+def propagate(
+    network: Network | Sample,
     duration: float,
     *,
+    nonlinear: bool = False,
     motion: Motion | None = None,
     interval: float = 1e-6,
     tolerance: float = 1e-9,
@@ -81,7 +94,10 @@ def propagate(
     damping: ContactDamping | None = None,
     whole: bool = False,
     network_sha256: str = "",
-) -> LinearWave:
+    accuracy: float | None = None,
+    time_step: float | None = None,
+    friction: float | None = None,
+) -> LinearWave | NonlinearWave:
     """The wave that a small motion of the source wall sends through a packing.
 
     The contacts' springs stay what they are (linear). There is no time-step error: at all recorded
@@ -98,6 +114,9 @@ def propagate(
     the contacts dashpots (`modal.system.damping`), which takes some ten times as many products.
     A packing of equal parts side by side, as a crystal, is computed in one of them where that is
     exact to the `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it.
+    With `nonlinear` contacts follow their law instead: they harden, slide, open and close, and the
+    wave is of any size (`modal.waves.nonlinear`, which alone has `accuracy`, `time_step` and, of a
+    network, `friction`).
     InputError for impossible arguments, for a network without stiffness, and where the run would
     take more than a day or the memory; GrowthError where K has negative directions.
 
@@ -106,6 +125,26 @@ def propagate(
     >>> wave.signals.chain_displacement.shape
     (51, 30)
     """
+    own: dict[str, Any] = {"accuracy": accuracy, "time_step": time_step, "friction": friction}
+    own = {name: value for name, value in own.items() if value is not None}
+    linear = {"tolerance": tolerance != 1e-9, "pre_stress": pre_stress != "none", "whole": whole}
+    linear |= {"sliding": sliding != "elastic", "damping": damping is not None}
+    for name in (name for name, given in linear.items() if given) if nonlinear else own:
+        kind = "linear" if nonlinear else "non-linear"
+        raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
+    if nonlinear:
+        return propagate_nonlinear(
+            network,
+            duration,
+            motion=motion,
+            interval=interval,
+            particles=particles,
+            direction=direction,
+            network_sha256=network_sha256,
+            **own,
+        )
+    if isinstance(network, Sample):
+        network = network.network()
     if not (0 < interval <= duration < np.inf and 0 < tolerance < 1):
         raise InputError(
             "duration and interval must be positive, the interval no longer than the duration, "

@@ -1,0 +1,321 @@
+"""The wave at finite amplitude: contacts that follow their law, slide, open and close.
+
+The spheres of a sample move in the leapfrog steps of `modal.dem`. State k is at time k dt: forces
+of the positions x_k and of the source wall at d(k dt), velocities half a step ahead, as in YADE and
+in `modal.waves.leapfrog`. The step follows from the error that it makes: the scheme is of second
+order, so two runs whose steps differ by a factor r tell the error of the finer one, their
+difference over r^2 - 1. Where contacts slide or open the order may be lower; then the last
+difference is all that is known, and it is told.
+
+The energy is booked: what the source wall has given is kinetic, or stored in contacts, or
+dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and works
+by the trapezoidal rule, leapfrog keeps that sum but for the change of stiffness within a step.
+"""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.dem.motion import Dynamics
+from modal.packing.chain import wall_to_wall_chain
+from modal.packing.layers import Layers
+from modal.packing.network import Network
+from modal.packing.sample import Sample, sample_of_network
+from modal.solvers.spectrum import bound_of_spectrum
+from modal.system.operator import ContactOperator
+from modal.tools.arrays import Bools, Floats
+from modal.tools.display import quantity
+from modal.tools.errors import InputError
+from modal.tools.progress import progress
+from modal.tools.workload import refuse_endless
+from modal.waves.energy_balance import EnergyBalance, drift_limit
+from modal.waves.signals import DIRECTIONS, Signals, record_times
+from modal.waves.source import Motion, Pulse
+
+ACCURACY = 1e-3
+"""Error of the time step, over the largest displacement recorded, where no other is asked for."""
+FIRST = 0.25
+"""Step of the first run, over the longest stable one 2 / omega_max; that of the second is half."""
+MOST_RUNS = 5
+"""At most, each with a step up to a quarter of the one before."""
+SURE = 0.8
+"""Share of the accuracy that a next step is chosen for, so that it seldom just misses it."""
+LOOKS = 40
+"""Looks at which contacts have opened, in a run: sorting them costs some steps."""
+PRODUCTS = 2.0
+"""What a step costs, in products with K, about."""
+
+
+@dataclass(frozen=True, repr=False)
+class NonlinearWave:
+    """Result of `propagate_nonlinear`.
+
+    `signals` as of the linear wave, with the energy balance; `steps` of the last run; `error`: that
+    of its time step, over the largest displacement recorded (NaN where the step was given);
+    `noise`: largest displacement without any motion of the wall, over the same. `energy` (nt, 4),
+    J, at the times of the signals: work of the source wall, kinetic energy, what the contacts have
+    stored beyond the state at rest, what slip has dissipated. Of each contact of the sample's
+    network (m,): `dissipated` by its slip, J, and whether it was seen `opened`.
+    """
+
+    signals: Signals
+    steps: int
+    error: float
+    noise: float
+    energy: Floats
+    dissipated: Floats
+    opened: Bools
+
+    def __repr__(self) -> str:
+        slid = int((self.dissipated > 0).sum())
+        at_most = quantity(float(abs(self.signals.receiver_stress).max()), "Pa")
+        return (
+            f"<NonlinearWave: {self.signals!r}, {at_most} at most on the receiver wall, {slid} "
+            f"contacts slid, {int(self.opened.sum())} opened>"
+        )
+
+
+@dataclass
+class _Run:
+    """What one run has recorded.
+
+    Displacements (nt, count), m, of the chain, of layers and, where asked, of all; wall forces
+    (nt, 2), N; and the rest as in `NonlinearWave`.
+    """
+
+    moved: Floats
+    on_walls: Floats
+    energy: Floats
+    dissipated: Floats
+    opened: Bools
+    seconds: float
+
+
+def propagate_nonlinear(
+    sample: Sample | Network,
+    duration: float,
+    *,
+    motion: Motion | None = None,
+    interval: float = 1e-6,
+    accuracy: float = ACCURACY,
+    time_step: float | None = None,
+    friction: float | None = None,
+    particles: bool = False,
+    direction: str = "z",
+    network_sha256: str = "",
+) -> NonlinearWave:
+    """The wave that a motion of the source wall, of any size, sends through a sample at rest.
+
+    Displacements are off by `accuracy` of the largest recorded one, or `time_step`, s, is taken as
+    it is. `friction` is the sample's own; of a network, which has none, it must be given. Other
+    arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
+    quite at rest is told, not taken off.
+    """
+    if direction not in DIRECTIONS:
+        raise InputError(f"direction {direction!r}: choose x, y or z")
+    if not (0 < interval <= duration < np.inf and 0 < accuracy < 1):
+        raise InputError(
+            "duration and interval must be positive, the interval no longer than the duration, "
+            "the accuracy between 0 and 1"
+        )
+    wave = _Wave(
+        _at_rest(sample, friction), duration, interval, motion or Pulse(), direction, particles
+    )
+    if time_step is not None:
+        if not 0 < time_step < wave.limit:
+            raise InputError(
+                f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
+                f"{wave.limit:.4g} s; take a smaller one"
+            )
+        every, error = math.ceil(interval / time_step * (1 - 1e-9)), math.nan
+        run = wave.run(every)
+    else:
+        every, run, error = wave.run_to(accuracy)
+    quiet = wave.run(math.ceil(interval / (FIRST * wave.limit)), driven=False)
+    largest = abs(run.moved).max(initial=0.0)
+    return NonlinearWave(
+        wave.signals(run, every, network_sha256),
+        every * (len(wave.time) - 1),
+        error,
+        float(abs(quiet.moved).max(initial=0.0) / largest) if largest else math.inf,
+        run.energy,
+        run.dissipated,
+        run.opened,
+    )
+
+
+def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
+    """The sample to start from; InputError for one in motion, or of a law that is not known."""
+    if isinstance(sample, Network):
+        if friction is None:
+            raise InputError(
+                "a network has no friction, which says when its contacts slide: give friction"
+            )
+        if sample.cell_periodic[2]:
+            raise InputError("a cell periodic along z has no wall that sends a wave; take walls")
+        return sample_of_network(sample, friction)
+    if sample.velocity is not None and sample.velocity.any():
+        raise InputError("the sample is on its way; bring it to rest first (modal relax)")
+    if friction is not None:
+        raise InputError("a sample has its own friction: leave friction out")
+    return sample
+
+
+class _Wave:
+    """A sample, the motion of its source wall, and the runs in steps of any length.
+
+    `limit`, s, is the longest stable step of the springs at rest.
+    """
+
+    def __init__(
+        self,
+        sample: Sample,
+        duration: float,
+        interval: float,
+        motion: Motion,
+        direction: str,
+        particles: bool,
+    ) -> None:
+        self.sample, self.network = sample, sample.network()
+        self.motion, self.direction, self.interval = motion, direction, interval
+        self.axis, self.particles = DIRECTIONS.index(direction), particles
+        self.time = record_times(duration, interval)
+        self.chain, self.layers = wall_to_wall_chain(self.network), Layers(self.network)
+        self._operator = ContactOperator(self.network, mass_scaled=True)
+        top, _ = bound_of_spectrum(self._operator)
+        self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
+
+    def run_to(self, accuracy: float) -> tuple[int, _Run, float]:
+        """Steps from record to record, the run with them, and its error, over the largest motion.
+
+        InputError where the accuracy is not reached.
+        """
+        every = math.ceil(self.interval / (FIRST * self.limit))
+        finer, coarse = 2 * every, self.run(every)
+        for _ in range(MOST_RUNS):
+            fine = self.run(finer)
+            largest = abs(fine.moved).max(initial=0.0)
+            apart = abs(fine.moved - coarse.moved).max(initial=0.0)
+            error = float(apart / largest / ((finer / every) ** 2 - 1)) if largest else 0.0
+            if error <= accuracy:
+                return finer, fine, error
+            growth = math.sqrt(error / (SURE * accuracy))
+            every, coarse = finer, fine
+            finer = math.ceil(every * min(max(growth, 1.2), 4.0))
+        raise InputError(
+            f"the error of the time step is still {error:.1e} of the motion at "
+            f"{self.interval / every:.3g} s: spheres fly about, whose ways no step repeats; ask "
+            "for a larger accuracy, a smaller amplitude or a shorter duration, or give a time step"
+        )
+
+    def run(self, every: int, *, driven: bool = True) -> _Run:
+        """One run of `every` steps from record to record; at rest the wall where not `driven`."""
+        started, sample, nt = clock.perf_counter(), self.sample, len(self.time)
+        dt, steps = self.interval / every, every * (nt - 1)
+        spheres = len(sample.position) if self.particles else 0
+        count = len(self.chain) + len(self.layers.position) + spheres
+        refuse_endless(
+            f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
+            self._operator,
+            products=PRODUCTS * steps,
+            bytes_needed=8 * (3 * nt * count + steps),
+            remedy="take a shorter duration or a larger accuracy",
+        )
+        moving = Dynamics(sample, books=True)
+        contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
+        start, axis = sample.position[:, self.axis], self.axis
+        contact_count, look = self.network.n_contacts, max(1, nt // LOOKS)
+        wall = self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
+        wall = wall if driven else np.zeros(steps + 1)
+        run = _Run(
+            np.empty((nt, count)), np.empty((nt, 2)), np.empty((nt, 4)), np.zeros(contact_count),
+            np.zeros(contact_count, bool), 0.0,
+        )  # fmt: skip
+        work = force = rest = 0.0
+        for k in progress(steps + 1, "wave" if driven else "noise"):
+            row, recorded = k // every, k % every == 0
+            if recorded:
+                run.moved[row] = self._seen(contacts.position[:, axis] - start)
+                before = moving.velocity.copy()
+            moving.place_source(wall[k] * np.eye(3)[axis])
+            moving.step(dt)
+            # Minus the force that the wall feels is what it exerts: its work is the mean of both
+            # ends of a step, as that of the forces between spheres is.
+            now = -float(contacts.on_walls[0, axis])
+            if k:
+                work += 0.5 * (force + now) * (wall[k] - wall[k - 1])
+            force = now
+            if recorded:
+                stored = contacts.elastic_energy + float(contacts.work[:, 0].sum())
+                rest = rest if k else stored
+                kinetic = 0.5 * float((inertia * before * moving.velocity).sum())
+                run.energy[row] = work, kinetic, stored - rest, contacts.slipped
+                run.on_walls[row] = contacts.on_walls[:, axis]
+                if row % look == 0 or k == steps:
+                    closed = np.zeros(contact_count, bool)
+                    closed[contacts.kept()[0]] = True
+                    run.opened |= ~closed
+        run.dissipated[:] = contacts.slip_work()
+        run.seconds = clock.perf_counter() - started
+        if not np.isfinite(run.moved).all():
+            raise InputError("the wave is not finite: take a smaller amplitude")
+        return run
+
+    def _seen(self, moved: Floats) -> Floats:
+        """What is recorded of the displacements (n,)."""
+        seen = moved[self.chain], self.layers.means(moved)
+        return np.concatenate([*seen, moved] if self.particles else seen)
+
+    def signals(self, run: _Run, every: int, network_sha256: str) -> Signals:
+        """The run in the form of the linear wave."""
+        area = self.network.area
+        static, sign = run.on_walls[0], np.array([-1.0, 1.0])
+        stress = sign * (run.on_walls - static) / area
+        dt = self.interval / every
+        c, nl = len(self.chain), len(self.layers.position)
+        return Signals(
+            time=self.time,
+            chain_particle=self.chain,
+            chain_position=self.network.position[self.chain, 2],
+            chain_displacement=run.moved[:, :c],
+            source_displacement=self.motion.displacement(self.time),
+            source_stress=stress[:, 0],
+            receiver_stress=stress[:, 1],
+            producer="nonlinear",
+            case=str(self.network.study.get("case", "")),
+            amplitude=self.motion.amplitude,
+            input_frequency=self.motion.frequency,
+            time_step=dt,
+            run_time=run.seconds,
+            network_sha256=network_sha256,
+            direction=self.direction,
+            layer_position=self.layers.position,
+            layer_displacement=run.moved[:, c : c + nl],
+            particle_displacement=run.moved[:, c + nl :] if self.particles else None,
+            balance=self._balance(run, dt),
+        )
+
+    def _balance(self, run: _Run, dt: float) -> EnergyBalance | None:
+        """The books from the end of the wall's motion on; None where the record ends before it."""
+        quiet = int(np.searchsorted(self.time, self.motion.corners[-1]))
+        if quiet >= len(self.time) - 1:
+            return None
+        work, kinetic, stored, lost = run.energy.T
+        held = kinetic + stored
+        slid = int((run.dissipated > 0).sum())
+        bound = drift_limit(self.network, dt / self.limit, self.motion.amplitude, held[quiet])
+        return EnergyBalance(
+            energy=float(held[quiet]),
+            drift=float(held[-1] / held[quiet] - 1),
+            friction=float((lost[-1] - lost[quiet]) / held[quiet]),
+            contacts=len(run.opened),
+            opened=int(run.opened.sum()),
+            slid=slid,
+            limit=math.nan if slid else float(bound),
+            work=float(work[-1]),
+            gap=float((held[-1] + lost[-1] - work[-1]) / abs(work[-1])),
+        )

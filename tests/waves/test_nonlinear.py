@@ -1,0 +1,192 @@
+"""The wave at finite amplitude: against an ODE solver, the linear wave, its books, YADE."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from places import ROOT, SHEARED
+from scipy.integrate import solve_ivp
+
+import modal
+from modal.__main__ import main
+from modal.packing import crystal as gallery
+from modal.packing.sample import read_sample, write_sample
+from modal.preparation.relax import relax
+from modal.tools.errors import InputError
+from modal.waves.signals import read_signals
+from modal.waves.source import Pulse, step
+
+DURATION = 8e-4
+"""In which a wave crosses the column of forty spheres, s, and comes back."""
+
+
+@pytest.fixture(scope="module")
+def column():
+    return gallery.column(40)
+
+
+@pytest.fixture(scope="module")
+def rested():
+    """150 spheres with friction, at rest."""
+    sample, balance = relax(read_sample(SHEARED))
+    assert balance.at_rest
+    return sample
+
+
+def of_ode(network, motion, duration):
+    """Displacements (nt, n) of a column of Hertz spheres, by an explicit method of eighth order."""
+    overlap, force = network.overlap, network.force_normal
+    mass = network.mass[0]
+
+    def rates(t, state):
+        u, v = np.split(state, 2)
+        wall = motion.displacement(np.array([t]))[0]
+        places = np.concatenate([[wall], u, [0.0]])
+        # The contacts from below: with the source wall, between spheres, with the receiver wall.
+        order = [0, *range(1, len(u)), len(u)]
+        deep = np.maximum(overlap[order] + places[:-1] - places[1:], 0)
+        push = force[order] * (deep / overlap[order]) ** 1.5
+        return np.concatenate([v, (push[:-1] - push[1:]) / mass])
+
+    times = 1e-6 * np.arange(round(duration * 1e6) + 1)
+    found = solve_ivp(
+        rates, (0, times[-1]), np.zeros(2 * len(network.mass)), "DOP853", times, rtol=1e-11,
+        atol=1e-18, max_step=1e-6,
+    )  # fmt: skip
+    return found.y[: len(network.mass)].T
+
+
+def off(found, expected):
+    return abs(found - expected).max() / abs(expected).max()
+
+
+def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
+    """Pushed by 0.4 of an overlap, where the linear wave is far off; the told error holds."""
+    motion = Pulse(0.2 * column.overlap[1], 2e4)
+    expected = of_ode(column, motion, DURATION)
+
+    def found(**options):
+        return modal.propagate(
+            column, DURATION, nonlinear=True, motion=motion, friction=0.3, **options
+        )
+
+    wave = found(accuracy=1e-4)
+    assert off(wave.signals.chain_displacement, expected) < 1e-4
+    assert (
+        wave.error
+        < 1e-4
+        < off(modal.propagate(column, DURATION, motion=motion).signals.chain_displacement, expected)
+    )
+    errors = [off(found(time_step=dt).signals.chain_displacement, expected) for dt in (2e-7, 1e-7)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.05)
+    # Nothing opens or slides: all of the wall's work is in the wave, to second order of the step.
+    balance = wave.signals.balance
+    assert balance.kept and abs(balance.gap) < 1e-5 and balance.slid == balance.opened == 0
+
+
+@pytest.mark.parametrize("direction", ["z", "x"])
+def test_small_waves_are_the_linear_wave(rested, direction):
+    """The difference from the full tangent shrinks in proportion to the amplitude."""
+    differences = []
+    for amplitude in (2e-9, 2e-10):
+        options = {"motion": Pulse(amplitude, 1e5), "direction": direction}
+        wave = modal.propagate(rested, 1e-4, nonlinear=True, time_step=1e-8, **options).signals
+        linear = modal.propagate(rested, 1e-4, pre_stress="full", **options).signals
+        names = ("chain_displacement", "layer_displacement", "source_stress", "receiver_stress")
+        differences.append([off(getattr(wave, name), getattr(linear, name)) for name in names])
+    assert (np.array(differences[0]) < 1e-2).all()
+    # What is left of a tenth is the error of the time step, 2e-5 of these waves.
+    assert (np.array(differences[1]) < 0.12 * np.array(differences[0]) + 5e-5).all()
+
+
+@pytest.mark.parametrize("direction", ["z", "y"])
+def test_energy_adds_up_where_contacts_slide_and_open(rested, direction):
+    """A quarter of a micrometre, a third of an overlap; the wall stops displaced, too."""
+    for motion in (Pulse(2.5e-7, 1e5), step(2.5e-7, 1e-5)):
+        wave = modal.propagate(
+            rested, 1e-4, nonlinear=True, motion=motion, direction=direction, time_step=2e-8
+        )
+        work, kinetic, stored, lost = wave.energy.T
+        assert (wave.dissipated > 0).sum() > 20
+        assert lost[-1] > 0.05 * work.max()
+        # The rest was lost by contacts that the wave has closed.
+        assert 0.95 * lost[-1] < wave.dissipated.sum() <= lost[-1] * (1 + 1e-12)
+        assert (np.diff(lost) >= 0).all()
+        assert abs(kinetic + stored + lost - work).max() < 1e-3 * abs(work).max()
+    assert wave.opened.any() or direction == "y"
+
+
+def test_wall_forces_are_the_momentum_that_the_spheres_gain(rested):
+    """Newton: the walls' pushes, integrated over time, are the momentum along each axis."""
+    for direction, axis in (("x", 0), ("z", 2)):
+        wave = modal.propagate(
+            rested, 2e-5, nonlinear=True, motion=Pulse(1e-8, 1e5), direction=direction,
+            time_step=2e-8, interval=2e-8, particles=True,
+        ).signals  # fmt: skip
+        network = rested.network()
+        push = network.area * (wave.source_stress - wave.receiver_stress)
+        moved = wave.particle_displacement @ network.mass
+        # Leapfrog: the second difference of the centre of mass is the force at the middle.
+        gained = np.diff(moved, 2) / 2e-8**2
+        assert off(gained, push[1:-1]) < 1e-4, axis
+
+
+THREADS = """
+import sys
+import numba
+sys.path[:0] = ["tests"]
+from places import SHEARED
+import modal
+from modal.packing.sample import read_sample
+from modal.tools import loops
+from modal.waves.source import Pulse
+loops.ENOUGH = 1
+for threads in (1, 2):
+    numba.set_num_threads(threads)
+    wave = modal.propagate(
+        read_sample(SHEARED), 2e-5, nonlinear=True, motion=Pulse(2e-7, 1e5), time_step=1e-7
+    )
+    print(wave.signals.chain_displacement.tobytes().hex(), wave.energy.tobytes().hex())
+"""
+
+
+def test_threads_change_no_bit():
+    pytest.importorskip("numba")
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", THREADS]
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
+    one, two = done.stdout.splitlines()
+    assert len(one) > 1000 and one == two
+
+
+def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
+    sample, out = str(tmp_path / "rested.sample.h5"), str(tmp_path / "wave.signals.h5")
+    write_sample(sample, rested)
+    words = f"wave {sample} --nonlinear --amplitude 1e-8 --duration 5e-5 --direction x -o {out}"
+    assert main([*words.split(), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    signals = read_signals(out)
+    assert signals.direction == "x" and len(signals.time) == said["times"] == 51
+    assert signals.balance.kept and abs(said["energy_gap"]) < 1e-3
+    assert said["time_step_error"] < 1e-3
+
+
+def test_what_is_no_sample_at_rest_is_refused(rested, column):
+    moving = replace(rested, velocity=np.ones_like(rested.position))
+    for sample, options, reason in (
+        (moving, {}, "on its way"),
+        (column, {}, "give friction"),
+        (rested, {"friction": 0.3}, "its own friction"),
+        (rested, {"time_step": 1e-5}, "stable up to"),
+        (rested, {"pre_stress": "full"}, "of the linear wave"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            modal.propagate(sample, 1e-5, nonlinear=True, **options)
+    with pytest.raises(InputError, match="of the non-linear wave"):
+        modal.propagate(column, 1e-5, accuracy=1e-3)
