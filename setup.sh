@@ -70,12 +70,16 @@ fi
 
 # The stamp holds what was installed, so that a second run, or a change of pyproject.toml, is seen.
 stamp=".venv/installed-$extra"
-if ! cmp -s pyproject.toml "$stamp"; then
+# The tests' tools have fixed versions, so that they find tomorrow what they find today.
+constraints=()
+[ "$extra" != test ] || constraints=(.ci/constraints.txt)
+if ! cat pyproject.toml "${constraints[@]}" | cmp -s - "$stamp"; then
     echo "setup.sh: installing Python packages in .venv, for $extra (a minute or two)"
     # pip is the last that a new environment gets: without it that was interrupted.
     .venv/bin/python -m pip --version > /dev/null 2>&1 || python3 -m venv .venv
     pip=".venv/bin/python -m pip install --quiet --use-pep517 --disable-pip-version-check"
     # The fast packages are optional: where they cannot be had, the rest is installed without.
+    pip+=" ${constraints[*]/#/--constraint=}"
     $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
     # Programs that tests compare with or look with are tried; without them these tests are skipped.
     if [ "$extra" = test ]; then
@@ -83,5 +87,5 @@ if ! cmp -s pyproject.toml "$stamp"; then
         command -v chromium || command -v google-chrome || { can_install && from_debian chromium; } ||
             echo "setup.sh: without Chromium, which shows the pages to watch" >&2
     fi > /dev/null
-    cp pyproject.toml "$stamp"
+    cat pyproject.toml "${constraints[@]}" > "$stamp"
 fi
