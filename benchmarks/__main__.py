@@ -4,7 +4,7 @@
 
 Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
 there lists them. Without names all jobs run but `compression`, whole packings, `threads`, whole
-commands on one core and on all, and `large`, which needs 16 GB: some three minutes with --quick, 25
+commands on one core and on all, and `questions`, which needs 16 GB: three minutes with --quick, 25
 without. The name `defaults` measures nothing: it prints what the rows in DIR say of the programs'
 defaults.
 """
@@ -23,7 +23,7 @@ from benchmarks.harness import machine
 from modal.tools.errors import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "contact_loop", "scaling")
-NAMED = (*JOBS, "compression", "threads", "large")
+NAMED = (*JOBS, "compression", "threads", "questions")
 """The last three run only when they are named."""
 
 

@@ -61,7 +61,7 @@ COLUMNS = {
         "compression": ("task", "threads", "contacts", "steps", "ms_a_step", "seconds", "peak_mb"),
     },
     "threads": {"threads": ("task", "others", "one_thread_s", "own_choice_s", "times_faster")},
-    "large": {"large": ("task", "spheres", "seconds", "peak_mb")},
+    "questions": {"questions": ("question", "spheres", "goal_s", "seconds", "peak_mb")},
 }
 """Table -> columns that must hold numbers, for each job."""
 
