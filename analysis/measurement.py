@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from analysis.belonging import WAVES, cases_of_files, kind_of, owner_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from analysis.value import Value
+from modal.formats.hdf5 import write_text
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.tools.display import table
@@ -21,13 +23,15 @@ from modal.waves.source import Motion
 
 SAME_STATE = ("mu_comp", "mu_wave", "stress")
 """What the study of samples of one state has in common."""
+SCHEMA = "granular-measurement"
+"""Of result files."""
 
 
 class Measurement(Mapping[str, Value]):
-    """Quantities of a packing by name."""
+    """Quantities of a packing by name, and what the packing is: `about`, plain facts by name."""
 
-    def __init__(self, values: dict[str, Value]) -> None:
-        self._values = values
+    def __init__(self, values: Mapping[str, Value], about: Mapping[str, Any] | None = None) -> None:
+        self._values, self.about = dict(values), dict(about or {})
 
     def __getitem__(self, name: str) -> Value:
         return self._values[name]
@@ -41,6 +45,27 @@ class Measurement(Mapping[str, Value]):
     def as_json(self) -> dict[str, dict[str, Any]]:
         """{quantity: {value, error, unit, caveats}}; what is not known is None."""
         return {name: value.as_json() for name, value in self.items()}
+
+    def write(self, path: str | Path) -> None:
+        """Write the result file, JSON: quantities with the parts of their errors, and `about`."""
+        whole = {name: value.as_json(whole=True) for name, value in self.items()}
+        told = {"schema": SCHEMA, "version": 1, "about": self.about, "quantities": whole}
+        write_text(path, json.dumps(told, indent=1, allow_nan=False) + "\n")
+
+    @classmethod
+    def read(cls, path: str | Path) -> Measurement:
+        """From a result file; InputError where it is none."""
+        try:
+            told = json.loads(Path(path).read_text())
+            if (told["schema"], told["version"]) != (SCHEMA, 1):
+                raise ValueError(f"schema {told['schema']!r}, version {told['version']}")
+            values = {name: Value.of_json(one) for name, one in told["quantities"].items()}
+            return cls(values, told["about"])
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error}); check the name") from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            text = f"{path}: no result file of `measure` ({error}); measure again with -o"
+            raise InputError(text) from error
 
     def __str__(self) -> str:
         """A line a quantity, then what to know, with the quantities that it is about."""
@@ -61,13 +86,16 @@ def measure(
     *records: Signals | str | Path,
     quantities: Sequence[str] | None = None,
     source: Motion | None = None,
+    keep: str | Path | None = None,
 ) -> Measurement:
     """Measure a packing: what it is, how fast, how far and up to which frequency waves go.
 
     `packing` is a network, a sample or a file of either. `records` are waves that were recorded in
     it (`Signals` or files); without any the linear wave of its contacts is computed, from a wall
     that moves by `source`, by default a pulse of 0.33 V / D. `quantities` are names of
-    `analysis.quantities.QUANTITIES`, by default all; `QUICK` has those that take one wave or less.
+    `analysis.quantities.QUANTITIES`, by default all but those that are measured on request; `QUICK`
+    has those that take one wave or less. `keep` is a folder for costly spectra, which a later call
+    finds there.
 
     The result maps each name to a `Value`: `value` and `error` in SI units, `unit`, and `caveats`,
     sentences on what the number leaves open. What cannot be measured is NaN, and a caveat says why.
@@ -79,19 +107,6 @@ def measure(
     >>> print(f"{found['v_p'].value:.0f} {found['v_p'].unit}")
     776 m/s
     """
-    names = list(QUANTITIES) if quantities is None else list(quantities)
-    for name in names:
-        if name not in QUANTITIES:
-            raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
-    measuring = _measuring(packing, records, source)
-    return Measurement({name: QUANTITIES[name].measured(measuring) for name in names})
-
-
-def _measuring(
-    packing: Network | Sample | str | Path,
-    records: Sequence[Signals | str | Path],
-    source: Motion | None,
-) -> Measuring:
     case = None
     if isinstance(packing, str | Path):
         (case,) = cases_of_files([packing])
@@ -102,14 +117,41 @@ def _measuring(
     else:
         network = packing.network() if isinstance(packing, Sample) else packing
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
-    for wave in waves:
-        if wave.chain_particle.max() >= network.n_particles:
-            raise InputError("a record's chain leaves the packing; give the packing it is of")
-    return Measuring(network, waves, source, case)
+    return _measured(Measuring(network, waves, source, case, keep), quantities)
+
+
+def _measured(packing: Measuring, quantities: Sequence[str] | None) -> Measurement:
+    names = list(quantities or (q.name for q in QUANTITIES.values() if not q.asked))
+    for name in names:
+        if name not in QUANTITIES:
+            raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
+    network = packing.network
+    if any(wave.chain_particle.max() >= network.n_particles for wave in packing.records):
+        raise InputError("a record's chain leaves the packing; give the packing it is of")
+    about = {
+        "packing": network.fingerprint,
+        "particles": network.n_particles,
+        "length_over_d": network.length / packing.diameter,
+        "width_over_d": packing.width,
+        "diameter_m": packing.diameter,
+        "crystal": packing.crystal,
+        "records": [wave.producer for wave in packing.records],
+    }
+    about |= {key: network.study[key] for key in SAME_STATE if key in network.study}
+    values = {name: QUANTITIES[name].measured(packing) for name in names}
+    return Measurement(values, {name: _plain(fact) for name, fact in about.items()})
+
+
+def _plain(fact: Any) -> Any:
+    """A fact as JSON has it: numbers of numpy as Python's, NaN as None."""
+    fact = fact.item() if isinstance(fact, np.generic) else fact
+    return None if isinstance(fact, float) and not np.isfinite(fact) else fact
 
 
 def measure_files(
-    paths: Sequence[str], quantities: Sequence[str] | None = None
+    paths: Sequence[str],
+    quantities: Sequence[str] | None = None,
+    keep: str | Path | None = None,
 ) -> tuple[dict[str, Measurement], Measurement | None]:
     """A measurement for each packing among the files, and their mean where there are several.
 
@@ -119,25 +161,23 @@ def measure_files(
     waves = [path for path in paths if kind_of(path) in WAVES]
     cases = cases_of_files([path for path in paths if path not in waves])
     owner = {path: owner_of(Path(path), cases) for path in waves}
-    found, states = {}, []
+    found = {}
     for case in cases:
         records = [read_signals(path) for path in waves if owner[path] is case]
-        measuring = Measuring(case.network, records, None, case)
-        names = list(QUANTITIES) if quantities is None else quantities
-        values = {name: QUANTITIES[name].measured(measuring) for name in names}
-        found[_as_given(case.packing_path, paths)] = Measurement(values)
-        states.append(tuple(str(case.network.study.get(key)) for key in SAME_STATE))
+        packing = Measuring(case.network, records, None, case, keep)
+        found[_as_given(case.packing_path, paths)] = _measured(packing, quantities)
     if len(found) < 2:
         return found, None
-    return found, _mean(list(found.values()), same=len(set(states)) == 1)
+    states = {tuple(str(one.about.get(key)) for key in SAME_STATE) for one in found.values()}
+    return found, mean_of(list(found.values()), same=len(states) == 1)
 
 
 def _as_given(path: Path, paths: Sequence[str]) -> str:
     return next((text for text in paths if Path(text) == path), str(path))
 
 
-def _mean(measurements: list[Measurement], *, same: bool) -> Measurement:
-    """Mean of each quantity over packings, and its standard error from their scatter.
+def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
+    """Mean of each quantity over packings, its standard error and their scatter.
 
     Of arrays at the frequencies of the first. `same` says that they are samples of one state.
     """
@@ -146,20 +186,22 @@ def _mean(measurements: list[Measurement], *, same: bool) -> Measurement:
         each = [m[name] for m in measurements if m[name].known]
         if first.at is not None:
             each = [value for value in each if value.at is not None]
-        if not each:
+        if not each or (each[0].at is None and np.ndim(each[0].value)):
             values[name] = first
             continue
         at = each[0].at
         rows = np.array([v.value if at is None else _at(v, at) for v in each], float)
-        scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.nan * rows[0]
-        parts = {"samples": scatter / np.sqrt(len(rows))}
+        scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.full(rows[0].shape, np.nan)
         caveats = [c for v in each for c in v.caveats if not c.startswith("one sample")]
         caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
         if not same:
             caveats.append("the packings differ in friction or stress: not samples of one state")
-        mean = Value(rows.mean(axis=0) if at is not None else float(rows.mean()), first.unit, parts)
-        values[name] = Value(mean.value, first.unit, parts, (), at).with_caveats(*caveats)
-    return Measurement(values)
+        mean, told = rows.mean(axis=0), {"samples": scatter / np.sqrt(len(rows))}
+        if at is None:
+            mean, scatter = float(mean), float(scatter)
+        value = Value(mean, first.unit, told, (), at, scatter)
+        values[name] = value.with_caveats(*caveats)
+    return Measurement(values, {"packings": len(measurements)})
 
 
 def _at(value: Value, at: Any) -> np.ndarray:

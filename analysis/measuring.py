@@ -7,40 +7,52 @@ spectra from the highest frequency.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from analysis.case import Case
-from analysis.estimators.coherent import Coherent, longest_waves
+from analysis.estimators.coherent import DECAY, Coherent, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.layer_lattice import is_fcc
 from analysis.estimators.low_pass import Passband
-from analysis.estimators.own_wave import coherent_of, own_wave
+from analysis.estimators.other_source import as_of_pulse
+from analysis.estimators.own_wave import coherent_of, own_pulse, own_wave
 from analysis.estimators.scattering import Scattering
+from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import structure_factor
 from analysis.packings.settled import why_unsettled
-from analysis.prepare import DENSITY_TOLERANCE, line_width, standing_orders
+from analysis.prepare import DENSITY_TOLERANCE, line_width, prepare
+from analysis.value import hertz
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 from modal.packing.plausibility import CRYSTALLINE
 from modal.packing.state import profile
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals
-from modal.waves.source import Motion
+from modal.waves.source import Motion, Pulse
 
 NARROW = 10.0
 """Diameters: a narrower packing guides its waves at low frequency already."""
+WINDOWS = DECAY, DECAY - 1, DECAY + 1
+"""Dampings of the window of the coherent wave: the estimator's, and two that tell an error."""
+COARSE = 2.0
+"""Width of the lines in which the Ioffe-Regel limit is sought, in those of the whole ridge: waves
+are a third as wide there as their frequency, hence a tenth of the highest one."""
 
 
 class Measuring:
-    """One packing with what was recorded of it; what is missing is made from its contacts."""
+    """One packing with what was recorded of it; what is missing is made from its contacts.
+
+    `case` has further files of the packing. `keep` is a folder in which costly spectra are kept,
+    and found again.
+    """
 
     def __init__(
         self,
@@ -48,19 +60,25 @@ class Measuring:
         records: Sequence[Signals] = (),
         source: Motion | None = None,
         case: Case | None = None,
+        keep: str | Path | None = None,
     ) -> None:
         self.network, self.records, self.source = network, records, source
-        self._case = case
+        self._case, self._keep = case, keep
 
     @cached_property
     def crystal(self) -> bool:
         """Whether it is an FCC crystal between walls, of which theory knows the waves."""
-        return is_fcc(self.network)
+        return self.walls and is_fcc(self.network)
 
     @property
     def diameter(self) -> float:
         """Mean diameter, m."""
         return 2 * float(self.network.radius.mean())
+
+    @property
+    def width(self) -> float:
+        """The narrower side of the cell, mean diameters."""
+        return float(self.network.cell_size[:2].min()) / self.diameter
 
     @property
     def walls(self) -> bool:
@@ -82,21 +100,25 @@ class Measuring:
             raise InputError("there are no two walls along z, which a wave here goes between")
         for record in self.records:
             if record.direction in directions:
-                return record
-        return own_wave(self.network, self.source, directions[0])
+                return self._of_pulse(record)
+        return self._of_pulse(own_wave(self.network, self.source, directions[0]))
+
+    def _of_pulse(self, record: Signals) -> Signals:
+        """A record as it would be of a pulse, which rules on amplitudes are made for."""
+        motion = recorded_motion(record)
+        if isinstance(motion, Pulse) and motion.cycles == 1:
+            return record
+        return as_of_pulse(record, own_pulse(self.network))
 
     @property
-    def wave_of_layers(self) -> Signals:
-        """The P-wave as its coherent part is read: of a crystal along its chain.
-
-        Slabs a diameter thick would beat with its layers.
-        """
-        return replace(self.wave, layer_displacement=None) if self.crystal else self.wave
-
-    @cached_property
     def coherent(self) -> Coherent:
         """The coherent part of the P-wave."""
-        return coherent_of(self.network, self.wave, self.crystal)
+        return self.coherents[0]
+
+    @cached_property
+    def coherents(self) -> list[Coherent]:
+        """The same under windows of three dampings, which tell how far the window decides."""
+        return [coherent_of(self.network, self.wave, self.crystal, decay) for decay in WINDOWS]
 
     @cached_property
     def velocity(self) -> float:
@@ -105,12 +127,18 @@ class Measuring:
             return chain_dispersion(self.wave).velocity
         return longest_waves(self.coherent)[0]
 
+    @property
+    def needed_velocity(self) -> float:
+        """V_P; InputError where none is read."""
+        if not self.velocity > 0:
+            raise InputError("no coherent wave goes through enough of the packing to be read")
+        return self.velocity
+
     @cached_property
     def passband(self) -> Passband:
         """The threshold rule on the P-wave."""
-        if not self.velocity > 0:
-            raise InputError("no coherent wave goes through enough of the packing to be read")
-        return Passband(self.network, self.wave, None, velocity=self.velocity, crystal=self.crystal)
+        velocity = self.needed_velocity
+        return Passband(self.network, self.wave, None, velocity=velocity, crystal=self.crystal)
 
     @cached_property
     def highest(self) -> ModeSet:
@@ -122,25 +150,52 @@ class Measuring:
         """Width of a line of spectra, Hz."""
         return line_width(self.network)
 
+    def _kept(self, kind: str) -> Case | None:
+        """The case that has a file of this kind: given, or kept in a folder; None without one."""
+        if self._case is not None and self._case.has(kind):
+            return self._case
+        if self._keep is None:
+            return None
+        folder, name = Path(self._keep), self.network.fingerprint[:16]
+        folder.mkdir(parents=True, exist_ok=True)
+        packing = folder / f"{name}.network.h5"
+        if not packing.is_file():
+            write_network(packing, self.network)
+        kept = Case(name, folder)
+        prepare(kept, [kind])
+        return kept
+
     @cached_property
     def density(self) -> tuple[Floats, Floats, Floats]:
         """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
-        if self._case is not None and self._case.density is not None:
-            return self._case.density
+        if (kept := self._kept("density")) is not None and kept.density is not None:
+            return kept.density
         states = density_of_states(self.network, resolution=self.line, tolerance=DENSITY_TOLERANCE)
         grid = states.grid()
         return grid, states.density(grid)[0][:, 6], states.count_below(grid)[0][:, 6]
 
     @cached_property
     def scattering(self) -> Scattering:
-        """Width of the ridge of standing waves over frequency."""
-        found = None if self._case is None else self._case.structure
-        layers = int(self.network.length / self.diameter)
-        if found is None:
-            highest = 0.75 * self.velocity / self.diameter
-            orders = standing_orders(layers)
-            found = structure_factor(self.network, orders, self.line, highest)
-        return Scattering.of(found, self.velocity, self.diameter)
+        """Width of the ridge of standing waves over frequency, as far as their limit needs it.
+
+        Of some orders first, then of those on both sides of where the width reaches the frequency.
+        """
+        velocity, diameter = self.needed_velocity, self.diameter
+        if (kept := self._kept("structure")) is not None and kept.structure is not None:
+            return Scattering.of(kept.structure, velocity, diameter)
+        line, highest = COARSE * self.line, 0.75 * velocity / diameter
+
+        def ridge(orders: Floats) -> Scattering:
+            whole = np.unique(orders.round()).astype(int)
+            found = structure_factor(self.network, whole, line, highest)
+            return Scattering.of(found, velocity, diameter)
+
+        layers = max(1, int(self.network.length / diameter))
+        first = ridge(np.geomspace(max(1, layers / 20), layers, 8))
+        if not np.isfinite(first.limit):
+            return first
+        near = 2 * self.network.length * first.limit / velocity
+        return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
 
     @cached_property
     def moduli(self) -> ElasticModuli:
@@ -149,12 +204,37 @@ class Measuring:
         return elastic_moduli(self.network) if known is None else known
 
     @cached_property
+    def modes(self) -> tuple[ModeSet, Floats, str]:
+        """The lowest modes, how they move the spheres along z (k, n), and what they lack.
+
+        Of a file where there is one with shapes, else some that are searched for.
+        """
+        n, case = 6 * self.network.n_particles, self._case
+        modes, along_z = (None, None) if case is None else (case.modes, case.z_shapes)
+        if modes is None or along_z is None:
+            modes = eigenmodes(self.network, lowest=min(LOWEST, n - 6))
+            if modes.mode_shape is None:
+                raise InputError("the modes' shapes take too much memory; give a file of modes")
+            along_z = modes.mode_shape[:, :, 2]
+        count, lacks = len(modes.frequency), ""
+        if count + modes.floppy_modes < n:
+            end = hertz(modes.frequency[-1])
+            lacks = f"list not complete: {count} of {n} modes, up to {end}"
+        if modes.missing:
+            lacks += f"; {modes.missing} of them are missing"
+        return modes, along_z, lacks
+
+    @cached_property
     def of_one_sample(self) -> tuple[str, ...]:
         """What to know of every quantity of this one packing."""
         if self.crystal:
             return ()
         caveats = ["one sample: how samples differ is not in the error; measure further seeds"]
-        if left := why_unsettled(self.network):
+        # Three stresses that differ, as of a triaxial compression, are no fault.
+        study = self.network.study
+        equal = not {"stress_ratio", "oedometric"} & set(study)
+        target = float(study.get("stress", np.nan)) if equal else np.nan
+        if left := why_unsettled(self.network, target):
             caveats.append(f"not in equilibrium: {left}")
         shares = crystalline_shares(self.network, profile(self.network))
         share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
@@ -165,9 +245,25 @@ class Measuring:
     @cached_property
     def of_waves(self) -> tuple[str, ...]:
         """The same of what is read from waves, which a narrow packing guides."""
-        periods = self.network.cell_size[self.network.cell_periodic]
-        width = float(periods.min(initial=np.inf)) / self.diameter
-        if self.crystal or width >= NARROW:
+        if self.crystal or self.width >= NARROW:
             return self.of_one_sample
-        text = f"narrow: {width:.1f} D wide; waves longer than that feel their images"
+        text = f"narrow: {self.width:.1f} D wide; waves longer than that feel their images"
         return (*self.of_one_sample, text)
+
+    def of_frequency(self, frequency: float) -> tuple[str, ...]:
+        """The same of what is read at a frequency, Hz, where the wave may be wider than the cell.
+
+        As the wave of V_P has it, of which none is shorter at this frequency.
+        """
+        longest = self.velocity / frequency / self.diameter
+        if self.crystal or not longest > self.width:
+            return self.of_waves
+        text = (
+            f"wavelength above the width: {longest:.0f} D at {hertz(frequency)}, the "
+            f"packing is {self.width:.1f} D wide"
+        )
+        return (*self.of_waves, text)
+
+
+LOWEST = 40
+"""Modes that are searched for where no file has any."""

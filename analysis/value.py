@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,29 +11,43 @@ import numpy as np
 from modal.tools.arrays import Floats
 from modal.tools.display import quantities, quantity
 
+PARTS = "fit", "chain", "resolution", "samples"
+"""What an error is made of: scatter about a fit or what is left of a solver's residual; which chain
+of spheres, or part of a record, is taken; widths of lines; how samples of one state differ."""
+
 
 @dataclass(frozen=True)
 class Value:
     """What was measured, in SI units; NaN where it is not known, and then a caveat says why.
 
-    `value` and `error` are numbers, or arrays (nf,) at frequencies `at` (nf,), Hz. `parts` are the
-    contributions to the error by name (fit, chain, resolution, samples); `error` is the root of the
-    sum of their squares. `caveats` are whole sentences for people.
+    `value` and `error` are numbers, or arrays (n,) over `at` (n,), Hz, where that is given. `parts`
+    are the contributions to the error by name (`PARTS`). `scatter` is the standard deviation of
+    samples, of a mean over them. `caveats` are whole sentences for people.
     """
 
     value: float | Floats
     unit: str
-    parts: dict[str, Any] = field(default_factory=dict)
+    parts: Mapping[str, Any] = field(default_factory=dict)
     caveats: tuple[str, ...] = ()
     at: Floats | None = None
+    scatter: float | Floats | None = None
 
     @property
     def error(self) -> float | Floats:
-        """Standard error, in the unit of the value; 0 where the value is exact for its packing."""
+        """Standard error, in the unit of the value; 0 where the value is exact for its packing.
+
+        The root of the squares of `fit`, `chain` and `resolution`; where samples scatter by more,
+        they have the rest in them, and that scatter.
+
+        >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
+        6.0
+        """
         squares = np.zeros(np.shape(self.value))
-        for part in self.parts.values():
-            squares = squares + np.square(part)
-        return np.sqrt(squares) if np.ndim(squares) else float(np.sqrt(squares))
+        for name, part in self.parts.items():
+            if name != "samples":
+                squares = squares + np.square(part)
+        error = np.fmax(np.sqrt(squares), self.parts.get("samples", 0.0))
+        return error if np.ndim(error) else float(error)
 
     @property
     def known(self) -> bool:
@@ -43,23 +58,40 @@ class Value:
         """The same with more to know, each said once."""
         return replace(self, caveats=tuple(dict.fromkeys((*self.caveats, *caveats))))
 
-    def as_json(self) -> dict[str, Any]:
-        """value, error, unit, caveats; of an array `at`, Hz, too. What is not known is None."""
+    def as_json(self, *, whole: bool = False) -> dict[str, Any]:
+        """value, error, unit, caveats; where they are, `at`, Hz, and `scatter`; `whole`: parts."""
         told: dict[str, Any] = {"value": _plain(self.value), "error": _plain(self.error)}
         told |= {"unit": self.unit, "caveats": list(self.caveats)}
-        if self.at is not None:
-            told["at"] = _plain(self.at)
+        for name in ("at", "scatter"):
+            if getattr(self, name) is not None:
+                told[name] = _plain(getattr(self, name))
+        if whole:
+            told["parts"] = {name: _plain(part) for name, part in self.parts.items()}
         return told
+
+    @staticmethod
+    def of_json(told: Mapping[str, Any]) -> Value:
+        """From what `as_json` has made of the whole."""
+        at, scatter = (
+            None if told.get(name) is None else _number(told[name]) for name in ("at", "scatter")
+        )
+        parts = {name: _number(part) for name, part in told["parts"].items()}
+        return Value(
+            _number(told["value"]), told["unit"], parts, tuple(told["caveats"]), at, scatter
+        )
 
     def text(self) -> str:
         """For people: the number, its error and its unit; of an array its range and frequencies."""
         value, error = np.asarray(self.value), np.asarray(self.error)
         if not self.known:
             return "not known"
-        if self.at is not None:
+        if value.ndim:
             seen = np.isfinite(value)
-            low, high = (quantity(f, "Hz", 3) for f in self.at[seen][[0, -1]])
             ends = f"{value[seen][0]:.3g} to {value[seen][-1]:.3g}"
+            if self.at is None:
+                first, last = (quantity(v, self.unit, 4) for v in value[seen][[0, -1]])
+                return f"{first} to {last}, {seen.sum()} of them"
+            low, high = (hertz(f) for f in self.at[seen][[0, -1]])
             return f"{ends} {self.unit} from {low} to {high}".replace(" 1 from", " from")
         unit = "" if self.unit == "1" else self.unit
         # As many digits as show two of the error's; six say that it is very small.
@@ -73,7 +105,16 @@ class Value:
 
 def unknown(unit: str, *caveats: str) -> Value:
     """No value, and why."""
-    return Value(np.nan, unit, {"unknown": np.nan}, caveats)
+    return Value(np.nan, unit, {"fit": np.nan}, caveats)
+
+
+def hertz(frequency: float) -> str:
+    """A frequency in a caveat.
+
+    >>> hertz(10490.0)
+    '10.5 kHz'
+    """
+    return quantity(float(frequency), "Hz", 3)
 
 
 def _plain(number: Any) -> Any:
@@ -81,3 +122,10 @@ def _plain(number: Any) -> Any:
     if np.ndim(number):
         return [_plain(one) for one in number]
     return float(number) if np.isfinite(number) else None
+
+
+def _number(told: Any) -> Any:
+    """A number, or an array of them, as JSON has it; NaN for None."""
+    if isinstance(told, list):
+        return np.array([_number(one) for one in told], float)
+    return np.nan if told is None else float(told)

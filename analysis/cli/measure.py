@@ -8,8 +8,9 @@ from typing import Any
 from analysis.cli.options import add_command
 from analysis.measurement import measure_files
 from analysis.quantities import QUANTITIES, QUICK
-from modal.cli.options import json_text, say
+from modal.cli.options import add_output, json_text, say
 from modal.cli.terminal import put
+from modal.tools.errors import InputError
 
 
 def add(commands: Any) -> None:
@@ -25,12 +26,22 @@ def add(commands: Any) -> None:
         "--quantities", nargs="+", choices=QUANTITIES, metavar="NAME", help=", ".join(QUANTITIES)
     )
     command.add_argument("--json", action="store_true", help="print JSON")
-    command.epilog = "\n".join(f"{q.name}: {q.definition} ({q.unit})" for q in QUANTITIES.values())
+    command.add_argument("--keep", metavar="DIR", help="folder that keeps costly spectra")
+    add_output(command, "write the result file of one packing, *.json")
+    command.epilog = "\n".join(
+        f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
+        for q in QUANTITIES.values()
+    )
 
 
 def _measure(options: argparse.Namespace) -> int:
     names = QUICK if options.quick else options.quantities
-    found, mean = measure_files(options.files, names)
+    found, mean = measure_files(options.files, names, options.keep)
+    if options.output:
+        if mean is not None:
+            raise InputError(f"-o {options.output}: a result file is of one packing; measure each")
+        (one,) = found.values()
+        one.write(options.output)
     if options.json:
         told: dict[str, Any] = {path: each.as_json() for path, each in found.items()}
         if mean is None:

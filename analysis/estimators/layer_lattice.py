@@ -160,9 +160,13 @@ def lattice_signals(
 
 def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
     """The exact lattice at the very times and under the very motion of a recorded run."""
-    motion, time = recorded_motion(signals), signals.time
+    return exact_record(lattice, recorded_motion(signals), signals.time)
+
+
+def exact_record(lattice: LayerLattice, motion: Motion, time: np.ndarray) -> Signals:
+    """The exact lattice at times (nt,), s, under any motion of the source wall."""
     u, source = lattice.follows(motion, time), motion.displacement(time)
-    return _recorded(lattice, time, u, source, signals.amplitude, signals.input_frequency)
+    return _recorded(lattice, time, u, source, motion.amplitude, motion.frequency)
 
 
 def _recorded(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from analysis.estimators.coherent import PASSAGES, Coherent, coherent_wave
+from analysis.estimators.coherent import DECAY, PASSAGES, Coherent, coherent_wave
 from analysis.estimators.effective_medium import of_contacts
 from modal.packing.network import Network
 from modal.waves.propagate import propagate
@@ -54,9 +54,9 @@ def own_wave(network: Network, motion: Motion | None = None, direction: str = "z
     ).signals
 
 
-def coherent_of(network: Network, record: Signals, crystal: bool) -> Coherent:
+def coherent_of(network: Network, record: Signals, crystal: bool, decay: float = DECAY) -> Coherent:
     """The coherent wave of a packing's record, to the highest frequency that is looked at."""
     if crystal:  # slabs a diameter thick would beat with its layers
         record = replace(record, layer_displacement=None)
     highest = HIGHEST[crystal] * affine_frequency(network)
-    return coherent_wave(record, network.length, highest=highest)
+    return coherent_wave(record, network.length, highest=highest, decay=decay)

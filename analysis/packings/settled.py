@@ -15,6 +15,16 @@ from modal.preparation.protocol import SETTLED
 MARK = "not settled"
 
 
+def residual_of(network: Network) -> float:
+    """Mean net force on a sphere, its torque over the radius in it, over the mean contact force."""
+    force = net_forces(network)
+    size = np.hypot(
+        np.linalg.norm(force[:, :3], axis=1),
+        np.linalg.norm(force[:, 3:], axis=1) / network.radius,
+    )
+    return float(size.mean() / network.require("force_normal", "residual").mean())
+
+
 def why_unsettled(network: Network, stress: float = np.nan) -> str:
     """What of a packing's state is beyond `SETTLED`; empty if nothing is, or without forces.
 
@@ -24,12 +34,7 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     if network.n_contacts == 0 or any(getattr(network, name) is None for name in FORCES):
         return ""
     most_off, most_left = SETTLED
-    force = net_forces(network)
-    size = np.hypot(
-        np.linalg.norm(force[:, :3], axis=1),
-        np.linalg.norm(force[:, 3:], axis=1) / network.radius,
-    )
-    residual = float(size.mean() / network.force_normal.mean())
+    residual = residual_of(network)
     off = float(abs(np.diag(stress_tensor(network)) / stress - 1).max())
     found = []
     if residual > most_left:

@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from analysis.estimators.damped_transform import chain_dispersion
-from analysis.estimators.low_pass import SHORTEST, Edge
+from analysis.estimators.layer_lattice import LayerLattice
+from analysis.estimators.low_pass import SHORTEST
 from analysis.measuring import Measuring
 from analysis.quantities.registry import quantity
-from analysis.value import Value, unknown
+from analysis.value import Value, hertz, unknown
+
+LEFT = 0.02
+"""Of the amplitude, `SHORTEST` diameters on, at the unbiased low-pass of a random packing."""
+SURE = 0.25
+"""Largest error of that frequency, relative, with which it is told."""
 
 
-@quantity("low_pass", "Hz", "frequency above which less than 2 % of the amplitude arrives")
+def _exact(lattice: LayerLattice) -> float:
+    return lattice.low_pass_frequency
+
+
+@quantity(
+    "low_pass",
+    "Hz",
+    "frequency above which less than 2 % of the amplitude arrives",
+    exact=_exact,
+    bias=0.03,
+)
 def low_pass(packing: Measuring) -> Value:
     """The 2 % rule of Otsubo et al. (2017), section 5.1, as `analysis.estimators.low_pass` has it.
 
@@ -28,21 +45,61 @@ def low_pass(packing: Measuring) -> Value:
         caveats += (text,)
     elif not packing.crystal and len(band.of_columns):
         edge = band.mean_of_columns
-    return _value_of(edge, caveats)
-
-
-def _value_of(edge: Edge, caveats: tuple[str, ...]) -> Value:
     if not np.isfinite(edge.value):
         return unknown("Hz", edge.why or "the rule finds no frequency", *caveats)
-    return Value(edge.value, "Hz", {"chain": edge.error}, caveats)
+    caveats += packing.of_frequency(edge.value)
+    return Value(edge.value, "Hz", {"chain": edge.error}).with_caveats(*caveats)
 
 
-@quantity("low_pass_unbiased", "Hz", "upper end of the band of P-waves, without a threshold")
+@quantity(
+    "low_pass_unbiased",
+    "Hz",
+    "upper end of the band of P-waves, without a threshold on a record",
+    exact=_exact,
+)
 def low_pass_unbiased(packing: Measuring) -> Value:
-    """Of a crystal, whose band has an edge."""
-    if not packing.crystal:
-        return unknown("Hz", "disorder has no band edge: see ioffe_regel and attenuation")
-    value, other = (
-        chain_dispersion(packing.wave, order=order).low_pass_frequency for order in (2, 3)
+    """Of a crystal the edge of its band; of disorder where little is left of the coherent wave.
+
+    Disorder has no band edge. What stands for it is the frequency at which the coherent wave fades
+    to 2 %, the part of the paper's rule, over 50 D, a length of every packing alike: alpha(f) 50 D
+    = ln 50, alpha being free of source, record and length.
+    """
+    if packing.crystal:
+        value, other = (
+            chain_dispersion(packing.wave, order=order).low_pass_frequency for order in (2, 3)
+        )
+        return Value(value, "Hz", {"fit": abs(value - other)}, packing.of_waves)
+    wanted = np.log(1 / LEFT) / (SHORTEST * packing.diameter)
+    ends = np.array(
+        [_rise(w.frequency, w.attenuation, wanted) for w in packing.coherents]  # (windows, 3)
     )
-    return Value(value, "Hz", {"fit": value - other}, packing.of_waves)
+    if not np.isfinite(ends).all():
+        return unknown("Hz", "the coherent wave is lost before it fades as much", *packing.of_waves)
+    first, value, last = ends[0]
+    caveats = packing.of_frequency(value)
+    parts = {"fit": (last - first) / 2, "resolution": abs(ends[1, 1] - ends[2, 1])}
+    found = Value(value, "Hz", parts, caveats)
+    if not found.error <= SURE * value:
+        text = f"no plateau: attenuation rises through it from {hertz(first)} to {hertz(last)}"
+        return unknown("Hz", text, *caveats)
+    return found
+
+
+def _rise(frequency: np.ndarray, values: np.ndarray, level: float) -> tuple[float, float, float]:
+    """Where values (n,) first rise through a level, where their rising fit does, and where last.
+
+    NaN where they do not, or not before they end.
+    """
+    known = np.isfinite(values)
+    f, v = frequency[known], values[known]
+    above = np.flatnonzero(v >= level)
+    below = np.flatnonzero(v < level)
+    if not len(above) or not len(below) or above[0] == 0 or below[-1] == len(v) - 1:
+        return np.nan, np.nan, np.nan
+
+    def crossing(curve: np.ndarray, at: int) -> float:
+        return float(np.interp(level, curve[[at - 1, at]], f[[at - 1, at]]))
+
+    rising = isotonic_regression(v).x
+    middle = crossing(rising, int(np.searchsorted(rising, level)))
+    return crossing(v, above[0]), middle, crossing(v, below[-1] + 1)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
+from analysis.estimators.layer_lattice import LayerLattice
 from analysis.measuring import Measuring
 from analysis.value import Value, unknown
 from modal.tools.errors import InputError
@@ -16,16 +18,26 @@ QUICK = (
     *("v_p", "v_s", "low_pass", "highest_frequency"),
 )
 """Those that take a wave or less, of 35,201 spheres half a minute together."""
+Exact = Callable[[LayerLattice], float]
+"""What a quantity of the exact planar crystal is (`analysis.estimators.layer_lattice`)."""
+DISORDER = "a crystal, of which signals are known exactly, has none"
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """`of` measures it; `unit` is SI, "1" for a number; `definition` says what it is."""
+    """`of` measures it; `unit` is SI, "1" for a number; `definition` says what it is.
+
+    `exact` is its answer on exact signals, on which it is tried, or why there is none; `bias` is
+    what its rule is known to be off there, relative. `asked` is measured on request alone.
+    """
 
     name: str
     unit: str
     definition: str
     of: Callable[[Measuring], Value]
+    exact: Exact | str
+    bias: float = 0.0
+    asked: bool = False
 
     def measured(self, packing: Measuring) -> Value:
         """Its value; where it cannot be had, no number but the reason."""
@@ -36,12 +48,22 @@ class Quantity:
 
 
 def quantity(
-    name: str, unit: str, definition: str
+    name: str,
+    unit: str,
+    definition: str,
+    *,
+    exact: Exact | str,
+    bias: float = 0.0,
+    asked: bool = False,
 ) -> Callable[[Callable[[Measuring], Value]], Callable[[Measuring], Value]]:
     """Register a function as the one that measures a quantity."""
 
     def register(of: Callable[[Measuring], Value]) -> Callable[[Measuring], Value]:
-        QUANTITIES[name] = Quantity(name, unit, definition, of)
+        QUANTITIES[name] = Quantity(name, unit, definition, of, exact, bias, asked)
         return of
 
     return register
+
+
+without_signal = partial(quantity, exact="it is read from no signal")
+on_request = partial(without_signal, asked=True)

@@ -4,56 +4,74 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.estimators.coherent import coherent_wave
+from analysis.estimators.coherent import STRETCH
+from analysis.estimators.low_pass import spectra
 from analysis.measuring import Measuring
-from analysis.quantities.registry import quantity
-from analysis.value import Value, unknown
+from analysis.quantities.registry import DISORDER, quantity
+from analysis.value import Value, hertz, unknown
 
-WINDOWS = 3.0, 5.0
-"""Damping of the window, in place of that of the estimator, by which an error is told."""
+MOST = 8.0
+"""Nepers over the part of the length that is read: beyond them what is left of the wave is less
+than what the window leaves of the record's cut."""
+FAINT = 0.02
+"""Of the source's largest amplitude: less is not sent."""
 
 
-def _attenuation(packing: Measuring) -> tuple[Value, np.ndarray]:
+def attenuation_of(packing: Measuring) -> tuple[Value, np.ndarray]:
     """Decay of the coherent amplitude, 1/m, at independent frequencies, and their group velocity.
 
     A window of another damping cuts the record elsewhere and passes on other noise: what it changes
     is the error, at a frequency or at its neighbours. A bias that grows as the square of the
     damping is as large.
     """
-    wave, record = packing.coherent, packing.wave_of_layers
-    others = [
-        coherent_wave(
-            record,
-            packing.network.length,
-            highest=wave.frequency[-1],
-            points=len(wave.frequency),
-            decay=decay,
-        ).attenuation
-        for decay in WINDOWS
-    ]
+    wave, *others = packing.coherents
     every = max(1, round(wave.resolution / (wave.frequency[1] - wave.frequency[0])))
     some = np.arange(every - 1, len(wave.frequency), every)
-    some = some[np.isfinite([wave.attenuation[some], *(o[some] for o in others)]).all(axis=0)]
+    told = np.isfinite([one.attenuation[some] for one in packing.coherents]).all(axis=0)
+    span = (STRETCH[1] - STRETCH[0]) * packing.network.length
+    sent_to = _sent_to(packing, wave.frequency[-1])
+    some = some[told & (wave.attenuation[some] * span < MOST) & (wave.frequency[some] <= sent_to)]
     if not len(some):
         return unknown("1/m", "no coherent wave is left to be read"), np.empty(0)
-    error = abs(others[0] - others[1])[some]
+    error = abs(others[0].attenuation - others[1].attenuation)[some]
     error = np.maximum.reduce([error, np.roll(error, 1), np.roll(error, -1)])
-    value = Value(
-        wave.attenuation[some], "1/m", {"window": error}, packing.of_waves, wave.frequency[some]
-    )
+    f = wave.frequency[some]
+    caveats = packing.of_frequency(f[0])
+    if sent_to < wave.frequency[-1]:
+        caveats += (f"faint source: above {hertz(sent_to)} it sends less than {100 * FAINT:g} %",)
+    value = Value(wave.attenuation[some], "1/m", {"resolution": error}, caveats, f)
     return value, wave.group_velocity[some]
 
 
-@quantity("attenuation", "1/m", "decay of the coherent wave's amplitude along z, over frequency")
+def _sent_to(packing: Measuring, highest: float) -> float:
+    """The frequency, Hz, up to which the source sends something, or `highest`."""
+    record = packing.wave
+    frequency, sent = spectra(record.time, record.source_displacement[:, None], 1.01 * highest)
+    lost = np.flatnonzero(sent[:, 0] < FAINT * sent.max())
+    lost = lost[frequency[lost] > frequency[np.argmax(sent)]]
+    return float(frequency[lost[0]]) if len(lost) else highest
+
+
+@quantity(
+    "attenuation",
+    "1/m",
+    "decay of the coherent wave's amplitude along z, over frequency",
+    exact=lambda lattice: 0.0,
+)
 def attenuation(packing: Measuring) -> Value:
     """Of means over layers, from a pulse of the wall."""
-    return _attenuation(packing)[0]
+    return attenuation_of(packing)[0]
 
 
-@quantity("quality", "1", "quality factor omega / (2 alpha v) of the coherent wave, over frequency")
+@quantity(
+    "quality",
+    "1",
+    "quality factor omega / (2 alpha v) of the coherent wave, over frequency",
+    exact=DISORDER,
+)
 def quality(packing: Measuring) -> Value:
     """alpha the attenuation, v the group velocity; unknown where alpha is not told from zero."""
-    alpha, velocity = _attenuation(packing)
+    alpha, velocity = attenuation_of(packing)
     if alpha.at is None:
         return unknown("1", *alpha.caveats)
     told = np.asarray(alpha.value) > 2 * np.asarray(alpha.error)
@@ -61,10 +79,16 @@ def quality(packing: Measuring) -> Value:
         return unknown("1", "attenuation is not told from zero at any frequency", *alpha.caveats)
     decay = np.where(told, alpha.value, np.nan)
     value = np.pi * alpha.at / (decay * velocity)
-    return Value(value, "1", {"window": value * alpha.error / decay}, alpha.caveats, alpha.at)
+    error = value * alpha.error / decay
+    return Value(value, "1", {"resolution": error}, alpha.caveats, alpha.at)
 
 
-@quantity("ioffe_regel", "Hz", "frequency at which the mean free path falls to half a wavelength")
+@quantity(
+    "ioffe_regel",
+    "Hz",
+    "frequency at which the mean free path falls to half a wavelength",
+    exact=DISORDER,
+)
 def ioffe_regel(packing: Measuring) -> Value:
     """Between two standing waves; half of their distance is the error."""
     if packing.crystal:
@@ -73,4 +97,7 @@ def ioffe_regel(packing: Measuring) -> Value:
     if not np.isfinite(found.limit):
         return unknown("Hz", "no standing wave is as wide as it is high, as far as they are told")
     near = np.sort(abs(found.frequency[np.isfinite(found.width)] - found.limit))[:2].sum()
-    return Value(found.limit, "Hz", {"resolution": near / 2}, packing.of_one_sample)
+    caveats = packing.of_one_sample
+    if found.velocity / found.limit > packing.width * packing.diameter:
+        caveats = packing.of_frequency(found.limit)
+    return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)

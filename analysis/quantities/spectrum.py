@@ -1,24 +1,31 @@
-"""What the natural frequencies are: the highest, and where soft modes pile up."""
+"""What the natural frequencies are: the highest, standing waves among the lowest, soft modes."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from analysis.estimators.excess import Excess
+from analysis.estimators.resonances import standing_modes
+from analysis.estimators.transfer import network_gain
 from analysis.measuring import Measuring
-from analysis.quantities.registry import quantity
-from analysis.value import Value, unknown
+from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
+from analysis.value import Value, hertz, unknown
 
 
-@quantity("highest_frequency", "Hz", "highest natural frequency")
+@without_signal("highest_frequency", "Hz", "highest natural frequency")
 def highest_frequency(packing: Measuring) -> Value:
     """Of the mode that products with K find at the top; its residual bounds its error."""
     modes = packing.highest
     value, residual = float(modes.frequency[-1]), float(modes.residual[-1])
-    return Value(value, "Hz", {"residual": residual * value / 2})
+    return Value(value, "Hz", {"fit": residual * value / 2})
 
 
-@quantity("excess_peak", "Hz", "frequency at which D(f) / f^2 is largest: where soft modes are")
+@quantity(
+    "excess_peak",
+    "Hz",
+    "frequency at which D(f) / f^2 is largest: where soft modes are",
+    exact=DISORDER,
+)
 def excess_peak(packing: Measuring) -> Value:
     """The boson peak; its error is half the width of a line of the density."""
     if packing.crystal:
@@ -29,6 +36,48 @@ def excess_peak(packing: Measuring) -> Value:
     )
     line = 4 * float(frequency[1] - frequency[0])
     if not np.isfinite(found.peak_frequency):
-        text = f"resolution: no peak above {2.5 * line:.3g} Hz, below which lines of zero modes are"
-        return unknown("Hz", text)
+        text = f"resolution: no peak above {hertz(2.5 * line)}, below which lines of zero modes are"
+        return unknown("Hz", text, *packing.of_one_sample)
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, packing.of_one_sample)
+
+
+@on_request(
+    "resonances",
+    "Hz",
+    "frequencies of the standing P-waves r = 1, 2, ... among the lowest modes",
+)
+def resonances(packing: Measuring) -> Value:
+    """Of a crystal its pure modes, else the modes that bear the largest share of each wave."""
+    modes, along_z, lacks = packing.modes
+    f = modes.resonance_frequency
+    if not packing.crystal or f is None:
+        f = standing_modes(modes.frequency, along_z, packing.network).frequency
+    if not len(f):
+        return unknown("Hz", "no mode bears a standing wave", lacks)
+    return Value(np.asarray(f), "Hz", {}).with_caveats(*packing.of_waves, *filter(None, [lacks]))
+
+
+@on_request(
+    "chi_z",
+    "1",
+    "share of a mode's motion that is along z, over frequency (Eq. 2)",
+)
+def chi_z(packing: Measuring) -> Value:
+    """Of all spheres, of each of the lowest modes."""
+    modes, _, lacks = packing.modes
+    caveats = packing.of_one_sample + tuple(filter(None, [lacks]))
+    return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
+
+
+@quantity(
+    "gain",
+    "1",
+    "stress on the receiver over that on the source wall, over frequency",
+    exact="resonances without end, of which the record's window alone decides",
+    asked=True,
+)
+def gain(packing: Measuring) -> Value:
+    """Of P-waves, without damping."""
+    found = network_gain(packing.network, packing.network.length / packing.needed_velocity)
+    text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
+    return Value(found.gain, "1", {}, (text, *packing.of_waves), found.frequency)
