@@ -15,7 +15,6 @@ from modal.cli.options import SHORT, Parser, check_files, check_text, json_text,
 from modal.cli.terminal import page, put
 from modal.formats.provenance import is_current, made_by
 from modal.tools.errors import InputError
-from modal.tools.loading import undisturbed, when_used
 from modal.tools.progress import Minute
 from modal.tools.workload import peak_memory
 
@@ -50,10 +49,7 @@ def command_of(name: str) -> ModuleType:
     fall short, or is not the only one, has `kept(options)` for a product that is current; one whose
     result is long sorts it for people with `shown(result)`.
     """
-    with undisturbed():
-        # scipy asks numpy for each of its parts; this one, a compiler of Fortran, takes longest.
-        when_used("numpy.f2py")
-        return importlib.import_module(f"modal.cli.{COMMANDS[name]}")
+    return importlib.import_module(f"modal.cli.{COMMANDS[name]}")
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:

@@ -10,7 +10,7 @@ import numpy as np
 from modal.dem.forces import TOTALS, WITHOUT_HISTORY, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, near_enough, still_complete
 from modal.packing.sample import Sample
-from modal.tools.loops import slabs_of
+from modal.tools.slabs import slabs_of
 
 SKIN = 0.1
 """Reach of the list of pairs beyond touch, diameters; a compromise of its length and its life."""

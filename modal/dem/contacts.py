@@ -14,7 +14,7 @@ from modal.dem.forces import TOTALS, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, near_enough
 from modal.packing.neighbours import tangents
 from modal.packing.sample import Sample
-from modal.tools.loops import slabs_of
+from modal.tools.slabs import slabs_of
 
 SKIN = 0.02
 """Reach of the list of pairs beyond touch, diameters of the largest sphere: it holds while no

@@ -12,7 +12,8 @@ import numpy as np
 
 from modal.dem.contacts import MovingContacts
 from modal.tools.arrays import Bools, Floats
-from modal.tools.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.slabs import SLABS
 
 PACE = 0.3
 """Squared time step over mass per sum of kn. For each contact kn (n.d)^2 + kt |d_t|^2 is at most

@@ -19,7 +19,8 @@ from modal.dem.near_contacts import still_complete
 from modal.packing.sample import Sample, void_ratio
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
-from modal.tools.loops import SLABS, compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.slabs import SLABS
 
 SKIN, WIDEST = 0.03, 0.24
 """First and largest reach of the list of pairs beyond touch, diameters. A list that has lasted

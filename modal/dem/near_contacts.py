@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.dem.pairs import pairs_by_cells, suit_cells
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.tools.pairs import pairs_by_cells, suit_cells
 
 
 def still_complete(skin: float, stretch: np.ndarray, moved: float, radius: float) -> bool:

@@ -10,13 +10,11 @@ from __future__ import annotations
 import json
 import math
 import os
-import platform
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +111,9 @@ def new_product(
 
 def versions(**others: str) -> str:
     """Versions of Python and of the packages that are installed; `others` such as yade="2023"."""
+    import platform  # both only for a product that is written
+    from importlib import metadata
+
     found = dict(others) | {"python": platform.python_version()}
     for name in DISTRIBUTIONS:
         # An installed scipy says nothing about a process that has not imported it, as inside YADE.

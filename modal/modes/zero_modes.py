@@ -26,7 +26,7 @@ from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
 from modal.solvers.spectrum import dot, norm
 from modal.system.assembly import stiffness_matrix
-from modal.system.linear_system import LinearSystem
+from modal.system.linear_system import SMALL, LinearSystem
 from modal.tools.arrays import Bools, Floats, Ints
 
 NEW = 1e-8
@@ -228,6 +228,8 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
     network, dof = system.network, system.dof
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
+    # To load the compiled loops takes longer than all else that is asked of a small packing.
+    product = system.scaled if system.size <= SMALL else system.operator
     found = []
     # One motion after the other: of millions of spheres six fill the memory.
     for k in range(dof):
@@ -237,7 +239,7 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
             motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
         vector = system.root.times(motion.ravel())
         vector /= norm(vector)
-        if dot(vector, system.operator @ vector) <= system.zero:
+        if dot(vector, product @ vector) <= system.zero:
             found.append(vector)
     return np.column_stack(found) if found else np.empty((system.size, 0))
 

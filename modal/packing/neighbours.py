@@ -1,7 +1,8 @@
-"""Which equal spheres touch: through the periods of a lateral cell, and the two flat walls."""
+"""Which spheres touch: through the periods of a lateral cell, and the two flat walls."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from modal.tools.workload import refuse_above_memory
 SPHERE_BYTES, PAIR_BYTES = 800.0, 150.0
 """Memory for each sphere, and for each pair that is looked at, while contacts are found and
 checked, measured."""
+CHUNK = 1 << 16
+"""Points whose neighbours are sought at a time."""
 
 
 @dataclass
@@ -61,50 +64,65 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     `position` (n, 3) with x and y inside the periodic cell of `side` (2,); z is not periodic.
     i <= j, and a point meets its own image on one side only.
     """
-    from modal.tools.pairs import pairs_by_cells, suit_cells  # not at import: it loads numba
-
-    low = position[:, 2].min(initial=np.inf)
+    n, low = len(position), position[:, 2].min(initial=np.inf)
     lengths = np.array([*side, max(position[:, 2].max(initial=low) - low, distance)])
     near = 4 / 3 * np.pi * distance**3 / lengths.prod()  # the share of all spheres about each
-    refuse_more_than_fit(len(position), len(position) ** 2 / 2 * near)
-    if suit_cells(len(position), lengths, distance):
-        ends, period = pairs_by_cells(position - [0.0, 0.0, low], lengths, distance)
-        shift = np.zeros((len(ends), 3), np.int8)
-        shift[:, :2] = period
-        return ends[:, 0].astype(int), ends[:, 1].astype(int), shift
-    return _pairs_by_tree(position, side, distance)
+    refuse_more_than_fit(n, n**2 / 2 * near)
+    place, owner, period = _images(position, np.asarray(side), distance)
+    found: list[tuple[Ints, ...]] = []
+    for one, two in _near_pairs(place, distance):
+        # Of a pair that is met in several images the one whose lower-numbered end is at home.
+        turned = (owner[one] > owner[two]) | ((owner[one] == owner[two]) & (one > two))
+        first, second = np.where(turned, two, one), np.where(turned, one, two)
+        along_x, along_y = period[second].T
+        upward = (along_x > 0) | ((along_x == 0) & (along_y > 0))
+        kept = (first < n) & ((owner[second] != first) | upward)
+        first, second = first[kept], second[kept]
+        found.append((first, owner[second], period[second]))
+    i, j, lateral = (np.concatenate(column) for column in zip(*found, strict=True))
+    shift = np.zeros((len(i), 3), np.int8)
+    shift[:, :2] = lateral
+    return i, j, shift
 
 
-def _pairs_by_tree(position: Floats, side: Floats, distance: float) -> tuple[Ints, Ints, Ints]:
-    """The same by a k-d tree over the points and those images within `distance` of the cell."""
-    from scipy.spatial import cKDTree  # the DEM program's own Python may lack scipy
+def _images(position: Floats, side: Floats, distance: float) -> tuple[Floats, Ints, Ints]:
+    """The points, then their images within `distance` of the cell.
 
-    reach = np.ceil(distance / np.asarray(side)).astype(int)
+    Shapes (k, 3), and (k,), (k, 2) of whose image each is and of the periods that it was moved by.
+    """
+    reach = np.ceil(distance / side).astype(int)
     points, owner, period = [position], [np.arange(len(position))], [np.zeros((len(position), 2))]
     for a in range(-reach[0], reach[0] + 1):
         for b in range(-reach[1], reach[1] + 1):
-            if (a, b) == (0, 0):
-                continue
-            moved = position[:, :2] + (a * side[0], b * side[1])
-            near = ((moved > -distance) & (moved < np.asarray(side) + distance)).all(axis=1)
+            moved = position[:, :2] + (a, b) * side
+            near = ((moved > -distance) & (moved < side + distance)).all(axis=1) & (
+                (a, b) != (0, 0)
+            )
             points.append(np.column_stack([moved[near], position[near, 2]]))
             owner.append(np.flatnonzero(near))
             period.append(np.broadcast_to((a, b), (near.sum(), 2)))
-    images, owners = np.concatenate(points), np.concatenate(owner)
-    periods = np.concatenate(period).astype(int)
-    pairs = cKDTree(images).query_pairs(distance, output_type="ndarray")
-    # The tree sees each pair of nearby images several times; keep the copy whose lower-numbered
-    # particle is the original.
-    first, second = pairs.T
-    swap = (owners[first] > owners[second]) | ((owners[first] == owners[second]) & (first > second))
-    first, second = np.where(swap, second, first), np.where(swap, first, second)
-    original = first < len(position)
-    first, second = first[original], second[original]
-    shift = np.column_stack([periods[second], np.zeros(len(second), int)])
-    own = owners[second] == first
-    upward = (shift[:, 0] > 0) | ((shift[:, 0] == 0) & (shift[:, 1] > 0))
-    keep = ~own | upward
-    return first[keep], owners[second][keep], shift[keep]
+    return np.concatenate(points), np.concatenate(owner), np.concatenate(period).astype(np.int8)
+
+
+def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs of `points` (k, 3) at most `distance` apart, some at a time, by cells that wide."""
+    cell = ((points - points.min(axis=0, initial=0.0)) / (distance * (1 + 1e-9))).astype(int)
+    wide, deep = cell[:, :2].max(axis=0, initial=0) + 3
+    number = (cell[:, 2] * deep + cell[:, 1]) * wide + cell[:, 0]
+    order = np.argsort(number, kind="stable")
+    number = number[order]
+    for start in range(0, len(points), CHUNK):
+        here: Ints = np.arange(start, min(start + CHUNK, len(points)))
+        # Half of the rows of three cells about each point; of its own row what comes after it.
+        for row in (0, wide, (deep - 1) * wide, deep * wide, (deep + 1) * wide):
+            low = np.searchsorted(number, number[here] + row - 1) if row else here + 1
+            count = np.searchsorted(number, number[here] + row + 1, side="right") - low
+            one = np.repeat(here, count)
+            two = np.arange(len(one)) + np.repeat(low - np.cumsum(count) + count, count)
+            one, two = order[one], order[two]
+            apart = points[one] - points[two]
+            near = np.einsum("ck,ck->c", apart, apart) <= distance**2
+            yield one[near], two[near]
 
 
 def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floats) -> ContactList:

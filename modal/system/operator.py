@@ -13,14 +13,12 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
 from modal.packing.network import Network
-from modal.system import loops as contact_loops
 from modal.system.assembly import stiffness_matrix
 from modal.system.contacts import SYMMETRIC, terms_of
 from modal.system.packed import PackedContacts
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
-from modal.tools.loops import numba, threads_for
 
 
 class ContactOperator(LinearOperator):
@@ -41,6 +39,8 @@ class ContactOperator(LinearOperator):
         mass_scaled: bool = False,
         pre_stress: str = "none",
     ) -> None:
+        from modal.tools.loops import numba  # not at import: it loads numba
+
         terms_of(pre_stress)
         self.pre_stress = pre_stress
         self.dof = 3 if translations_only else 6
@@ -168,10 +168,13 @@ class ContactOperator(LinearOperator):
         sums: Floats | None,
     ) -> None:
         """By the compiled loops alone."""
+        from modal.system.loops import combine_by_slabs
+        from modal.tools.loops import threads_for
+
         width = u.size // self.shape[0]
         on, shape = self._contacts, (-1, self.dof, width)
         of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof))
-        contact_loops.combine_by_slabs(
+        combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
             *(float(factor), float(own), float(kept)),
             *(on.rows, on.ends, on.slabs, on.pieces, on.fresh),

@@ -15,7 +15,7 @@ from modal.packing.columns import PART
 from modal.packing.network import Network
 from modal.system.contacts import Carried, centre_distance, terms_of
 from modal.tools.arrays import Floats, Ints
-from modal.tools.loops import slabs_of
+from modal.tools.slabs import slabs_of
 
 ACROSS = 64
 """Diameters: a wider packing is worked through in columns so wide, whose layers a cache holds."""

@@ -1,16 +1,8 @@
-"""Loops over contacts or spheres, compiled by numba where it is installed.
-
-A loop over contacts is cut into slabs: every other slab shares no sphere (`slabs_of`), so that
-these can be worked on at once. Where the slabs end depends on the packing alone, and the even ones
-always come before the odd ones: every sum is made in the same order by any number of threads.
-"""
+"""Loops over contacts or spheres, compiled by numba where it is installed: to import loads it."""
 
 from __future__ import annotations
 
-import atexit
-import ctypes
 import os
-import sys
 import zlib
 from collections.abc import Callable
 from functools import cache
@@ -18,10 +10,7 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-import numpy as np
-
-from modal.tools.arrays import Ints
-from modal.tools.loading import undisturbed
+from modal.tools import slabs
 
 try:
     import numba
@@ -30,40 +19,14 @@ except ImportError:
 prange = numba.prange if numba else range
 
 Loop = Callable[..., Any]
-ENOUGH = 5000
-"""Spheres from which on threads are used."""
-SLABS = 16
-"""At most so many: more share the work more evenly, fewer leave more to do at once."""
-
-
-def slabs_of(ends: Ints, n: int) -> Ints:
-    """First contact of each slab, and the number of contacts; `ends` (m, 2) sorted by the first.
-
-    With `n` spheres numbered along z a slab reaches its next neighbour at most: no two of the even
-    ones share a sphere, nor of the odd ones. One slab where threads are never used.
-    """
-    if n < ENOUGH:
-        return np.array([0, len(ends)])
-    starts = np.searchsorted(ends[:, 0], np.arange(n + 1))
-    reach = np.arange(n)
-    np.maximum.at(reach, ends[:, 0], ends[:, 1])
-    reach = np.maximum.accumulate(reach)
-    least = -(-n // SLABS)
-    bounds = [0, min(least, n)]
-    while bounds[-1] < n:
-        # What the slab before the last reaches must end where the next one begins.
-        bounds.append(min(max(bounds[-1] + least, int(reach[bounds[-1] - 1]) + 1), n))
-    return starts[bounds]
 
 
 def threads_for(spheres: int) -> int:
     """How many threads a loop over so many spheres takes; results are the same to the bit.
 
-    One where more are not worth their start. OMP_NUM_THREADS bounds the threads as
-    NUMBA_NUM_THREADS does; where neither is set, cores that other programs use are left to them:
-    a thread that waits for its turn holds up every step.
+    One where more are not worth their start. OMP_NUM_THREADS bounds them as NUMBA_NUM_THREADS does.
     """
-    if spheres < ENOUGH:
+    if spheres < slabs.ENOUGH:
         return 1
     _bound_threads()
     return int(numba.get_num_threads())
@@ -72,37 +35,9 @@ def threads_for(spheres: int) -> int:
 @cache
 def _bound_threads() -> None:
     """Once, when the program first needs threads."""
-    given = [os.environ.get(f"{name}_NUM_THREADS", "") for name in ("OMP", "NUMBA")]
-    asked = [int(text) for text in given if text.isdigit() and int(text) > 0]
-    numba.set_num_threads(min(numba.get_num_threads(), *asked or [free_cores()]))
-
-
-def free_cores(load: Path = Path("/proc/loadavg")) -> int:
-    """Cores, at least one, that no other program wants now and wanted over the last minute.
-
-    All where that cannot be known. A program that has just ended still counts in the mean over the
-    last minute, and one that starts for a moment in what runs now: only both together count.
-    """
-    cores = int(numba.config.NUMBA_NUM_THREADS)
-    try:
-        mean, _, _, tasks, _ = load.read_text().split()
-        others = min(round(float(mean)), int(tasks.split("/")[0]) - 1)
-    except (OSError, ValueError):
-        return cores
-    return max(cores - others, 1)
-
-
-def _keep_tbb() -> None:
-    """Never give back numba's module for TBB: on busy cores that waits for ever for its threads.
-
-    It would be given back at the very end of the program, whose threads end with it anyway.
-    """
-    pool = sys.modules.get("numba.np.ufunc.tbbpool")
-    if pool is not None:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(pool))
-
-
-atexit.register(_keep_tbb)
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        numba.set_num_threads(min(numba.get_num_threads(), int(asked)))
 
 
 def elementwise(function: Loop) -> Loop:
@@ -133,20 +68,12 @@ def compiled(function: Loop, place: int, of: str, *, fastmath: bool = False) -> 
 
     def loop(*given: Any) -> Any:
         spheres = len(given[place])
-        if spheres < ENOUGH:
-            return called(few, *given)
+        if spheres < slabs.ENOUGH:
+            return few(*given)
         threads_for(spheres)
-        return called(many, *given)
+        return many(*given)
 
     return loop
-
-
-def called(function: Any, *given: Any) -> Any:
-    """What a function gives; if numba compiles it, its first call is what loads most of numba."""
-    if getattr(function, "overloads", True):
-        return function(*given)
-    with undisturbed():
-        return function(*given)
 
 
 def _renamed(function: Any, ending: str) -> FunctionType:

@@ -15,7 +15,7 @@ from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.packing.tiling import number_of, order_along_z, repeat, repeat_sample, tiled
 from modal.preparation.random_packing import random_network, random_sample
-from modal.tools import pairs, workload
+from modal.tools import workload
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 
@@ -126,7 +126,6 @@ def test_a_sample_beyond_the_memory_is_refused_before_it_starts(sample, tmp_path
     path = tmp_path / "a.sample.h5"
     write_sample(path, sample)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: 1e4)
-    monkeypatch.setattr(pairs, "pairs_by_cells", None)
     with pytest.raises(InputError, match="a.sample.h5: finding .* takes .* memory"):
         read_packing(path)
 

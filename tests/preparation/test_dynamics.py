@@ -20,7 +20,7 @@ from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation.durations import time_step
 from modal.preparation.random_packing import random_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
-from modal.tools import loops
+from modal.tools import slabs
 from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
@@ -264,13 +264,13 @@ def test_slabs_of_one_pass_share_no_sphere():
     first = np.sort(random.integers(0, n, 20000))
     second = np.minimum(first + random.integers(1, 200, 20000), n - 1)
     second[random.random(20000) < 0.05] = -1
-    slabs = loops.slabs_of(np.column_stack([first, second]), n)
-    assert slabs[0] == 0 and slabs[-1] == 20000 and (np.diff(slabs) >= 0).all()
-    assert len(slabs) > 8
+    bounds = slabs.slabs_of(np.column_stack([first, second]), n)
+    assert bounds[0] == 0 and bounds[-1] == 20000 and (np.diff(bounds) >= 0).all()
+    assert len(bounds) > 8
     for parity in (0, 1):
         taken = set()
-        for k in range(parity, len(slabs) - 1, 2):
-            part = slice(slabs[k], slabs[k + 1])
+        for k in range(parity, len(bounds) - 1, 2):
+            part = slice(bounds[k], bounds[k + 1])
             mine = set(first[part]) | set(second[part][second[part] >= 0])
             assert not mine & taken
             taken |= mine
@@ -280,9 +280,9 @@ THREADS = """
 import sys
 import numba
 sys.path[:0] = ["tests", "tests/preparation"]
-from modal.tools import loops
+from modal.tools import slabs
 from test_dynamics import agitated, run
-loops.ENOUGH = 1
+slabs.ENOUGH = 1
 sample = agitated()
 for threads in (1, 2):
     numba.set_num_threads(threads)

@@ -189,10 +189,10 @@ THREADS = """
 import sys
 import numba
 sys.path[:0] = ["tests/preparation"]
-from modal.tools import loops
+from modal.tools import slabs
 from modal.preparation.relax import relax
 from test_elastic_rest import made, shaken
-loops.ENOUGH = 1
+slabs.ENOUGH = 1
 start = shaken(made(), 0.01)
 for threads in (1, 2):
     numba.set_num_threads(threads)

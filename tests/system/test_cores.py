@@ -16,8 +16,7 @@ from modal.system.assembly import stiffness_matrix
 from modal.system.contacts import PRE_STRESS
 from modal.system.operator import ContactOperator
 from modal.system.packed import PackedContacts
-from modal.tools import loops
-from modal.tools.loops import free_cores
+from modal.tools import slabs as slabs_along_z
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -47,10 +46,10 @@ import sys
 import numba
 import numpy as np
 sys.path.insert(0, "tests/system")
-from modal.tools import loops
+from modal.tools import loops, slabs
 from modal.system.operator import ContactOperator
 from test_cores import crystal, renumbered
-loops.ENOUGH = 1
+slabs.ENOUGH = 1
 network = crystal()
 network = renumbered(network, np.random.default_rng(5).permutation(network.n_particles))
 rng, done = np.random.default_rng(6), []
@@ -76,25 +75,6 @@ def test_threads_change_no_bit():
         command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize(
-    ("load", "free"),
-    [
-        ("0.10 0.50 0.90 1/200 4321", 8),
-        ("3.10 2.00 1.00 4/200 4321", 5),
-        ("7.90 2.00 1.00 1/200 4321", 8),  # other programs have just ended
-        ("0.05 0.00 0.00 7/200 4321", 8),  # they run for a moment
-        ("40.0 40.0 40.0 41/900 4321", 1),
-        ("what is this", 8),
-    ],
-)
-def test_cores_that_others_use_are_left_to_them(tmp_path, monkeypatch, load, free):
-    numba = pytest.importorskip("numba")
-    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 8)
-    (tmp_path / "loadavg").write_text(load)
-    assert free_cores(tmp_path / "loadavg") == free
-    assert free_cores(tmp_path / "missing") == 8
 
 
 WHOLE = """
@@ -194,11 +174,11 @@ def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch
 
 def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
     """`slabs_of` as for a packing of many spheres."""
-    enough, loops.ENOUGH = loops.ENOUGH, 1
+    enough, slabs_along_z.ENOUGH = slabs_along_z.ENOUGH, 1
     try:
-        return loops.slabs_of(ends, n)
+        return slabs_along_z.slabs_of(ends, n)
     finally:
-        loops.ENOUGH = enough
+        slabs_along_z.ENOUGH = enough
 
 
 def test_order_of_contacts_does_not_depend_on_the_numbering():

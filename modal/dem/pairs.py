@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.tools.arrays import Floats, Ints
-from modal.tools.loops import called, numba
+from modal.tools.loops import numba
 
 EMPTY = 100
 """Cells per point above which pairs are not sought by cells."""
@@ -69,7 +69,7 @@ def pairs_by_cells(position: Floats, lengths: Floats, reach: float) -> tuple[Int
 
     `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, z from 0, as `suit_cells` says.
     """
-    ends, shift = called(_pairs_by_cells, position, lengths, reach)
+    ends, shift = _pairs_by_cells(position, lengths, reach)
     return ends, shift
 
 
