@@ -22,7 +22,7 @@ project = "Waves in sphere packings"
 author = "the authors of granular-wave-modes"
 copyright = f"2026, {author}"
 release = version = modal.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery", "outputs"]
 html_theme = "furo"
 html_title = "Waves in sphere packings"
 html_static_path = ["_static"]
@@ -35,6 +35,7 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 python_use_unqualified_type_names = True
+exclude_patterns = ["_outputs"]
 suppress_warnings = ["config.cache"]
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",  # not its folders: in them nothing is called README

@@ -70,23 +70,24 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    "arguments",
     [
-        (["--case", "33"], "case 33: no line in cases/fcc.table or cases/random.table"),
-        (["--case", "0"], "case 0: no line"),
-        (["--case"], "--case needs a number"),
-        (["--case", "two"], "--case needs a number"),
-        (["--stage", "lunch"], "--stage is one of"),
-        (["-j", "0"], "-j needs a number"),
-        (["--seed", "1"], "--seed 1: that is the study's own"),
-        (["--spheres", "few"], "--spheres needs a number"),
-        (["--colour"], "unknown option --colour"),
+        ["--case", "33"],
+        ["--case", "0"],
+        ["--case"],
+        ["--case", "two"],
+        ["--stage", "lunch"],
+        ["-j", "0"],
+        ["--seed", "1"],
+        ["--spheres", "few"],
+        ["--colour"],
     ],
+    ids=" ".join,
 )
-def test_front_door_refuses_in_one_line(arguments, said):
+def test_front_door_refuses_in_one_line_that_names_the_option(arguments):
     done = front_door(*arguments)
     assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr.count("\n") == 1 and said in done.stderr
+    assert done.stderr.count("\n") == 1 and arguments[0].strip("-") in done.stderr
 
 
 PROGRAMS = {

@@ -1,0 +1,280 @@
+"""
+Distance from isostaticity
+==========================
+
+Three frequencies of all random packings of the study, each over the highest frequency of its
+packing, against z - 4: z is the mean number of contacts of a force-bearing sphere, and with
+friction a packing of spheres is isostatic at z = 4.
+
+`python examples/isostaticity.py FOLDER` writes the figures (PNG, PDF), their points and the fits
+(CSV) into a folder. All numbers are those of `results/study/table1.csv`; the peak of the density of
+states and the Ioffe-Regel limit of the eight committed samples, with their errors, are those of
+`results/isostaticity/measured.json`, which `python -m analysis measure` made.
+"""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "results"
+WIDTH = 14.08  # of the study's cells, D
+DRAWS = 4000  # of frictions, for the intervals
+LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
+
+with open(RESULTS / "study/table1.csv") as file:
+    rows = [row for row in csv.DictReader(file) if row["packing"] == "random"]
+
+
+def column(name):
+    """Numbers of all random cases; NaN where there is none."""
+    return np.array([float(row[name] or "nan") for row in rows])
+
+
+z = column("coordination_number_bearing")
+friction, stress, void = column("mu_comp"), column("stress_pa"), column("void_ratio")
+top = column("f_max_khz")
+wavelength, wavelength_error = (column(f"lambda_2_linear_over_d{end}") for end in ("", "_error"))
+columns = {LOW_PASS: "f_low_pass_2_linear", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
+value = {name: column(f"{key}_khz") / top for name, key in columns.items()}
+error = {name: column(f"{key}_khz_error") / top for name, key in columns.items()}
+measured = json.loads((RESULTS / "isostaticity/measured.json").read_text())
+for name, key in ((PEAK, "excess_peak"), (IOFFE_REGEL, "ioffe_regel")):
+    for k, row in enumerate(rows):
+        if found := measured.get(f"{row['name']}.sample.h5"):
+            value[name][k] = found[key]["value"] / 1e3 / top[k]
+            error[name][k] = found[key]["error"] / 1e3 / top[k]
+
+# %%
+# **The fits.** Each quantity is a line a (z - z_c), by least squares. All stresses of one friction
+# are states of one loading path, so that cases are not independent: the intervals (95 %) come from
+# drawing the seven frictions with replacement, not the 28 cases.
+
+
+def line(x, y):
+    """Slope and zero of the least-squares line through what is known."""
+    known = np.isfinite(y)
+    slope, at_zero = np.polyfit(x[known], y[known], 1)
+    return slope, -at_zero / slope
+
+
+def power(x, y):
+    """Exponent of the power law of z - 4."""
+    return line(np.log(x - 4), np.log(y))[0]
+
+
+def shared_zero(x, ys):
+    """The one z_c of several lines, each weighted by its own scatter about its best one."""
+    trials, cost = np.linspace(3, 4.4, 281), 0
+    for y in ys:
+        known = np.isfinite(y)
+        less = x[known] - trials[:, None]
+        slope = (less * y[known]).sum(axis=1) / (less**2).sum(axis=1)
+        left = ((y[known] - slope[:, None] * less) ** 2).sum(axis=1)
+        cost = cost + left / left.min()
+    return trials[cost.argmin()]
+
+
+def interval(statistic):
+    """2.5 and 97.5 % of a statistic of some cases, over draws of whole frictions."""
+    random = np.random.default_rng(1)
+    members = [np.flatnonzero(friction == each) for each in np.unique(friction)]
+    draws = [random.integers(len(members), size=len(members)) for _ in range(DRAWS)]
+    found = [statistic(np.concatenate([members[k] for k in d])) for d in draws if np.ptp(d) > 0]
+    return np.percentile(found, (2.5, 97.5), axis=0)
+
+
+fits = {}
+for name, y in value.items():
+    known = np.isfinite(y)
+    slope, zero = line(z, y)
+    (low_slope, low_zero), (high_slope, high_zero) = interval(lambda k, y=y: line(z[k], y[k]))
+    low_power, high_power = interval(lambda k, y=y: power(z[k], y[k]))
+    through_four = (y[known] @ (z[known] - 4)) / ((z[known] - 4) ** 2).sum()
+    fits[name] = {
+        "cases": int(known.sum()),
+        "slope": slope,
+        "slope_low": low_slope,
+        "slope_high": high_slope,
+        "z_c": zero,
+        "z_c_low": low_zero,
+        "z_c_high": high_zero,
+        "r_squared": np.corrcoef(z[known], y[known])[0, 1] ** 2,
+        "scatter": np.std((y - slope * (z - zero))[known]),
+        "slope_with_z_c_4": through_four,
+        "scatter_with_z_c_4": np.sqrt(np.mean((y - through_four * (z - 4))[known] ** 2)),
+        "power_of_z_less_4": power(z, y),
+        "power_low": low_power,
+        "power_high": high_power,
+    }
+    print(
+        f"{name}: {slope:.4f} ({low_slope:.4f} to {high_slope:.4f}) (z - z_c), z_c {zero:.2f} "
+        f"({low_zero:.2f} to {high_zero:.2f}), R^2 {fits[name]['r_squared']:.3f}; "
+        f"(z - 4)^{power(z, y):.2f} ({low_power:.2f} to {high_power:.2f})"
+    )
+straight = [value[LOW_PASS], value[PEAK]]
+common = shared_zero(z, straight)
+low, high = interval(lambda k: shared_zero(z[k], [y[k] for y in straight]))
+fits["both, one z_c"] = {"z_c": common, "z_c_low": low, "z_c_high": high}
+print(f"one z_c of the low-pass frequency and the peak: {common:.2f} ({low:.2f} to {high:.2f})")
+low, high = interval(lambda k: power(z[k], wavelength[k]))
+wave = {"power_of_z_less_4": power(z, wavelength), "power_low": low, "power_high": high}
+fits["wavelength at the low-pass frequency"] = wave
+print(f"wavelength at the low-pass frequency: (z - 4)^{power(z, wavelength):.2f}", low, high)
+
+# %%
+# **The figure.** Colours are frictions, markers are stresses. Full lines are the fits, dashed ones
+# those with z_c = 4. Bars are the error of each number where it is known.
+
+plt.rcParams.update({"font.size": 8, "axes.linewidth": 0.6, "pdf.fonttype": 42})
+plt.rcParams.update({"xtick.direction": "in", "ytick.direction": "in"})
+values, pressures = np.unique(friction), np.unique(stress)
+colours = dict(zip(values, plt.get_cmap("viridis")(np.linspace(0, 0.9, len(values))), strict=True))
+markers = dict(zip(pressures, "os^D", strict=True))
+EDGE = {"ms": 3.6, "mec": "k", "mew": 0.4}
+
+
+def points(ax, x, y, bars):
+    """All cases, each with the colour of its friction and the marker of its stress."""
+    ax.errorbar(x, y, bars, fmt="none", ecolor="k", elinewidth=0.6)
+    for k in range(len(x)):
+        ax.plot(x[k], y[k], markers[stress[k]], color=colours[friction[k]], **EDGE)
+
+
+def legend(ax, title, entries):
+    """A legend of markers: their texts, colours and kinds."""
+    handles = [ax.plot([], [], kind, color=c, label=text, **EDGE)[0] for text, c, kind in entries]
+    ax.legend(handles=handles, title=title, frameon=False, fontsize=6.5, title_fontsize=7)
+
+
+headline, axes = plt.subplots(1, 3, figsize=(7, 2.7), sharey=True, layout="constrained")
+along = np.linspace(0, 3.1, 50)
+for ax, name in zip(axes, value, strict=True):
+    fit = fits[name]
+    ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8, label="fit")
+    ax.plot(along, fit["slope_with_z_c_4"] * along, "k--", lw=0.8, label="fit with $z_c = 4$")
+    points(ax, z - 4, value[name], error[name])
+    ax.set_title(name, fontsize=8)
+    ax.set(xlabel="z - 4", xlim=(0, 3.1))
+axes[0].set(ylabel="frequency / highest frequency", ylim=(0, 0.36))
+legend(axes[0], "friction", [(f"{each:g}", colours[each], "o") for each in values])
+legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", markers[p]) for p in pressures])
+axes[2].legend(frameon=False, fontsize=6.5, loc="upper left")
+plt.show()
+
+# %%
+# **What is left.** If stress, friction or void ratio mattered beside z, the distances from the line
+# would follow them. Each number is the change of the frequency over the whole range that a variable
+# has among packings of one z, over the mean frequency.
+
+tests = []
+for name, y in value.items():
+    for beside, x in (("log stress", np.log10(stress)), ("friction", friction), ("e", void)):
+        reach = np.ptp(x - np.polyval(np.polyfit(z, x, 1), z))
+
+        def change(k, x=x, y=y, reach=reach):
+            """Of y with x at one z, over the mean of y."""
+            k = k[np.isfinite(y[k])]
+            terms = np.column_stack([np.ones(len(k)), z[k], x[k]])
+            return np.linalg.lstsq(terms, y[k])[0][2] * reach / np.nanmean(y)
+
+        now, (low, high) = change(np.arange(len(y))), interval(change)
+        known = np.isfinite(y)
+        alone = np.corrcoef(x[known], y[known])[0, 1] ** 2
+        row = {"quantity": name, "beside_z": beside, "range_at_one_z": reach, "change": now}
+        tests.append(row | {"change_low": low, "change_high": high, "r_squared_alone": alone})
+        print(f"{name}, {beside}: {now:+.2f} ({low:+.2f} to {high:+.2f}); alone R^2 {alone:.2f}")
+
+residuals, axes = plt.subplots(1, 4, figsize=(7, 2.4), layout="constrained")
+expected = fits[LOW_PASS]["slope"] * (z - fits[LOW_PASS]["z_c"])
+for ax, x, label in (
+    (axes[0], stress / 1e3, "stress, kPa"),
+    (axes[1], friction, "friction"),
+    (axes[2], void, "void ratio"),
+):
+    ax.axhline(0, color="k", lw=0.6)
+    points(ax, x, value[LOW_PASS] / expected - 1, error[LOW_PASS] / expected)
+    ax.set(xlabel=label, ylim=(-0.2, 0.2))
+axes[0].set(xscale="log", ylabel="low-pass frequency / line - 1")
+points(axes[3], z - 4, wavelength, wavelength_error)
+level = np.exp(np.mean(np.log(wavelength * (z - 4) ** 0.5)))
+axes[3].plot(along[1:], level * along[1:] ** -0.5, "k--", lw=0.8, label="power -1/2")
+axes[3].axhline(WIDTH, color="0.5", lw=0.8, ls=":", label="width of the cell")
+axes[3].set(xscale="log", yscale="log", xlabel="z - 4", ylabel="wavelength / D", xlim=(0.4, 3.2))
+axes[3].set_yticks([8, 10, 15, 20, 25], ["8", "10", "15", "20", "25"])
+axes[3].set_xticks([0.5, 1, 2, 3], ["0.5", "1", "2", "3"])
+axes[3].minorticks_off()
+axes[3].legend(frameon=False, fontsize=6.5)
+plt.show()
+
+# %%
+# As files, where a folder is named.
+
+
+def write_table(path, table):
+    """Rows as CSV, five digits a number."""
+    with open(path, "w", newline="") as out:
+        writer = csv.DictWriter(out, table[0], lineterminator="\n")
+        writer.writeheader()
+        for row in table:
+            texts = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()}
+            writer.writerow(texts)
+
+
+def markdown(header, table):
+    """A table as pages include it."""
+    lines = [header, ["---"] * len(header), *table]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def with_ends(fit, name, digits):
+    """A number of a fit with its interval."""
+    key = {"power": "power_of_z_less_4"}.get(name, name)
+    value, low, high = (fit[k] for k in (key, f"{name}_low", f"{name}_high"))
+    return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+if __name__ == "__main__" and len(sys.argv) == 2:
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    for figure, name in ((headline, "headline"), (residuals, "residuals")):
+        figure.savefig(folder / f"{name}.png", dpi=200)
+        figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
+    write_table(folder / "fits.csv", [{"quantity": name} | fit for name, fit in fits.items()])
+    write_table(folder / "residuals.csv", tests)
+    header = ["quantity", "cases", "slope", "z_c", "R²", "slope with z_c = 4", "power of z - 4"]
+    lines = [
+        [name, f"{fit['cases']}", with_ends(fit, "slope", 3), with_ends(fit, "z_c", 2)]
+        + [f"{fit['r_squared']:.3f}", f"{fit['slope_with_z_c_4']:.3f}", with_ends(fit, "power", 2)]
+        for name, fit in fits.items()
+        if "cases" in fit
+    ]
+    lines.append(["the first two, one z_c", "", "", with_ends(fits["both, one z_c"], "z_c", 2)])
+    lines[-1] += ["", "", ""]
+    lines.append(["wavelength at the low-pass frequency", f"{len(z)}", "", "", "", ""])
+    lines[-1].append(with_ends(wave, "power", 2))
+    (folder / "fits.md").write_text(markdown(header, lines))
+    header = ["quantity", "log stress", "friction", "e", "R² of each alone"]
+    lines = []
+    for name in value:
+        of = [row for row in tests if row["quantity"] == name]
+        lines.append([name, *(with_ends(row, "change", 2) for row in of)])
+        lines[-1].append(", ".join(f"{row['r_squared_alone']:.2f}" for row in of))
+    (folder / "residuals.md").write_text(markdown(header, lines))
+    points_of = {"friction": friction, "stress_pa": stress, "z": z, "void_ratio": void}
+    points_of |= {"f_max_khz": top, "wavelength_over_d": wavelength}
+    points_of |= {"wavelength_error": wavelength_error}
+    for name in value:
+        points_of |= {f"{name} / f_max": value[name], f"{name}, error": error[name]}
+    write_table(
+        folder / "headline.csv",
+        [
+            {"case": row["case"], "packings": row["packings"]}
+            | {name: float(numbers[k]) for name, numbers in points_of.items()}
+            for k, row in enumerate(rows)
+        ],
+    )
