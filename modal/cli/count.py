@@ -9,6 +9,7 @@ from modal.cli.options import network_command, numbers, remark_on_ends
 from modal.cli.reading import add_springs, packing_of
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
+from modal.solvers.factor import SOLVERS
 from modal.system.contacts import SYMMETRIC
 from modal.system.linear_system import LinearSystem
 
@@ -26,7 +27,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument_group("advanced").add_argument(
         "--solver",
-        choices=("pardiso", "superlu", "layers"),
+        choices=SOLVERS,
         help="what factorises (default: the fastest)",
     )
     add_springs(command, SYMMETRIC)

@@ -11,7 +11,6 @@ told of the zero modes is what structure shows, `counted` being False.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -95,7 +94,6 @@ def _unstable(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
     From a shift below all of them, where A - sigma is definite, they are the nearest ones.
     """
     sigma = -UNDER * system.diagonal.max(initial=0.0)
-    system = replace(system, solver=_for_lists(system.solver))
     while count:
         search = Search(system, sigma, definite=True, floppy=floppy)
         try:
@@ -122,7 +120,7 @@ def _further(system: LinearSystem, floppy: FloppyModes, unstable: Floats, count:
     remedy = "take a smaller packing"
     refuse_above_memory(3 * vectors.nbytes, f"finding {count} motions without energy", remedy)
     shift, stable = -SHIFT * system.diagonal.max(), not unstable.shape[1]
-    factor = factorise(system.shifted(shift), definite=stable, solver=_for_lists(system.solver))
+    factor = factorise(system.shifted(shift), definite=stable, solver=system.solver)
     for _ in range(STEPS):
         vectors = factor.solve(vectors)
         for _ in range(2):
@@ -136,11 +134,6 @@ def _further(system: LinearSystem, floppy: FloppyModes, unstable: Floats, count:
     if eigvalsh(vectors.T @ products)[-1] > system.zero:
         raise InputError(f"{count} motions without energy were counted, but not all were found")
     return vectors
-
-
-def _for_lists(solver: str | None) -> str | None:
-    """The layers only count: any solver finds what they have counted."""
-    return None if solver == "layers" else solver
 
 
 def easy(system: LinearSystem) -> bool:

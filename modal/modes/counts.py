@@ -1,9 +1,4 @@
-"""Exact number of modes below a frequency, by Sylvester's law, in little memory.
-
-Contacts join neighbours only: in layers of equal distance from one end, counted in contacts, the
-matrix is block-tridiagonal. The inertia of A - sigma is then the sum of those of the Schur
-complements S_1 = A_11, S_k = A_kk - A_k,k-1 S_k-1^-1 A_k-1,k, each factorised with pivots.
-"""
+"""Exact number of modes below a frequency: the negative pivots of A - sigma, by Sylvester's law."""
 
 from __future__ import annotations
 
@@ -11,16 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import overload
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike
-from scipy.linalg.lapack import dsytrf, dsytrf_lwork, dsytrs
-from scipy.sparse.csgraph import connected_components, dijkstra
 
-from modal.modes.effort import factorisation, refuse_endless_search
+from modal.modes.effort import factorisation, refuse_endless_search, shape_of
 from modal.packing.network import Network
-from modal.solvers.factor import SingularError, available, factorise
+from modal.solvers.factor import SingularError, choose, factorise
 from modal.solvers.lanczos import start_block
-from modal.system.linear_system import COUNTED, SMALL, LinearSystem
+from modal.system.linear_system import SMALL, LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
@@ -29,78 +21,11 @@ from modal.tools.progress import progress
 BEYOND = 4.0
 """Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is
 computed, since there may be no modes above it at all."""
-GROWTH = COUNTED / np.finfo(float).eps
-"""Growth of a layer's entries up to which its signs count: round-off has then moved the eigenvalues
-by `COUNTED` of the largest one."""
 SOLVES = 3
 """Solves of an inverse iteration that looks for a mode at a frequency: each multiplies its share of
 a random vector by how much nearer it is than the next mode."""
 BESIDE = 1e-6
 """How far beside a frequency, relative in omega^2, one counts that cannot count at it."""
-UNCERTAIN = "K - sigma M is singular, or a part of it, at this frequency; ask for a different one"
-
-
-def layers_of_contacts(matrix: sp.csr_matrix, dof: int, height: Floats) -> Ints:
-    """Shape (n,): distance of each particle, in contacts, from the lowest one of its cluster.
-
-    `height` (n,), m, is the coordinate along the long axis; `dof` rows of the matrix belong to each
-    particle. Particles within a thin slab at the bottom of their cluster all have distance 0.
-    """
-    coo = matrix.tocoo()
-    n = len(height)
-    touching = sp.coo_matrix(
-        (np.ones(coo.nnz, np.int8), (coo.row // dof, coo.col // dof)), shape=(n, n)
-    ).tocsr()
-    _, cluster = connected_components(touching, directed=False)
-    # The layer at the bottom of each cluster is a slab, so that layers stay level.
-    low = np.full(cluster.max() + 1, np.inf)
-    np.minimum.at(low, cluster, height)
-    thickness = np.ptp(height) / max(1.0, (n ** (1 / 3)))
-    first = np.flatnonzero(height <= low[cluster] + thickness / 4)
-    distance = dijkstra(touching, directed=False, indices=first, unweighted=True, min_only=True)
-    return distance.astype(int)
-
-
-def count_negative(matrix: sp.csr_matrix, dof: int, height: Floats) -> int:
-    """Number of negative eigenvalues of a symmetric matrix, shape (dof n, dof n).
-
-    `dof` consecutive rows belong to each of the n particles; `height` (n,) orders the particles
-    into layers, which are eliminated one after the other. SingularError where the Schur complement
-    of a layer is singular, or so nearly that its entries grow by more than `GROWTH`.
-    """
-    layer = layers_of_contacts(matrix, dof, height)
-    order = np.argsort(layer, kind="stable")
-    rows = (order[:, None] * dof + np.arange(dof)).ravel()
-    inner = matrix[rows][:, rows].tocsr()
-    ends = np.concatenate([[0], np.cumsum(np.bincount(layer)) * dof])
-    negative, before, largest = 0, None, abs(inner.data).max(initial=0.0)
-    for k in progress(len(ends) - 1, "inertia"):
-        here = slice(ends[k], ends[k + 1])
-        schur = inner[here, here].toarray(order="F")
-        if before is not None:
-            factor, pivots, last = before
-            coupling = inner[last, here].toarray(order="F")
-            used = np.flatnonzero(coupling.any(axis=0))
-            solved, info = dsytrs(factor, pivots, coupling[:, used], lower=1)
-            schur[np.ix_(used, used)] -= inner[here, last][used] @ solved
-            if not abs(schur).max() <= GROWTH * largest:
-                raise SingularError(UNCERTAIN)
-        lwork = int(dsytrf_lwork(len(schur), lower=1)[0])
-        factor, pivots, info = dsytrf(schur, lower=1, lwork=lwork, overwrite_a=True)
-        if info > 0:
-            raise SingularError(UNCERTAIN)
-        negative += _negative_of_pivots(factor, pivots)
-        before = factor, pivots, here
-    return negative
-
-
-def _negative_of_pivots(factor: Floats, pivots: Ints) -> int:
-    """Negative eigenvalues of the block-diagonal D of LAPACK's lower L D L^T.
-
-    A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.
-    """
-    double = pivots < 0
-    return int((factor.diagonal()[~double] < 0).sum() + double.sum() // 2)
 
 
 @overload
@@ -142,8 +67,8 @@ def count_modes(
     K - omega^2 M tell (Sylvester's law of inertia). Round-off hides the side of modes within 1e-11
     of the largest diagonal entry of M^-1 K, in omega^2. So near to zero a motion is one without
     energy; elsewhere a frequency with a mode so near is refused. `sliding` and `pre_stress`, "none"
-    or "normal", as of `modal.eigenmodes`; `solver` names a factorisation: pardiso, superlu or
-    layers. InputError where a frequency is negative or lies on a mode.
+    or "normal", as of `modal.eigenmodes`; `solver` names a factorisation: pardiso, blocks or
+    superlu. InputError where a frequency is negative or lies on a mode.
 
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
@@ -186,13 +111,13 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     """Exact number of modes below `frequency` (Hz), unstable and zero-energy ones included.
 
     It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
-    of a factorisation: PARDISO's where it is installed, else layer by layer in little memory. Small
-    networks are solved dense. No factorisation can tell the sides of an omega^2 below the system's
-    `zero`: all modes so low are zero modes, and the count above 0 Hz is made just above them, that
-    at 0 Hz just below. A factorisation may be uncertain at this very frequency, since a pivot may
-    vanish although no mode is near. Then it is made a little below and a little above, and counts
-    if both agree; otherwise the layers are tried. InputError where no way is certain, and, if the
-    modes must be `apart` from the frequency, where one is nearer than round-off.
+    of a factorisation. Small networks are solved dense. No factorisation can tell the sides of an
+    omega^2 below the system's `zero`: all modes so low are zero modes, and the count above 0 Hz is
+    made just above them, that at 0 Hz just below. A factorisation may be uncertain at this very
+    frequency, since a pivot may vanish although no mode is near. Then it is made a little below and
+    a little above, and counts if both agree; otherwise that of the blocks is tried. InputError
+    where no way is certain, and, if the modes must be `apart` from the frequency, where one is
+    nearer than round-off.
     """
     if not system.symmetric:
         raise InputError(
@@ -215,19 +140,14 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         return _agreed([counts], frequency)
     effort, _ = factorisation(system, counting=True)
     refuse_endless_search(system, effort, "an exact count takes", "take the density of states")
-    solver = system.solver or ("pardiso" if available("pardiso") else "layers")
-    methods = [solver, "layers"] if solver in ("pardiso", "superlu") else ["layers"]
+    chosen = choose(shape_of(system), system.solver, inertia=True).name
     step = max(BESIDE * abs(square), system.zero if apart else 0.0)
     beside = [square - step, square + step]
 
     def tried() -> Iterator[set[int | None]]:
-        for method in methods:
-            places = [square]
-            if apart and method == "layers":
-                # They give no solution that would show a mode at the frequency itself.
-                places = [square - system.zero, square + system.zero]
-            yield {_negative(system, place, method, apart) for place in places}
-            yield {_negative(system, place, method, False) for place in beside}
+        for solver in dict.fromkeys([chosen, "blocks"]):
+            yield {_negative(system, square, solver, apart)}
+            yield {_negative(system, place, solver, False) for place in beside}
 
     return _agreed(tried(), frequency)
 
@@ -244,16 +164,13 @@ def _agreed(ways: Iterable[set[int | None]], frequency: float) -> int:
     )
 
 
-def _negative(system: LinearSystem, square: float, method: str, apart: bool) -> int | None:
-    """Negative eigenvalues of A - square; None where this method cannot tell.
+def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> int | None:
+    """Negative eigenvalues of A - square; None where this factorisation cannot tell.
 
     Nor can it where modes must be `apart` and one is not.
     """
-    shifted = system.shifted(square)
     try:
-        if method == "layers":
-            return count_negative(shifted, system.dof, system.network.position[:, 2])
-        factor = factorise(shifted, definite=False, solver=method)
+        factor = factorise(system.shifted(square), solver=solver, kept=apart)
     except SingularError:
         return None
     on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero

@@ -22,7 +22,7 @@ from modal.modes.asked import check_count
 from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
-from modal.solvers.complex_factor import factorise_complex
+from modal.solvers.factor import factorise
 from modal.solvers.lanczos import SEED
 from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
@@ -155,7 +155,7 @@ def _rates_near(
     # A shift on the imaginary axis: its square is real.
     stiff = (A + (shift**2).real * identity).tocsr()
     remedy, near = "take decay_rates of elastic modes", shift.imag / (2 * np.pi)
-    factor = factorise_complex(stiff, shift.imag * C, remedy)
+    factor = factorise(stiff + 1j * shift.imag * C, remedy=remedy)
     started = clock.perf_counter()
     factor.solve(np.ones(size, complex))
     seconds = MOST * (clock.perf_counter() - started)

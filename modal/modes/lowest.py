@@ -21,7 +21,6 @@ from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endle
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.search import Search, SearchBelow
 from modal.modes.zero_modes import FloppyModes
-from modal.solvers.factor import available
 from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
@@ -209,13 +208,8 @@ def _slice(
     """The `wanted` modes of one slice, of `of` in all of them, about a shift."""
     # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
     # lower end, where A - sigma is definite, needs twice as many solves.
-    fast = system.solver in (None, "pardiso") and available("pardiso")
-    interior = low > 0 or fast
     sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
-    if not interior:
-        sigma = -SHIFT * system.diagonal.max()
-    definite = not interior and not floppy.unstable
-    search = Search(system, sigma, definite=definite, floppy=floppy)
+    search = Search(system, sigma, definite=False, floppy=floppy)
     return _found(search, low, high, wanted, of)
 
 

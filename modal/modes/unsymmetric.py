@@ -10,18 +10,17 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eig
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from modal.modes.asked import check_count
 from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.zero_modes import by_structure
-from modal.solvers.factor import SUPERLU_FILL
+from modal.solvers.factor import factorise
 from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
-from modal.tools.workload import refuse_above_memory
 
 WHOLE = 3000
 """Degrees of freedom up to which all modes are found for the sake of some: in half a minute."""
@@ -72,9 +71,9 @@ def modes_at_an_end(system: LinearSystem, count: int, *, highest: bool) -> ModeS
     given = {"v0": start_block(len(met), 1)[:, 0], "which": "LM"}
     if not highest:
         remedy = "take pre-stress normal or a smaller packing"
-        refuse_above_memory(2 * SUPERLU_FILL * A.nnz, "the factor of an unsymmetric K", remedy)
         sigma = -SHIFT * system.diagonal.max()
-        factor = splu((A - sigma * sp.identity(len(met))).tocsc())
+        shifted = (A - sigma * sp.identity(len(met))).tocsr()
+        factor = factorise(shifted, symmetric=False, solver=system.solver, remedy=remedy)
         inverse = LinearOperator(A.shape, factor.solve, dtype=float)
         given |= {"sigma": sigma, "OPinv": inverse}
     while True:

@@ -1,48 +1,47 @@
-"""Factorisations of a shifted, symmetric A - sigma: solves for shift-invert, and inertia.
+"""Sparse factorisations behind one registry: what each can do, what it costs, which one is taken.
 
-One interface, three back ends. PARDISO (pypardiso) is used where it is installed; with scipy alone
-a definite matrix is factorised as a band along the packing, an indefinite one by SuperLU in
-symmetric mode. Which one is chosen by what is asked and by the memory that it will need.
+Each module of `modal.solvers.factorisations` holds one as its `FACTORISATION`; a further one needs
+a module there and nothing else. They give solutions, and of a real symmetric matrix its inertia:
+the number of negative eigenvalues, which counts modes (Sylvester's law).
 """
 
 from __future__ import annotations
 
 import importlib.util
-import os
+import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from modal.solvers.band import Band, BandCholesky
-from modal.tools.arrays import Floats
+from modal.solvers import factorisations
+from modal.tools.arrays import Array, Ints
 from modal.tools.errors import InputError
-from modal.tools.workload import memory_at_hand
+from modal.tools.workload import refuse_above_memory
 
-SOLVERS = ("pardiso", "banded", "superlu")
-SUPERLU_FILL = 1.4e3
-"""Bytes of a SuperLU factor for each nonzero of a packing's matrix: 12 GB for 9 million."""
-PARDISO = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1, 37: -100}
-"""What is asked of PARDISO in place of its defaults: order by nested dissection, pivots of size
-1 and 2, a factorisation for two cores, no refinement of solutions unless a pivot was perturbed, and
-rows of equal pattern, those of a sphere, ordered as one (iparm 37: variable blocks).
-By default every solution is refined twice, which takes three times as long: from a residual of
-4e-12, which Lanczos does not notice, to 1e-13. Row by row the analysis of 35,201 spheres takes
-1.1 s instead of 0.3 and holds 240 MB instead of 60."""
-PARDISO_WITHOUT_MEMORY = -2
-"""PARDISO's error code where it found too little memory."""
+SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisations.__path__)))
+"""Names of all factorisations, whether or not what they need is installed."""
+BACKWARD = 1e-11
+"""Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
+largest one, round-off may have moved the eigenvalues, and so near to a mode no count is exact
+(`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
+SMALLER = "take a smaller packing"
+"""What to do where memory does not suffice."""
 
 
 class SingularError(InputError):
     """A matrix that is singular, or that is not definite as was promised."""
 
-
-BACKWARD = 1e-11
-"""Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
-largest one, round-off may have moved the eigenvalues, and so near to a mode no count is exact
-(`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
+    def __init__(self, definite: bool) -> None:
+        super().__init__(
+            "K has a negative direction: the packing is not stable with these springs; ask for the "
+            "modes of an interval or for a count, which allow it"
+            if definite
+            else "K - sigma M is exactly singular at this frequency; ask for a slightly different "
+            "one"
+        )
 
 
 @dataclass
@@ -50,157 +49,172 @@ class Factor:
     """A factorised matrix A.
 
     `solve` gives A^-1 b for b of shape (size,) or (size, k). `negative` is the number of negative
-    eigenvalues of A; None where a pivot was replaced, where rows were exchanged for a pivot, or
-    where solutions are less accurate than `BACKWARD`: such a factor solves, but its signs are no
-    count. `solver` names the back end. `release` frees the memory that a back end holds outside of
-    Python; `solve` must not be called after it.
+    eigenvalues of A; None where A is not real and symmetric, where a pivot was replaced, where rows
+    were exchanged for a pivot, or where solutions are less accurate than `BACKWARD`: such a factor
+    solves, but its signs are no count. `solver` names the factorisation. `release` frees the memory
+    that it holds outside of Python; `solve` must not be called after it.
     """
 
-    solve: Callable[[Floats], Floats]
+    solve: Callable[[Array], Array]
     negative: int | None
     solver: str
     release: Callable[[], None] = lambda: None
 
 
-def available(solver: str) -> bool:
-    """Whether the back end is installed."""
-    return solver != "pardiso" or importlib.util.find_spec("pypardiso") is not None
+@dataclass(frozen=True)
+class Shape:
+    """What the cost of a factorisation depends on.
 
-
-def factorise(matrix: sp.csr_matrix, *, definite: bool, solver: str | None = None) -> Factor:
-    """Factorise a symmetric matrix; `definite` promises that it is positive definite.
-
-    InputError for an unknown or unsuitable `solver`, one that is not installed, an exactly
-    singular matrix, or more memory than the machine has.
+    `rows` and `nonzeros` of the matrix, `layer`: rows of one of the layers in which contacts follow
+    each other along the packing, `complex`: whether its numbers are.
     """
-    if solver is None:
-        solver = "pardiso" if available("pardiso") else _scipy_choice(matrix, definite)
+
+    rows: float
+    nonzeros: float
+    layer: float
+    complex: bool = False
+
+    @classmethod
+    def of(cls, matrix: sp.csr_matrix) -> Shape:
+        """The shape of a matrix, whose layers are looked for."""
+        rows = np.diff(ends_of_blocks(matrix, reverse_cuthill_mckee(matrix, symmetric_mode=True)))
+        layer = float((rows.astype(float) ** 2).sum() / rows.sum())
+        return cls(matrix.shape[0], matrix.nnz, layer, np.iscomplexobj(matrix))
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Bytes of a factor, multiplications of factorising and of solving for one column.
+
+    `counting`: bytes where the inertia alone is wanted, as many by default.
+    """
+
+    bytes: float
+    operations: float
+    each: float
+    counting: float | None = None
+
+    def memory(self, kept: bool) -> float:
+        """Bytes of a factor that is `kept`, or of one that counts and is forgotten."""
+        return self.bytes if kept or self.counting is None else self.counting
+
+
+@dataclass(frozen=True)
+class Factorisation:
+    """One way to factorise, what it can, and what it costs.
+
+    `package`: what must be installed besides scipy. `inertia`: whether `negative` of its factors is
+    known; `complex`, `unsymmetric`: whether it takes such matrices; all take real symmetric ones,
+    definite or not. `cost` estimates from a `Shape`. `make` takes the matrix, whether it is
+    positive definite, whether it is symmetric, and whether the factor is `kept` for solutions or
+    only its inertia is wanted; it raises SingularError.
+    """
+
+    name: str
+    make: Callable[[sp.csr_matrix, bool, bool, bool], Factor]
+    cost: Callable[[Shape], Cost]
+    package: str | None = None
+    inertia: bool = True
+    complex: bool = True
+    unsymmetric: bool = True
+
+    def lacks(self, *, inertia: bool, complex: bool, unsymmetric: bool) -> str:
+        """What is asked for and it cannot do, in words; empty where it can."""
+        if inertia and not self.inertia:
+            return "counts no modes"
+        if complex and not self.complex:
+            return "takes no dashpots"
+        return "takes no shear forces in K" if unsymmetric and not self.unsymmetric else ""
+
+
+def named(solver: str) -> Factorisation:
+    """The factorisation of a name; InputError where there is none."""
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
+    return importlib.import_module(f"{factorisations.__name__}.{solver}").FACTORISATION
+
+
+def available(solver: str) -> bool:
+    """Whether what the factorisation needs is installed."""
+    package = named(solver).package
+    return package is None or importlib.util.find_spec(package) is not None
+
+
+def choose(
+    shape: Shape,
+    solver: str | None = None,
+    *,
+    inertia: bool = False,
+    unsymmetric: bool = False,
+) -> Factorisation:
+    """The factorisation for a matrix: the one that is named, or else the fastest that can do it.
+
+    One whose package was installed for it comes first, then the one with the fewest operations.
+    InputError for a `solver` that is unknown, not installed, or cannot do what is asked for.
+    """
+    asked = {"inertia": inertia, "complex": shape.complex, "unsymmetric": unsymmetric}
+    if solver is None:
+        every = [named(name) for name in SOLVERS if available(name)]
+        able = [way for way in every if not way.lacks(**asked)]
+        return min(able, key=lambda way: (way.package is None, way.cost(shape).operations))
+    way = named(solver)
     if not available(solver):
         raise InputError(
-            "solver pardiso: the package pypardiso is not installed; install it or choose "
-            "banded or superlu"
+            f"solver {solver}: the package {way.package} is not installed; install it or choose "
+            + " or ".join(name for name in SOLVERS if available(name))
         )
-    if not definite and solver == "banded":
-        raise InputError(
-            f"solver {solver}: only for the low end of the spectrum; take pardiso or superlu"
-        )
-    back_end = {"pardiso": _pardiso, "banded": _banded, "superlu": _superlu}[solver]
-    return back_end(matrix, definite)
+    if lack := way.lacks(**asked):
+        raise InputError(f"solver {solver}: it {lack}; take another")
+    return way
 
 
-def _scipy_choice(matrix: sp.csr_matrix, definite: bool) -> str:
-    """Band or SuperLU: the smaller one in memory."""
-    if definite and Band(matrix).bytes_needed < SUPERLU_FILL * matrix.nnz:
-        return "banded"
-    return "superlu"
+def factorise(
+    matrix: sp.csr_matrix,
+    *,
+    definite: bool = False,
+    symmetric: bool = True,
+    solver: str | None = None,
+    kept: bool = True,
+    remedy: str = SMALLER,
+) -> Factor:
+    """Factorise a matrix, real or complex; `definite` promises that it is positive definite.
+
+    Where the factor is not `kept`, it gives the inertia and no solutions, which may take less
+    memory. InputError for an unsuitable `solver`, a singular matrix, or where the factor would take
+    more than the free memory, with a `remedy`.
+    """
+    shape = Shape.of(matrix)
+    way = choose(shape, solver, inertia=not kept, unsymmetric=not symmetric)
+    if way.package is None:
+        remedy += ", or install pypardiso, which needs less"
+    refuse_above_memory(way.cost(shape).memory(kept), f"a factorisation by {way.name}", remedy)
+    return way.make(matrix, definite, symmetric, kept)
 
 
-def _refuse_above_memory(bytes_needed: float, what: str) -> None:
-    at_hand = memory_at_hand()
-    if bytes_needed > at_hand:
-        raise InputError(
-            f"{what} needs about {bytes_needed / 1e9:.1f} GB, {at_hand / 1e9:.1f} GB are free; "
-            "install pypardiso, which needs a sixth, or take a smaller packing"
-        )
+def ends_of_blocks(matrix: sp.csr_matrix, order: Ints, fewest: int = 200) -> Ints:
+    """First row of each block, and the number of rows behind the last, in the `order` of rows.
+
+    Rows reach no further than into the next block. Each has the `fewest` rows at least, so that
+    particles without contacts do not become a block each, and rows with an empty diagonal do not
+    stand alone.
+    """
+    size = matrix.shape[0]
+    rank = np.empty(size, np.int64)
+    rank[order] = np.arange(size)
+    reach = np.arange(size)
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    farthest = np.maximum.reduceat(rank[matrix.indices], matrix.indptr[filled])
+    reach[rank[filled]] = np.maximum(rank[filled], farthest)
+    reach = np.maximum.accumulate(reach)
+    ends = [0, min(size, fewest)]
+    while ends[-1] < size:
+        ends.append(min(size, max(int(reach[ends[-1] - 1]) + 1, ends[-1] + fewest)))
+    return np.array(ends)
 
 
-def _pardiso(matrix: sp.csr_matrix, definite: bool) -> Factor:
-    """MKL PARDISO: Cholesky, or L D L^T with pivots whose signs are the inertia."""
-    from pypardiso import PyPardisoSolver
-    from pypardiso.pardiso_wrapper import PyPardisoError
-
-    upper = _upper_triangle(matrix)
-    solver = PyPardisoSolver(mtype=2 if definite else -2)
-    for parameter, value in PARDISO.items():
-        solver.set_iparm(parameter, value)
-    # Each solver searches the disk for MKL, for 0.1 s and more: the next ones are told where it is.
-    os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)
-    try:
-        solver.factorize(upper)
-    except PyPardisoError as error:
-        if error.value == PARDISO_WITHOUT_MEMORY:
-            raise InputError("PARDISO found too little memory; take a smaller packing") from error
-        raise SingularError(_singular(definite)) from error
-
-    def solve(rhs: Floats) -> Floats:
-        return solver.solve(upper, np.asfortranarray(rhs))
-
-    # With two levels a negative pivot may pass unnoticed: its root is NaN, and so are solutions.
-    if definite and not np.isfinite(solve(np.ones(matrix.shape[0]))).all():
-        solver.free_memory(everything=True)
-        raise SingularError(_singular(definite))
-
-    def release() -> None:
-        solver.free_memory(everything=True)
-
-    # Pivots that were replaced, and those of either sign.
-    perturbed, positive, negative = (int(solver.get_iparm(k)) for k in (14, 22, 23))
-    whole = perturbed == 0 and positive + negative == matrix.shape[0]
-    count = 0 if definite else _certain(negative if whole else None, solve, matrix)
-    return Factor(solve, count, "pardiso", release)
-
-
-def _certain(
-    negative: int | None, solve: Callable[[Floats], Floats], matrix: sp.csr_matrix
-) -> int | None:
+def certain(negative: int, solve: Callable[[Array], Array], matrix: sp.csr_matrix) -> int | None:
     """The number of negative pivots if the factor is accurate, tried on one right-hand side."""
-    if negative is None:
-        return None
     rhs = np.random.default_rng(matrix.shape[0]).standard_normal(matrix.shape[0])
     found = solve(rhs)
     error, size = np.linalg.norm(matrix @ found - rhs), np.linalg.norm(found)
     return negative if error <= BACKWARD * abs(matrix.data).max() * size else None
-
-
-def _upper_triangle(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    """The upper triangle, with a stored diagonal: PARDISO takes no empty row."""
-    upper = sp.triu(matrix, format="csr")
-    if not np.diff(upper.indptr).all():
-        above, rows = sp.triu(matrix, k=1, format="coo"), np.arange(matrix.shape[0])
-        values = np.concatenate([above.data, matrix.diagonal()])
-        places = np.concatenate([above.row, rows]), np.concatenate([above.col, rows])
-        upper = sp.coo_matrix((values, places), shape=matrix.shape).tocsr()
-    upper.sort_indices()
-    return upper
-
-
-def _banded(matrix: sp.csr_matrix, definite: bool) -> Factor:
-    """Cholesky in the order that keeps the band of a slender packing narrow."""
-    band = Band(matrix)
-    _refuse_above_memory(band.bytes_needed, "the band of this packing")
-    try:
-        return Factor(BandCholesky(band).solve, 0, "banded")
-    except np.linalg.LinAlgError as error:
-        raise SingularError(_singular(definite)) from error
-
-
-def _superlu(matrix: sp.csr_matrix, definite: bool) -> Factor:
-    """SuperLU in symmetric mode with diagonal pivots.
-
-    Where the row permutation equals the column permutation, U's diagonal holds the D of an
-    L D L^T and its signs are the inertia (Sylvester).
-    """
-    _refuse_above_memory(SUPERLU_FILL * matrix.nnz, "SuperLU")
-    options = {"SymmetricMode": True}
-    try:
-        lu = splu(
-            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
-        )
-    except RuntimeError as error:
-        raise SingularError(_singular(definite)) from error
-    symmetric = np.array_equal(lu.perm_r, lu.perm_c)
-    negative = int((lu.U.diagonal() < 0).sum()) if symmetric else None
-    if definite and negative:
-        raise SingularError(_singular(definite))
-    return Factor(lu.solve, _certain(negative, lu.solve, matrix), "superlu")
-
-
-def _singular(definite: bool) -> str:
-    if definite:
-        return (
-            "K has a negative direction: the packing is not stable with these springs; ask for the "
-            "modes of an interval or for a count, which allow it"
-        )
-    return "K - sigma M is exactly singular at this frequency; ask for a slightly different one"

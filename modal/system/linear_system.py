@@ -62,9 +62,9 @@ class LinearSystem:
         """The system of a network; with `translations_only` rotations are held at zero.
 
         `sliding` as of `modal.system.contacts.with_sliding`. `solver` names the factorisation
-        (`modal.solvers.factor.SOLVERS`); None lets memory decide.
+        (`modal.solvers.factor.SOLVERS`); None takes the fastest.
         """
-        if solver not in (None, *SOLVERS, "layers"):
+        if solver not in (None, *SOLVERS):
             raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
         terms_of(pre_stress)
         network = with_sliding(network, sliding)

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.solvers.complex_factor import factorise_complex
+from modal.solvers.factor import factorise
 from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.imposed import WallMoves, put_on
@@ -50,7 +50,7 @@ def damped_rows(
     started = clock.perf_counter()
     for k in progress(len(frequency), "response"):
         omega = 2 * np.pi * frequency[k]
-        factor = factorise_complex((A - omega**2 * identity).tocsr(), -omega * C, REMEDY)
+        factor = factorise(A - omega**2 * identity - 1j * omega * C, remedy=REMEDY)
         v = factor.solve(root.over(receivers.source - 1j * omega * drag))
         factor.release()
         for part, out in zip((v.real, v.imag), parts, strict=True):

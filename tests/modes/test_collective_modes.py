@@ -14,7 +14,7 @@ from modal.modes.effort import Effort
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
-from modal.solvers.factor import available
+from modal.solvers.factor import SOLVERS, available
 from modal.system.contacts import with_sliding
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.errors import InputError
@@ -172,7 +172,7 @@ def test_long_lists_that_start_at_zero(monkeypatch, way):
     assert found.certified and found.floppy_modes == zero
 
 
-@pytest.mark.parametrize("solver", ["pardiso", "superlu", "layers"])
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("layers", [4, 10])
 def test_counts_just_above_zero_are_those_of_the_zero_modes(solver, layers):
     """At frequencies whose omega^2 is below the round-off of a factorisation."""

@@ -15,7 +15,7 @@ from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.packing.tiling import repeat
-from modal.solvers.factor import available
+from modal.solvers.factor import SOLVERS, available
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
@@ -28,7 +28,7 @@ def unstable(cells: tuple[int, int, int]) -> Network:
 
 
 @pytest.mark.parametrize("cells", [(3, 3, 5), (3, 3, 14)])
-@pytest.mark.parametrize("solver", [None, "superlu", "layers"])
+@pytest.mark.parametrize("solver", [None, "superlu", "blocks"])
 def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, solver):
     """The dense spectrum says how many there are; lists have the modes above."""
     network = unstable(cells)
@@ -50,8 +50,7 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
         ({"between": (2e4, 5e4)}, elastic[(elastic >= 2e4) & (elastic < 5e4)]),
         ({"all": True}, frequency_of(square)),
     ):
-        kind = None if solver == "layers" else solver
-        found = modal.eigenmodes(network, **question, solver=kind)
+        found = modal.eigenmodes(network, **question, solver=solver)
         assert found.certified and found.unstable_modes == negative
         assert found.frequency == pytest.approx(listed, rel=1e-7)
     for tolerance in (1e-3, 0.3):
@@ -76,11 +75,6 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
     low = first if end != "high" else 0.999 * first
     high = last if end != "low" else 1.001 * last
     monkeypatch.setattr("modal.modes.lowest.MANY", 1)
-    if width == 60 and end != "low" and not available("pardiso"):
-        # The layers cannot tell the sides of sixty modes at once, and say so.
-        with pytest.raises(InputError, match="a mode is so near"):
-            modal.eigenmodes(network, between=(low, high))
-        return
     found = modal.eigenmodes(network, between=(low, high))
     assert found.certified and len(rounds) <= 8
     for margin, compare in ((1e-9, np.less_equal), (-1e-9, np.greater_equal)):
@@ -88,7 +82,7 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
         assert compare(len(found.frequency), inside.sum())
 
 
-@pytest.mark.parametrize("solver", ["pardiso", "superlu", "layers"])
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("network", [diluted(0.1, 3, 3), diluted(0.1, 3, 7)])
 def test_a_count_on_a_mode_is_refused(network, solver):
     """On each of some modes, whose side is round-off; a little beside it the count is exact."""

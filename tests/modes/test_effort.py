@@ -76,20 +76,20 @@ def test_entries_of_a_factor(width, layers):
         pytest.skip("pypardiso is not installed")
     from pypardiso import PyPardisoSolver
 
-    from modal.solvers.factor import PARDISO, _upper_triangle
+    from modal.solvers.factorisations.pardiso import SYMMETRIC, _with_diagonal
 
     system = LinearSystem.of(gallery.fcc(cells=(width, width, layers)), solver="pardiso")
     matrix = system.shifted(-1e-7 * system.diagonal.max())
     # Contacts along the axes leave a third of the entries zero.
     assert 1 <= effort.nonzeros(system) / matrix.nnz < 1.5
     solver = PyPardisoSolver(mtype=2)
-    for parameter, value in PARDISO.items():
+    for parameter, value in SYMMETRIC.items():
         solver.set_iparm(parameter, value)
     solver.iparm[17] = -1
-    solver.factorize(_upper_triangle(matrix))
+    solver.factorize(_with_diagonal(matrix, upper=True))
     entries = int(solver.get_iparm(18))
     solver.free_memory(everything=True)
-    estimate = effort.factorisation(system)[1] / effort.COSTS["pardiso"][2]
+    estimate = effort.factorisation(system)[1] * effort.RATE / 2
     # The order of elimination, and with it the fill, differs with the number of threads.
     assert 1 / 2.5 < estimate / entries < 2.5
 

@@ -14,7 +14,7 @@ from modal.modes.highest import highest_modes
 from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
-from modal.solvers.factor import SingularError, available, factorise
+from modal.solvers.factor import SOLVERS, SingularError, available, factorise
 from modal.system.linear_system import SMALL, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
@@ -188,7 +188,7 @@ def test_one_highest_mode_where_products_stop_below_the_top():
     assert found.frequency == pytest.approx([exact], rel=1e-9)
 
 
-@pytest.mark.parametrize("solver", ["banded", "pardiso"])
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_a_matrix_that_is_not_definite_is_noticed(solver):
     """sigma - A with sigma between the two highest modes: one negative pivot, by little."""
     if not available(solver):

@@ -45,12 +45,9 @@ def test_lowest_modes_by_every_factorisation(solver):
     assert (lowest.residual < residual_promised(system, lowest)).all()
 
 
-@pytest.mark.parametrize("solver", [None, "superlu"])
+@pytest.mark.parametrize("solver", [None, "superlu", "blocks"])
 def test_intervals_are_cut_and_complete(monkeypatch, solver):
-    """Slices of at most 40 modes give the same list as the dense solver, each one once.
-
-    The lowest slice has its shift in its middle with PARDISO, just below zero with scipy alone.
-    """
+    """Slices of at most 40 modes give the same list as the dense solver, each one once."""
     monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
     system = LinearSystem.of(diluted(0.35, 5, layers=7), solver=solver)

@@ -1,0 +1,1 @@
+"""One factorisation a module, each found by `modal.solvers.factor` as its `FACTORISATION`."""

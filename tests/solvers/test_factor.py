@@ -1,0 +1,216 @@
+"""Factorisations: solutions and inertia of each against dense ones, or no count where unsure."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from packings import diluted, polydisperse
+from scipy.sparse.csgraph import reverse_cuthill_mckee as order_of
+
+import modal
+from modal.solvers import factor as registry
+from modal.solvers.factor import (
+    SOLVERS,
+    Cost,
+    Factor,
+    Factorisation,
+    Shape,
+    SingularError,
+    available,
+    certain,
+    ends_of_blocks,
+    factorise,
+    named,
+)
+from modal.system.linear_system import LinearSystem
+from modal.tools.errors import InputError
+
+HERE = [solver for solver in SOLVERS if available(solver)]
+
+
+@pytest.fixture(scope="module")
+def systems():
+    """A crystal, one with few contacts left, and a cell of unequal spheres, periodic along z."""
+    networks = modal.fcc(cells=(3, 3, 20)), diluted(0.4, 1, 12), polydisperse(True)
+    return [LinearSystem.of(network) for network in networks]
+
+
+@pytest.mark.parametrize("solver", HERE)
+@pytest.mark.parametrize("place", [-1e-7, 0.013, 0.51])
+def test_solutions_and_inertia_of_real_matrices(systems, solver, place):
+    """Residuals as promised where the signs count; blocks always count, and with eps |A| |x| some
+    hundred times over."""
+    promised = 1e-13 if solver == "blocks" else registry.BACKWARD
+    for system in systems:
+        exact = np.linalg.eigvalsh(system.scaled.toarray())
+        shift = place * exact[-1]
+        matrix = system.shifted(shift)
+        rhs = np.random.default_rng(1).standard_normal((system.size, 5))
+        factor = factorise(matrix, solver=solver)
+        found = factor.solve(rhs)
+        error = np.linalg.norm(matrix @ found - rhs, axis=0)
+        assert factor.solve(rhs[:, 0]) == pytest.approx(found[:, 0], rel=1e-9)
+        if factor.negative is None and solver != "blocks":
+            continue
+        assert (error <= promised * exact[-1] * np.linalg.norm(found, axis=0)).all()
+        assert factor.negative == (exact < shift).sum() and factor.solver == solver
+        factor.release()
+        counted = factorise(matrix, solver=solver, kept=False)
+        assert counted.negative == (exact < shift).sum()
+        counted.release()
+        if place > 0:
+            with pytest.raises(SingularError):
+                factorise(matrix, solver=solver, definite=True)
+
+
+@pytest.mark.parametrize("solver", HERE)
+def test_solutions_of_complex_and_of_unsymmetric_matrices(systems, solver):
+    """What has dashpots, or shear forces; one that cannot says so by name."""
+    size = systems[0].size
+    real, random = systems[0].shifted(2e11), np.random.default_rng(2)
+    rhs = random.standard_normal((size, 3))
+    damped = (real + 0.1j * systems[0].scaled).tocsr()
+    skewed = real.copy()
+    skewed.data *= 1 + 0.1 * random.random(real.nnz)
+    for matrix, symmetric, loads in ((damped, True, rhs + 1j * rhs[::-1]), (skewed, False, rhs)):
+        if not symmetric and not named(solver).unsymmetric:
+            with pytest.raises(InputError, match=f"solver {solver}: it takes no shear forces"):
+                factorise(matrix, symmetric=False, solver=solver)
+            continue
+        factor = factorise(matrix, symmetric=symmetric, solver=solver)
+        found = factor.solve(loads)
+        bound = 1e-12 * abs(matrix).max() * np.linalg.norm(found)
+        assert np.linalg.norm(matrix @ found - loads) <= bound
+        assert factor.negative is None
+        factor.release()
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-9, 1.0, 1e30])
+def test_counts_do_not_depend_on_the_unit_of_stiffness(size):
+    """Sylvester's law is about signs; the chain's matrix with its shift has both, of any size."""
+    n = 700
+    chain = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1], format="csr")
+    angle = np.arange(1, n + 1) * np.pi / (n + 1)
+    for shift in (0.1, 1.2, 1.99, 3.7):
+        # Eigenvalues of a chain between walls: 2 - 2 cos(angle).
+        expected = int((2 - 2 * np.cos(angle) < shift).sum())
+        for solver in HERE:
+            found = factorise((size * (chain - shift * sp.eye(n))).tocsr(), solver=solver).negative
+            # PARDISO replaces pivots below some 1e-8 in themselves, and then does not count.
+            assert found == (None if solver == "pardiso" and size < 1e-8 else expected)
+
+
+def test_a_perturbed_pivot_is_not_called_exact():
+    """Twelve uncoupled pairs whose first pivot is zero to 1e-12 of the rest: PARDISO perturbs."""
+    if not available("pardiso"):
+        pytest.skip("pypardiso is not installed")
+    diagonal = np.ones(24)
+    diagonal[::2] = 1e-12
+    factor = factorise(sp.csr_matrix(np.diag(diagonal)), solver="pardiso")
+    assert factor.negative is None
+    factor.release()
+
+
+@pytest.mark.parametrize("solver", HERE)
+def test_a_matrix_with_an_empty_diagonal_is_counted(solver):
+    """[[0, 1], [1, 0]] has the eigenvalues -1 and 1, whether or not its zeros are stored."""
+    matrix = sp.csr_matrix(np.kron(np.eye(3), [[0.0, 1.0], [1.0, 0.0]]))
+    factor = factorise(matrix, solver=solver)
+    assert factor.negative in (3, None)
+    assert factor.solve(np.eye(6)) == pytest.approx(matrix.toarray(), abs=1e-12)
+
+
+def test_a_factor_off_by_more_than_counts_promise_gives_none():
+    """Off by 1e-10 of the largest eigenvalue it has another sign than an eigenvalue of 5e-11."""
+    exact, off = np.diag([1.0, 5e-11]), np.diag([1.0, -5e-11])
+    assert certain(1, lambda rhs: np.linalg.solve(off, rhs), sp.csr_matrix(exact)) is None
+    assert certain(0, lambda rhs: np.linalg.solve(exact, rhs), sp.csr_matrix(exact)) == 0
+
+
+def test_growth_of_the_factor_is_no_exact_count():
+    """A star's leaves come first; one of 1e-12 makes an entry of 1e12 of the centre's 0.3."""
+    star = np.diag([0.3, 1e-12, 1.0, 1.0])
+    star[0, 1:] = star[1:, 0] = 1.0
+    assert factorise(sp.csr_matrix(star), solver="superlu").negative is None
+    star[1, 1] = 1.0
+    assert factorise(sp.csr_matrix(star), solver="superlu").negative == 1
+
+
+@pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
+@pytest.mark.parametrize("kept", [True, False])
+def test_growth_of_a_block_is_no_exact_count(size, kept):
+    """A chain shifted to an eigenvalue of its first 200 rows, which are the first block."""
+    n = 500
+    chain = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1], format="csr")
+    for off, certainly in ((1e-12, False), (1e-4, True)):
+        shift = (2 - 2 * np.cos(77 * np.pi / 201)) * (1 + off)
+        factor = factorise((size * (chain - shift * sp.eye(n))).tocsr(), solver="blocks", kept=kept)
+        expected = int((2 - 2 * np.cos(np.arange(1, n + 1) * np.pi / (n + 1)) < shift).sum())
+        assert factor.negative == (expected if certainly else None)
+
+
+@pytest.mark.parametrize("zero", [0, 250, 499])
+def test_exactly_singular_is_refused_and_not_counted(zero):
+    """An eigenvalue of zero has no sign, in whichever block it is met."""
+    diagonal = np.tile([3.0, -1, 2, -5, 4], 100)
+    assert factorise(sp.diags(diagonal, format="csr"), solver="blocks").negative == 200
+    diagonal[zero] = 0
+    with pytest.raises(SingularError, match="singular"):
+        factorise(sp.diags(diagonal, format="csr"), solver="blocks")
+
+
+def test_spheres_without_contacts_widen_no_block():
+    """Among the rows of a long crystal: they lie in blocks of their own, two hundred in each."""
+    bound = LinearSystem.of(modal.fcc(cells=(7, 7, 20))).shifted(-1.0)
+    free = sp.block_diag([bound, sp.identity(3000)], format="csr")
+    mixed = np.random.default_rng(3).permutation(free.shape[0])
+    alone, among = Shape.of(bound), Shape.of(free[mixed][:, mixed])
+    assert among.layer < alone.layer
+
+
+@pytest.mark.parametrize("solver", HERE)
+def test_too_little_memory_is_refused(solver, monkeypatch):
+    matrix = LinearSystem.of(modal.fcc(cells=(4, 4, 10))).shifted(-1.0)
+    monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 1e3)
+    with pytest.raises(InputError, match=r"takes .* GB of memory .*take a smaller packing"):
+        factorise(matrix, solver=solver)
+
+
+@pytest.mark.parametrize("solver", HERE)
+def test_memory_is_that_of_the_factor(solver, systems):
+    """Within a factor of three: of blocks counted here, of the others as they say themselves."""
+    matrix = LinearSystem.of(modal.fcc(cells=(8, 8, 20))).shifted(-1.0)
+    cost = named(solver).cost(Shape.of(matrix)).bytes
+    if solver == "pardiso":
+        from pypardiso import PyPardisoSolver
+
+        made = PyPardisoSolver(mtype=2)
+        made.set_iparm(1, 1), made.set_iparm(2, 2)
+        made.factorize(sp.triu(matrix, format="csr"))
+        stored = 1024 * made.get_iparm(17)
+        made.free_memory(everything=True)
+    elif solver == "superlu":
+        from scipy.sparse.linalg import splu
+
+        options = {"SymmetricMode": True}
+        lu = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0, options=options)
+        stored = 12 * (lu.L.nnz + lu.U.nnz)
+    else:
+        stored = 8 * sum(rows**2 for rows in np.diff(ends_of_blocks(matrix, order_of(matrix))))
+    assert 1 / 3 < cost / stored < 3
+
+
+def test_a_further_factorisation_is_one_module(monkeypatch):
+    """What a module of the folder would hold: it is found by name, chosen, and its cost asked."""
+    dense = Factorisation(
+        "dense",
+        lambda matrix, *_: Factor(lambda b: np.linalg.solve(matrix.toarray(), b), None, "dense"),
+        lambda shape: Cost(8 * shape.rows**2, 0.0, 0.0),
+        inertia=False,
+    )
+    plain = registry.named
+    monkeypatch.setattr(registry, "SOLVERS", ("dense", *SOLVERS))
+    monkeypatch.setattr(registry, "named", lambda name: dense if name == "dense" else plain(name))
+    chosen = registry.choose(Shape(600, 2e4, 100), "dense")
+    assert chosen is dense
+    with pytest.raises(InputError, match="counts no modes"):
+        registry.choose(Shape(600, 2e4, 100), "dense", inertia=True)
