@@ -54,7 +54,7 @@ def eigenmodes(
     left out (`certify=False`). With the shear forces (`pre_stress` "full" or "law") K is not
     symmetric: omega^2 may be complex, the frequency is that of omega's real part, and with more
     than 3,000 degrees of freedom the lowest and the highest modes come without a certificate.
-    `solver` names a factorisation: pardiso, banded or superlu. InputError where there are no such
+    `solver` names a factorisation: pardiso, blocks or superlu. InputError where there are no such
     modes, and where the search is estimated to take longer than `hours` or more than the free
     memory.
 
