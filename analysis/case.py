@@ -18,10 +18,10 @@ from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import has_its_spheres, is_its_specimen, matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli
+from modal.exchange.registry import read_remarked
 from modal.modes.density import read_density
 from modal.modes.mode_set import ModeSet, read_modes, read_z_shapes
 from modal.packing.network import Network
-from modal.packing.plausibility import read_remarked
 from modal.packing.state import FORCES, stress_tensor
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError

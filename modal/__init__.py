@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from modal.description import describe
     from modal.elasticity.moduli import elastic_moduli
+    from modal.exchange.registry import read_packing as read
     from modal.modes.counts import count_modes
     from modal.modes.density import density_of_states
     from modal.modes.eigenmodes import eigenmodes
     from modal.packing.crystal import fcc
     from modal.packing.network import Network
-    from modal.packing.reading import read_packing as read
     from modal.preparation.packings import random_packing
     from modal.theory.fcc import FccLattice
     from modal.tools.errors import InputError
@@ -61,7 +61,7 @@ _HOME = {
     "frequency_response": ("modal.waves.response", "frequency_response"),
     "propagate": ("modal.waves.propagate", "propagate"),
     "random_packing": ("modal.preparation.packings", "random_packing"),
-    "read": ("modal.packing.reading", "read_packing"),
+    "read": ("modal.exchange.registry", "read_packing"),
 }
 
 

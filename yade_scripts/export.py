@@ -32,6 +32,7 @@ def springs(contacts, sign, i, j, radius):
     shear = -sign * np.array([c.phys.shearForce for c in contacts]).reshape(-1, 3)
     pushed = (pressed * normal).sum(axis=1)
     limit = np.array([c.phys.tangensOfFrictionAngle for c in contacts]) * pushed
+    limit += [0.0 if unbound(c.phys) else c.phys.shearAdhesion for c in contacts]
     # YADE puts the contact point in the middle of the overlap, also at a wall.
     lever_j = (overlap / 2 - radius[np.where(wall, 0, j)])[:, None] * normal
     return {
@@ -44,6 +45,34 @@ def springs(contacts, sign, i, j, radius):
         "force_tangential": shear,
         "overlap": overlap,
         "sliding": np.linalg.norm(shear, axis=1) >= limit * (1 - 1e-9),
+        **turning(contacts),
+    }
+
+
+def unbound(phys):
+    """Whether a contact has no cohesion, or none any more."""
+    return getattr(phys, "cohesionBroken", True)
+
+
+def turning(contacts):
+    """Stiffnesses (m,) against rolling and twisting, N m/rad, of contacts whose law has them.
+
+    Cohesive-frictional contacts have them while they hold, if `momentRotationLaw` is set, and all
+    of them with the law's `always_use_moment_law`. Their limits are not looked at.
+    """
+    always = any(
+        getattr(law, "always_use_moment_law", False)
+        for engine in O.engines
+        for law in getattr(getattr(engine, "lawDispatcher", None), "functors", ())
+    )
+    resists = np.array([getattr(c.phys, "momentRotationLaw", False) for c in contacts], bool)
+    resists &= np.array([always or not unbound(c.phys) for c in contacts], bool)
+    if not resists.any():
+        return {}
+    names = {"stiffness_rolling": "kr", "stiffness_twisting": "ktw"}
+    return {
+        name: np.where(resists, [getattr(c.phys, own, 0.0) for c in contacts], 0.0)
+        for name, own in names.items()
     }
 
 

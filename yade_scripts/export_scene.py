@@ -10,10 +10,13 @@ or of a saved scene, with the same version of YADE that saved it:
 
     yade -n -x -j1 yade_scripts/export_scene.py SCENE.yade.bz2 mine.network.h5
 
+Clumps are one body, with YADE's mass, centre and tensor of inertia and the contacts of their
+spheres. Cohesive-frictional contacts keep `kr` and `ktw` where their moment law is active.
+
 Wall, Facet and Box bodies become the two flat walls at low and high z. A network's levers end in
 the middle of the overlap, as YADE's torques do; for the motion of a sphere on a Wall it takes the
-Wall's plane, and by default a "ratcheting" variant, which differ by overlap / radius. Clumps,
-cohesion, rolling resistance, walls that stand in the way along x or y, and cells at angles are
+Wall's plane, and by default a "ratcheting" variant, which differ by overlap / radius. Other
+cohesion and rolling resistance, walls that stand in the way along x or y, and cells at angles are
 refused, in one line.
 """
 
@@ -30,12 +33,13 @@ from yade import O, config
 from modal.formats.provenance import Provenance, versions
 from modal.packing.checks import named
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
+from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.errors import InputError
 from yade_scripts.export import spheres, springs
 
 WALLS = ("Wall", "Facet", "Box")
-CONTACTS = ("FrictPhys", "MindlinPhys")
-"""Classes of contacts that are springs with friction: others pull, roll or bond."""
+CONTACTS = ("FrictPhys", "MindlinPhys", "CohFrictPhys")
+"""Classes of contacts that are springs with friction, and may resist rolling and twisting."""
 FLAT = 1e-6
 """Largest x or y of a wall's normal, and distance, in radii, of contacts from the wall's plane."""
 
@@ -81,7 +85,7 @@ def network_of_scene():
     shift = sign[:, None] * np.array([c.cellDist for c in contacts], dtype=int).reshape(-1, 3)
     partner = np.where(wall, 0, j)
     shift = np.where(wall[:, None], 0, shift + periods[partner] - periods[i])
-    return Network(
+    network = Network(
         position=position,
         **of_spheres,
         particle_i=i,
@@ -95,6 +99,25 @@ def network_of_scene():
             "yade_scripts/export_scene.py", versions=versions(yade=config.version)
         ).attributes(),
     )
+    clumps = sorted({body.clumpId for body in bodies if body.isClumpMember})
+    if not clumps:
+        return network
+    # Ids from 1, as no member of a clump has 0.
+    own = np.array([body.clumpId + 1 if body.isClumpMember else 0 for body in bodies])
+    return joined(network, own, _clumps(clumps))[0]
+
+
+def _clumps(ids):
+    """Mass, centre and tensor of inertia of clumps, as YADE has them."""
+    states = [O.bodies[one].state for one in ids]
+    axes = np.array([state.ori.toRotationMatrix() for state in states]).reshape(-1, 3, 3)
+    inertia = np.array([state.inertia for state in states])
+    return Bodies(
+        number=np.array(ids) + 1,
+        mass=np.array([state.mass for state in states]),
+        centre=np.array([state.pos for state in states]),
+        tensor=np.einsum("nij,nj,nkj->nik", axes, inertia, axes),
+    )
 
 
 def _spheres():
@@ -104,14 +127,9 @@ def _spheres():
         if body is None or body.shape is None:
             continue
         kind = type(body.shape).__name__
-        if body.isClump or body.isClumpMember:
-            raise InputError(
-                f"body {body.id} is, or is part of, a clump: a network knows single spheres; "
-                "export a scene without clumps"
-            )
         if kind == "Sphere":
             bodies.append(body)
-        elif kind not in WALLS:
+        elif kind not in ("Clump", *WALLS):
             raise InputError(f"body {body.id} is a {kind}; known are Sphere, {', '.join(WALLS)}")
     if not bodies:
         raise InputError("the scene has no spheres")
@@ -122,14 +140,12 @@ def _refuse_unknown(contact):
     """InputError for a contact that is more than springs with friction."""
     kind, where = type(contact.phys).__name__, f"contact {contact.id1}-{contact.id2}"
     if kind not in CONTACTS:
-        raise InputError(
-            f"{where} is a {kind}: known are {', '.join(CONTACTS)}, without cohesion and rolling"
-        )
-    for name in ("kr", "ktw", "adhesionForce"):
+        raise InputError(f"{where} is a {kind}: known are {', '.join(CONTACTS)}, no other cohesion")
+    for name in ("kr", "ktw", "adhesionForce") if kind != "CohFrictPhys" else ():
         if getattr(contact.phys, name, 0.0):
             raise InputError(f"{where} has {name}: no spring of a network does that; set it to 0")
     if not hasattr(contact.geom, "penetrationDepth"):
-        raise InputError(f"{where} is a {type(contact.geom).__name__}; use ScGeom")
+        raise InputError(f"{where} is a {type(contact.geom).__name__}; use ScGeom or ScGeom6D")
 
 
 def _planes(ends, normal, reach, radius, j):

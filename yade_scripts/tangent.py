@@ -1,7 +1,7 @@
 """Columns of the tangent of the present YADE scene, by central differences of YADE's own forces."""
 
 import numpy as np
-from yade import O, Vector3
+from yade import O, Quaternion, Vector3
 
 STEP = 5e-11
 """h in m, and of a rotation h / radius: (h / overlap)^2 / 24 and eps radius / h are below 1e-8."""
@@ -33,6 +33,7 @@ class Tangent:
                 for body in (contact.id1, contact.id2):
                     self.contacts[body].append(kept)
         self.start = {body.id: Vector3(body.state.pos) for body in O.bodies}
+        self.turned = {body.id: Quaternion(body.state.ori) for body in O.bodies}
 
     def neighbours(self, p):
         """The sphere and those that it touches, without walls."""
@@ -42,8 +43,8 @@ class Tangent:
     def loads(self, p, axis, step, bodies):
         """Forces and torques (len(bodies), 6) with sphere p moved (axis 0-2) or turned (3-5).
 
-        The law sees the new place and the velocity that has led there. Back at rest its shear
-        forces are put as they were: they depend on the way.
+        The law sees the new place or orientation and the velocity that has led there. Back at rest
+        its shear forces are put as they were: they depend on the way.
         """
         state = O.bodies[p].state
         way = np.zeros(3)
@@ -53,10 +54,11 @@ class Tangent:
             state.vel = (state.pos - self.start[p]) / TIME_STEP
         else:
             state.angVel = Vector3(*way) / TIME_STEP
+            state.ori = Quaternion(Vector3(*np.eye(3)[axis - 3]), step) * self.turned[p]
         O.step()
         found = np.array([[*O.forces.f(k, sync=True), *O.forces.t(k, sync=True)] for k in bodies])
         state.vel = state.angVel = Vector3(0, 0, 0)
-        state.pos = self.start[p]
+        state.pos, state.ori = self.start[p], self.turned[p]
         O.step()
         for contact, shear in self.contacts[p]:
             contact.phys.shearForce = shear

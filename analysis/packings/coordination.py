@@ -16,8 +16,8 @@ import numpy as np
 from analysis.table import Table
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.waves import isotropic_mean
+from modal.exchange.registry import read_packing
 from modal.packing.rattlers import force_bearing
-from modal.packing.reading import read_packing
 from modal.packing.state import coordination_without_rattlers, void_ratio
 
 HEADER = (

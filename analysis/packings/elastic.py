@@ -17,8 +17,8 @@ from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.structure_factor import structure_factor
 from analysis.table import Table
 from modal.elasticity.moduli import SOFT, elastic_moduli
+from modal.exchange.registry import read_packing
 from modal.packing.network import Network
-from modal.packing.reading import read_packing
 from modal.packing.state import coordination_without_rattlers
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate

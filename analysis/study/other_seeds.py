@@ -14,8 +14,8 @@ from analysis.columns import VALUES
 from analysis.measures import Measures
 from analysis.measures.estimate import Estimate
 from analysis.rows import MAPS, Row, add_low_pass, bare_row
+from modal.exchange.registry import read_packing
 from modal.packing.network import Network
-from modal.packing.reading import read_packing
 from modal.waves.signals import Signals
 
 AT_REST = "particles", "length_over_d", "void_ratio", "coordination_number", "f_max_khz"

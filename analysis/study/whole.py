@@ -33,8 +33,8 @@ from analysis.study.tables import (
 from analysis.study.targets import answers, targets, targets_seen
 from analysis.study.velocity_rules import table_of_biases, table_of_laws, velocities
 from analysis.table import Table, read_csv
+from modal.exchange.registry import read_remarked
 from modal.formats.hdf5 import write_text
-from modal.packing.plausibility import read_remarked
 from modal.packing.state import contacts_per_particle, void_ratio
 from modal.tools.errors import InputError
 

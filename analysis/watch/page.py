@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from modal.exchange.picture import VISIBLE, contact_lines, sphere_stress
+from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import open_h5, write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import ModeSet, read_modes
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.reading import read_packing
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.waves.signals import SCHEMA as SIGNALS

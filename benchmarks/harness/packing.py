@@ -10,10 +10,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT
+from modal.exchange.registry import read_packing
 from modal.modes.highest import highest_modes
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network, write_network
-from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.contacts import Contacts

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.cli.options import add_output, network_command
-from modal.exchange import extended_xyz, vtk
+from modal.exchange import extended_xyz, picture
 from modal.exchange.picture import (
     Frame,
     contact_lines,
@@ -19,11 +19,11 @@ from modal.exchange.picture import (
     sphere_fields,
     wave_frames,
 )
+from modal.exchange.registry import read_remarked
 from modal.formats.hdf5 import open_h5
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.modes.mode_set import read_modes
 from modal.packing.network import Network
-from modal.packing.plausibility import read_remarked
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.plane_file import SCHEMA as PLANE
@@ -128,8 +128,8 @@ def _still(path: Path, network: Network, fields: dict[str, Array]) -> list[str]:
         extended_xyz.write_frames(path, network, [(0.0, network.position, fields)])
         return [str(path)]
     contacts = path.with_suffix(".contacts.vtu")
-    vtk.write_spheres(path, network.position, fields)
-    vtk.write_lines(contacts, contact_lines(network))
+    picture.write_spheres(path, network.position, fields)
+    picture.write_lines(contacts, contact_lines(network))
     return [str(path), str(contacts)]
 
 
@@ -152,9 +152,9 @@ def _moving(
         return [str(path)]
     named = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(len(frames))]
     for name, frame in zip(named, frames, strict=True):
-        vtk.write_spheres(name, *shown(frame)[1:])
+        picture.write_spheres(name, *shown(frame)[1:])
     contacts, series = path.with_suffix(".contacts.vtu"), path.with_suffix(".pvd")
-    vtk.write_lines(contacts, contact_lines(network))
+    picture.write_lines(contacts, contact_lines(network))
     times = [frame.time for frame in frames]
-    vtk.write_series(series, list(zip(times, [name.name for name in named], strict=True)))
+    picture.write_series(series, list(zip(times, [name.name for name in named], strict=True)))
     return [str(series), str(contacts), *map(str, named)]

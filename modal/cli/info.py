@@ -8,9 +8,9 @@ from typing import Any
 
 from modal.cli.options import NewFile, network_command
 from modal.cli.terminal import COST, Groups
+from modal.exchange.registry import import_packing
 from modal.modes.collective import summary_at_zero
 from modal.packing.plausibility import plausibility
-from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import contacts_per_particle, profile, write_profile
 from modal.packing.summary import summary
 from modal.preparation.protocol import PREPARATION
@@ -59,7 +59,8 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Numbers of the packing as a whole, and its layers where they are asked for."""
-    network = read_packing(options.network)
+    found = import_packing(options.network)
+    network = found.network
     touching = contacts_per_particle(network)
     if options.layers:
         write_profile(options.layers, profile(network))
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "length_m": network.length,
         "particles_with_0_1_2_contacts": [int((touching == few).sum()) for few in range(3)],
         **summary(network, network.noted("mu_wave")),
-        **plausibility(network, sought=is_sample(options.network)),
+        **plausibility(network, sought=found.sought),
         "degrees_of_freedom": 6 * network.n_particles,
         **summary_at_zero(LinearSystem.of(network)),
         "study": {key: str(value) for key, value in network.study.items()},

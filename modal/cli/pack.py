@@ -8,7 +8,8 @@ from typing import Any
 
 from modal.cli.options import NewFolder, add_command, say, typed
 from modal.cli.terminal import COST, Groups
-from modal.packing.plausibility import WIDE, read_remarked
+from modal.exchange.registry import read_remarked
+from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
 from modal.preparation.packings import pack as packed
 from modal.preparation.protocol import Study

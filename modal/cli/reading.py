@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 
+from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
-from modal.packing.plausibility import read_remarked
 from modal.system.contacts import SLIDING, TANGENTS, with_sliding
 
 PRE_STRESS = {

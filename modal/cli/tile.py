@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from modal.cli.options import add_output, network_command
+from modal.exchange.registry import read_packing
 from modal.packing.network import write_network
-from modal.packing.reading import read_packing
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.tiling import repeat, repeat_sample
 from modal.tools.errors import InputError

@@ -9,9 +9,9 @@ from typing import Any
 
 from modal.cli.options import add_output, add_skip_current, network_command, say, typed
 from modal.cli.reading import add_springs, packing_of
+from modal.exchange.sample import is_sample
 from modal.formats.hdf5 import open_h5, sha256
 from modal.packing.network import Network
-from modal.packing.reading import is_sample
 from modal.packing.sample import read_sample
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError

@@ -1,16 +1,21 @@
-"""The text dumps of LAMMPS and LIGGGHTS: `ITEM:` headers, a box, rows of named columns."""
+"""The text dumps of LAMMPS and LIGGGHTS: `ITEM:` headers, a box, rows of named columns, spheres."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import NoReturn
 
 import numpy as np
 
+from modal.exchange.law import SI, Units
+from modal.exchange.particles_and_contacts import Cell, Spheres, in_order
 from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
 from modal.tools.arrays import Bools, Floats
+from modal.tools.errors import InputError
 
+UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
+"""What their systems of units are in SI; `lj` has none."""
 SEVERAL = 5
 """Steps that a message lists."""
 ROUNDED = (6, 7)
@@ -78,7 +83,9 @@ def _frames(path: Path, kind: str) -> list[Frame]:
                     fault(path, what, "give the files in the other order", number)
                 frame = _frame(path, values, title[1:], file.tell(), number)
                 frames.append(frame)
-                number += _skip(file, frame.rows.count)
+                for _ in range(frame.rows.count):
+                    file.readline()
+                number += frame.rows.count
                 continue
             size = 3 if title[0] == "BOX" else 1
             name = " ".join(title[:3]) if title[0] == "NUMBER" else title[0]
@@ -88,13 +95,6 @@ def _frames(path: Path, kind: str) -> list[Frame]:
     if not frames:
         fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
     return frames
-
-
-def _skip(file: IO[bytes], rows: int) -> int:
-    for _ in range(rows):
-        if not file.readline():
-            break
-    return rows
 
 
 def _frame(
@@ -131,3 +131,86 @@ def _frame(
         last_step(box, significant_digits(bounds)) if rounded else 0.0,
         values.get("UNITS", [""])[0].strip(),
     )
+
+
+def units_of(frame: Frame, typed: Units | None, logged: str, said: str) -> Units:
+    """The units in SI: those that are typed, or of the name that log and dump give them (or si).
+
+    InputError where two of them differ, and for lj, which has no SI.
+    """
+    dumped = frame.units
+    if dumped and logged and dumped != logged:
+        do = "give the log of this dump" if typed is None else "leave --log out, or mend one"
+        fault(frame.rows.path, f"ITEM: UNITS {dumped}, and {said} has units {logged}", do)
+    name = dumped or logged or "si"
+    if typed is None and name not in UNITS:
+        where = frame.rows.path if dumped else said
+        raise InputError(
+            f"{where}: units {name} have no SI values here; give those of length, mass and time "
+            "with --scales M KG S"
+        )
+    if typed and dumped and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
+        what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"
+        fault(frame.rows.path, what, "leave --scales out, which other units are for")
+    return typed or UNITS[name]
+
+
+def cell_of(frame: Frame, units: Units, walls: tuple[float, float]) -> Cell:
+    """Bounds and periods of the frame's box."""
+    return Cell(units.length * frame.low, units.length * frame.high, frame.periodic, walls)
+
+
+def spheres_of(frame: Frame, units: Units, *, typed: bool, body: str = "") -> Spheres:
+    """The spheres of a dump, in the order of their numbers; `typed` if the law asks for types.
+
+    `body` is the column with the numbers of rigid bodies, if there are any.
+    """
+    rows = frame.rows
+
+    def first(*options: tuple[str, ...]) -> tuple[str, ...]:
+        found = next((names for names in options if rows.has(*names)), None)
+        if found is None:
+            _missing(frame, " ".join(options[0]))
+        return found
+
+    first(("id",))
+    places = first(*(tuple(f"{axis}{kind}" for axis in "xyz") for kind in ("", "u", "s")))
+    (size,) = first(("radius",), ("diameter",))
+    (heavy,) = first(("mass",), ("rmass",), ("density",))
+    further = [name for name in ("type" * (typed or rows.has("type")), body) if name]
+    for name in further:
+        first((name,))
+    table = rows.read("id", *places, size, heavy, *further)
+    number, order = in_order(rows, table[:, 0])
+    whole = {name: rows.whole(table[:, 6 + k], name)[order] for k, name in enumerate(further)}
+    table = table[order]
+    position, digits = table[:, 1:4], rows.digits(*places)
+    step = last_step(position, digits)
+    if places[0] == "xs":
+        step *= float((frame.high - frame.low).max())
+        position = frame.low + position * (frame.high - frame.low)
+    radius = units.length * table[:, 4] * (0.5 if size == "diameter" else 1.0)
+    mass = units.mass * table[:, 5]
+    if heavy == "density":
+        mass = units.density * table[:, 5] * 4 / 3 * np.pi * radius**3
+    # Radii count in overlaps as positions do; those that few digits hold are exact.
+    rounded = last_step(radius / units.length, rows.digits(size))
+    coarse = max(frame.rounding, rounded * (rows.digits(size) in ROUNDED))
+    if coarse > step:
+        step, digits = coarse, min(digits, ROUNDED[0])
+    return Spheres(
+        number=number,
+        position=units.length * position,
+        radius=radius,
+        mass=mass,
+        kind=whole.get("type", np.ones(len(table), int)),
+        digits=digits,
+        step=units.length * step,
+        body=whole.get(body),
+    )
+
+
+def _missing(frame: Frame, column: str) -> NoReturn:
+    had = " ".join(frame.rows.columns)
+    do = f"add {column} to the dump: dump ... custom N FILE id type x y z radius mass"
+    fault(frame.rows.path, f"no column {column} among {had}", do, frame.rows.line - 1, column)

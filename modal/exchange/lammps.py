@@ -1,106 +1,159 @@
 """LAMMPS' packings: dump custom, dump local, and the log that says what the columns mean.
 
 The law is the user's own line of input. Contacts, where dumped, come from `compute property/local`
-and `compute pair/local` with `cutoff radius`.
+and `compute pair/local` with `cutoff radius`. Spheres of a `fix rigid` become its bodies.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.bodies import check_spheres
-from modal.exchange.dump import Frame, frame_of
-from modal.exchange.dump_spheres import cell_of, spheres_of
-from modal.exchange.found import Found, network_of
-from modal.exchange.lammps_contacts import contacts_of
-from modal.exchange.lammps_pairs import law_of_pairs
-from modal.exchange.lammps_script import Script, read_log, typed_pair
-from modal.exchange.lammps_walls import TYPED, law_of_wall, planes_of, walls_of
-from modal.exchange.program_law import SI, ProgramLaw, Units
-from modal.exchange.rows import fault
+from modal.exchange.dump import cell_of, frame_of, spheres_of, units_of
+from modal.exchange.import_result import ImportResult, network_of
+from modal.exchange.input_script import Script, read_log
+from modal.exchange.lammps_contacts import TYPED, contacts_of, law_of_wall, planes_of, walls_of
+from modal.exchange.lammps_law import law_of_pairs
+from modal.exchange.law import ProgramLaw, Units
+from modal.exchange.particles_and_contacts import check_spheres
+from modal.exchange.registry import File, Option
+from modal.exchange.rows import fault, read_lines
+from modal.packing.rigid_bodies import Bodies
 from modal.tools.errors import InputError
 
-UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
-"""What LAMMPS' systems of units are in SI; `lj` has none."""
+NAME = "LAMMPS"
+OPTIONS = {
+    "contacts": Option("dump local"),
+    "log": Option("the log: units, law, walls, columns"),
+    "pair": Option("the contact law as it stands behind pair_style", "LINE"),
+    "wall": Option("the walls as they stand behind fix ... wall/gran", "LINE"),
+    "step": Option("which one, of a dump with several times", "N", int),
+    "scales": Option("the file's units of length, mass and time in SI", ("M", "KG", "S"), float),
+    "bodies": Option("masses and tensors of fix rigid, as write_restart writes them (*.rigid)"),
+}
 STRESS = ("pxx", "pyy", "pzz")
+OF_A_BODY = 11
+"""Numbers of a row of fix rigid that count: its number, mass, centre, and tensor of inertia."""
 
 
-def import_lammps(
-    atoms: str | Path,
-    contacts: str | Path | None,
-    log: str | Path | None,
-    pair: str | None,
-    wall: str | None,
-    units: Units | None,
-    step: int | None,
-) -> Found:
-    """A packing of LAMMPS; arguments as on the command line, files by their names."""
+def sniff(file: File) -> bool:
+    """A text dump; LIGGGHTS, whose dumps look alike, is asked before."""
+    return file.head.startswith(b"ITEM:")
+
+
+def read(
+    path: Path,
+    contacts: str | Path | None = None,
+    log: str | Path | None = None,
+    pair: str | None = None,
+    wall: str | None = None,
+    step: int | None = None,
+    scales: Sequence[float] | None = None,
+    bodies: str | Path | None = None,
+) -> ImportResult:
+    """A packing of LAMMPS."""
     script = read_log(log) if log else Script()
     wall_fixes = tuple(script.walls)
     if pair:
-        own = typed_pair(pair)
-        script.style, script.pair = own.style, own.pair
+        script.style, script.pair = typed_pair(pair)
     if wall:
         script.walls = {TYPED: tuple(wall.split())}
-    said = f"{log}" if log and not pair else "--pair"
+    said = script.said = f"{log}" if log and not pair else "--pair"
     if not script.style:
         raise InputError(
-            f"{atoms}: no law of contact is known; give the log (--log log.lammps) or the line "
-            '(--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3")'
+            f"{path}: no law of contact is known; `import` it with the log (--log log.lammps) or "
+            'the line (--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3")'
         )
-    frame = frame_of(atoms, "ATOMS", step)
-    assumed = ["units si"] * (units is None and not (log or frame.units))
+    frame = frame_of(path, "ATOMS", step)
+    assumed = ["units si"] * (scales is None and not (log or frame.units))
     # LAMMPS' own units, where a log names none, are lj.
-    units = units_of(frame, units, (script.units or "lj") if log else "", said)
-    of_pairs, walls = law_of_pairs(script, units, said), walls_of(script, units)
+    units = units_of(frame, Units.typed(scales), (script.units or "lj") if log else "", said)
+    of_pairs, walls = law_of_pairs(script, units), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:
         return of_pairs(a, b) if a >= 0 else law_of_wall(walls, a, said)
 
     models = {tuple(words) for _, _, *words in script.pair}
-    spheres = spheres_of(frame, units, typed=len(models) > 1)
-    cell = replace(cell_of(frame, units), walls=planes_of(walls))
-    check_spheres(spheres, cell, str(atoms))
-    for name, group in script.groups.items():
+    body, more = column_of_bodies(script, bodies is not None)
+    spheres = spheres_of(frame, units, typed=len(models) > 1, body=body)
+    cell = cell_of(frame, units, planes_of(walls))
+    check_spheres(spheres, cell, str(path))
+    for name in script.walls:
+        group = script.groups.get(name, "all")
         if contacts is None and wall is None and group != "all":
             do = "give the contacts that it has (--contacts), or type the walls (--wall)"
             raise InputError(f"{log}: fix {name} pushes the group {group} alone; {do}")
-    touching, more = contacts_of(
+    touching, meant = contacts_of(
         frame, spheres, contacts, script.computes, units, walls, wall_fixes
     )
-    found = network_of(spheres, cell, touching, law_of, str(atoms))
-    found.told["assumed"] = assumed + more
-    if frame.step <= script.changed and frame.step not in script.since:
-        found.remarks.append(
-            f"{log} changes the law or the walls after step {frame.step}: those of its end are "
-            "taken; type what held (--pair, --wall), or cut the log off there"
-        )
+    told = read_bodies(bodies, units) if bodies else None
+    found = network_of(spheres, cell, touching, law_of, str(path), told)
+    found.told["assumed"] = assumed + more + meant
+    found.remarks += script.remark_on_changes(frame.step)
     printed = script.thermo.get(frame.step) if log else None
     if printed and all(name in printed for name in STRESS):
         found.told["printed_stress_pa"] = [units.pressure * float(printed[name]) for name in STRESS]
     return found
 
 
-def units_of(frame: Frame, typed: Units | None, logged: str, said: str) -> Units:
-    """The units in SI: those that are typed, or of the name that log and dump give them (or si).
+def typed_pair(line: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """The style and coefficients that --pair says: one law for all types."""
+    words = line.split()
+    if not words:
+        raise InputError("--pair: it is empty; give the style and its coefficients, as in LAMMPS")
+    if words[0].startswith("gran/"):
+        return tuple(words), [("*", "*")]
+    return (words[0],), [("*", "*", *words[1:])]
 
-    InputError where two of them differ, and for lj, which has no SI.
+
+def column_of_bodies(script: Script, told: bool) -> tuple[str, list[str]]:
+    """The column of the dump that numbers the rigid bodies, if there are any; what is assumed.
+
+    `told` says that their masses are in a file of their own.
     """
-    dumped = frame.units
-    if dumped and logged and dumped != logged:
-        do = "give the log of this dump" if typed is None else "leave --log out, or mend one"
-        fault(frame.rows.path, f"ITEM: UNITS {dumped}, and {said} has units {logged}", do)
-    name = dumped or logged or "si"
-    if typed is None and name not in UNITS:
-        where = frame.rows.path if dumped else said
+    if not script.bodies:
+        if told:
+            raise InputError("--bodies: no fix rigid is known; give the log that has it (--log)")
+        return "", []
+    if len(script.bodies) > 1:
         raise InputError(
-            f"{where}: units {name} have no SI values here; give those of length, mass and time "
-            "with --scales M KG S"
+            f"{script.said}: several fix rigid; give all bodies one fix and one column"
         )
-    if typed and dumped and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
-        what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"
-        fault(frame.rows.path, what, "leave --scales out, which other units are for")
-    return typed or UNITS[name]
+    ((name, words),) = script.bodies.items()
+    if words[:1] == ("molecule",):
+        column = "mol"
+    elif words[:1] == ("custom",) and words[1].startswith("i_"):
+        column = words[1]
+    else:
+        raise InputError(
+            f"{script.said}: fix {name} rigid {' '.join(words[:1])}: which spheres are one body is "
+            "not in a dump; make it rigid molecule, or custom i_NAME, and dump mol or i_NAME"
+        )
+    if "infile" in words and not told:
+        raise InputError(
+            f"{script.said}: fix {name} rigid has masses of its own (infile); give those of this "
+            "step, as write_restart writes them (--bodies FILE.rigid)"
+        )
+    return column, [f"spheres of one {column} are a rigid body (fix {name}), 0 is none"]
+
+
+def read_bodies(path: str | Path, units: Units) -> Bodies:
+    """Masses, centres and tensors of rigid bodies, in the format of `fix rigid ... infile`."""
+    lines = enumerate((line.split("#")[0].split() for line in read_lines(path)), 1)
+    rows = [(line, words) for line, words in lines if len(words) > 1]
+    table = np.empty((len(rows), OF_A_BODY))
+    for row, (line, words) in enumerate(rows):
+        try:
+            table[row] = [float(word) for word in words[:OF_A_BODY]]
+        except ValueError:
+            what = "no row of a rigid body: its number, mass, centre, ixx iyy izz ixy ixz iyz, ..."
+            fault(path, what, "give the file that write_restart wrote (*.rigid)", line)
+    if not len(table) or not np.isfinite(table).all():
+        fault(path, "no rigid bodies", "give the file that write_restart wrote (*.rigid)")
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    xx, yy, zz, xy, xz, yz = units.mass * units.length**2 * table[:, 5:].T
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+    number = table[:, 0].astype(int)
+    return Bodies(number, units.mass * table[:, 1], units.length * table[:, 2:5], tensor)

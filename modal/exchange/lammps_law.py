@@ -1,16 +1,24 @@
 """LAMMPS' own words for a law of contact, as they stand after pair_style and pair_coeff.
 
-`granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and their like;
-gran/hooke, gran/hooke/history and gran/hertz/history; `fix wall/gran` in the same words. Cohesion,
-rolling and twisting are refused by name: no spring of this project does what they do.
+`granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and their like,
+rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history and gran/hertz/history; `fix
+wall/gran` in the same words. Cohesion is refused by name: no spring of this project does that.
+
+As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
+for pairs of rising types alone, the last line that covers a pair holds, and a pair that none covers
+is mixed from those of its two types.
 """
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
-from modal.exchange.program_law import (
+from modal.exchange.input_script import Script
+from modal.exchange.law import (
     DISPLACEMENT,
     FORCE,
     MIDDLE,
@@ -20,6 +28,7 @@ from modal.exchange.program_law import (
     ProgramLaw,
     Units,
 )
+from modal.exchange.particles_and_contacts import LawOf
 from modal.packing.contact_law import YOUNG, Elasticity
 from modal.tools.errors import InputError
 
@@ -37,6 +46,8 @@ TANGENTIAL = {
 NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
 """Model: its number of coefficients."""
 COHESIVE = ("dmt", "jkr", "mdr")
+LAST = sys.maxsize
+"""The highest type, whatever it is."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +79,7 @@ def granular(
     if model == "hertz/material":
         material = material_of(units.pressure * normal[0], normal[2], where)
     tangential, friction, grows, keeps, own = 0.0, 0.0, False, FORCE, True
+    resists, marshall = {"rolling": 0.0, "twisting": 0.0}, False
     while left:
         option = left.pop(0)
         if option == "tangential":
@@ -88,9 +100,14 @@ def granular(
                 )
         elif option in ("rolling", "twisting"):
             name = _next(left, where, option)
-            if name != "none":
+            if name == "sds":
+                stiffness, _, limit = (_number(left, where, f"{option} sds") for _ in range(3))
+                resists[option] = stiffness if limit > 0 else min(stiffness, 0.0)
+            elif (option, name) == ("twisting", "marshall"):
+                marshall = True
+            elif name != "none":
                 raise InputError(
-                    f"{where}: {option} {name} is resisted by no spring here; only {option} none"
+                    f"{where}: {option} {name!r} is not known; give none, sds, or twisting marshall"
                 )
         elif option in ("damping", "cutoff"):
             _next(left, where, option)
@@ -103,7 +120,20 @@ def granular(
     tangential *= units.pressure if grows else units.stiffness
     if material and not own:
         tangential = 8 * material.effective_shear
-    law = ProgramLaw(stiff, model != "hooke", tangential, grows, friction, keeps, *arms)
+    # LAMMPS takes the coefficient as it is, also one in units of pressure.
+    half = 0.5 * (units.length if grows else 1.0) * marshall
+    law = ProgramLaw(
+        stiff,
+        model != "hooke",
+        tangential,
+        grows,
+        friction,
+        keeps,
+        *arms,
+        rolling=units.stiffness * resists["rolling"],
+        twisting=units.moment * resists["twisting"],
+        marshall=half,
+    )
     _check(law, where)
     return Coefficients(law, material, own)
 
@@ -164,7 +194,7 @@ def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
     Materials as two bodies in contact; other coefficients by their geometric mean.
     """
     a, b = first.law, second.law
-    same = (a.hertz, a.grows, a.keeps) == (b.hertz, b.grows, b.keeps)
+    same = (a.hertz, a.grows, a.keeps, a.marshall) == (b.hertz, b.grows, b.keeps, b.marshall)
     if not same or (first.material is None) != (second.material is None):
         raise InputError("pair_coeff: two types have different models; give their own pair_coeff")
 
@@ -177,8 +207,9 @@ def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
         normal = 4 / 3 * young
         if not first.own_tangential:
             tangential = 8 * shear
-    friction = mean(a.friction, b.friction)
-    return ProgramLaw(normal, a.hertz, tangential, a.grows, friction, a.keeps, a.moves, a.turns)
+    names = ("friction", "rolling", "twisting")
+    means: dict[str, Any] = {name: mean(getattr(a, name), getattr(b, name)) for name in names}
+    return replace(a, normal=normal, tangential=tangential, **means)
 
 
 def material_of(young: float, poisson: float, where: str) -> Elasticity:
@@ -210,8 +241,60 @@ def _number(left: list[str], where: str, what: str) -> float:
 
 
 def _check(law: ProgramLaw, where: str) -> None:
-    if not law.normal > 0 or law.tangential < 0 or law.friction < 0:
+    if not law.normal > 0 or min(law.tangential, law.friction, law.rolling, law.twisting) < 0:
         raise InputError(
-            f"{where}: stiffness {law.normal:g} must be positive, tangential {law.tangential:g} "
-            f"and friction {law.friction:g} not negative; mend the line"
+            f"{where}: stiffness {law.normal:g} must be positive, tangential {law.tangential:g}, "
+            f"friction {law.friction:g}, rolling and twisting not negative; mend the line"
         )
+
+
+def law_of_pairs(script: Script, units: Units) -> LawOf:
+    """The law between any two types of sphere."""
+    said = script.said
+    style, *shared = script.style
+    if style.startswith("hybrid"):
+        raise InputError(
+            f"{said}: pair_style hybrid is not known; give the granular part by --pair"
+        )
+    lines: list[tuple[range, range, Coefficients]] = []
+    if style.startswith("gran/"):
+        everywhere = coefficients(style, shared, said, units)
+        lines.append((types_of("*", said), types_of("*", said), everywhere))
+    for one, two, *words in script.pair:
+        where = f"{said}: pair_coeff {one} {two}"
+        first, second = types_of(one, where), types_of(two, where)
+        if "*" not in one + two and second[0] < first[0]:
+            first, second = second, first
+        if second[-1] < first[0]:
+            raise InputError(
+                f"{where}: covers no pair, ranges stand for pairs of rising types alone; "
+                "exchange the two"
+            )
+        lines.append((first, second, coefficients(style, words or shared, said, units)))
+
+    def told(a: int, b: int) -> Coefficients | None:
+        covering = (law for first, second, law in reversed(lines) if a in first and b in second)
+        return next(covering, None)
+
+    def law_of(a: int, b: int) -> ProgramLaw:
+        a, b = min(a, b), max(a, b)
+        own, one, two = told(a, b), told(a, a), told(b, b)
+        if own is not None:
+            return own.law
+        if one is None or two is None:
+            raise InputError(f"{said}: no pair_coeff for types {a} and {b}; give one")
+        return mixed(one, two)
+
+    return law_of
+
+
+def types_of(word: str, where: str) -> range:
+    """The types that a word of pair_coeff stands for; InputError where it is no range."""
+    found = re.fullmatch(r"([0-9]*)(\*?)([0-9]*)", word)
+    low = int(found[1] or 1) if found else 0
+    high = 0 if found is None else int(found[3] or LAST) if found[2] else low
+    if not 1 <= low <= high:
+        raise InputError(
+            f"{where}: {word!r} is no type; give numbers or ranges of them (n, *, n*, *n, m*n)"
+        )
+    return range(low, high + 1)

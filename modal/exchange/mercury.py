@@ -1,120 +1,138 @@
-"""MercuryDPM's restart files: species, walls, periods, spheres and interactions in one text.
+"""MercuryDPM's packings: species, walls, periods, spheres and interactions of one restart file.
 
-Today's files name every number; those of `restart_version 2` list them in a fixed order and keep
-shear springs with the spheres, so that contacts follow from the positions.
+A network has one flat wall at low z and one at high z. Others may stand in the file as long as no
+sphere touches them; where contacts are listed, these tell it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.bodies import Cell, Contacts, Spheres
-from modal.exchange.found import Found, network_of
-from modal.exchange.mercury_names import read_names
-from modal.exchange.mercury_numbers import read_numbers
-from modal.exchange.mercury_restart import Restart
-from modal.exchange.mercury_walls import ALONE, OTHER, planes_of
-from modal.exchange.program_law import ProgramLaw, Units
-from modal.exchange.rows import fault, last_step, read_lines, significant_digits
-from modal.packing.network import SOURCE_WALL
-from modal.tools.arrays import Floats
+from modal.exchange import lammps
+from modal.exchange.import_result import ImportResult, network_of
+from modal.exchange.law import SI, ProgramLaw, Units
+from modal.exchange.mercury_restart import Restart, Wall, read_restart
+from modal.exchange.particles_and_contacts import (
+    Cell,
+    Contacts,
+    Spheres,
+    branches,
+    ends_of,
+    in_order,
+)
+from modal.exchange.registry import File
+from modal.exchange.rows import fault, last_step, significant_digits
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+
+NAME = "MercuryDPM"
+OPTIONS = {"scales": lammps.OPTIONS["scales"]}
+CODES = (SOURCE_WALL, RECEIVER_WALL)
+OTHER = "which is not flat at low or high z"
+"""What a network has no wall for, in words."""
+ALONE = "a network knows these two walls alone"
 
 
-def import_mercury(path: str | Path, units: Units) -> Found:
-    """A packing of MercuryDPM; `units` what the file's units are in SI."""
-    lines = read_lines(path)
-    file = Restart(Path(path))
-    if lines and lines[0].startswith("restart_version"):
-        if lines[0].split()[1:2] != ["2"]:
-            file.blame(1, f"{lines[0].strip()}", "only version 2 and today's files are known")
-        read_numbers(file, lines)
-    else:
-        read_names(file, lines)
-    if not file.rows:
-        fault(path, "no particles", "write the restart file of a packing")
-    return _found(file, units)
+def sniff(file: File) -> bool:
+    """A restart file of today, or an old one, which is refused by name."""
+    return file.head.startswith((b"MercuryDPM", b"restart_version"))
 
 
-def _found(file: Restart, units: Units) -> Found:
-    numbers = np.array([row[0] for row in file.rows])
-    order = np.argsort(numbers, kind="stable")
-    if (np.diff(numbers[order]) == 0).any():
-        fault(file.path, "two particles of one id", "write each once, without ghosts")
-    texts = [word for row in file.rows for word in row[2]]
-    try:
-        position = np.array(texts, float).reshape(-1, 3)[order]
-    except ValueError:
-        fault(file.path, "a position that is no number", "write the file anew")
-    if not np.isfinite(position).all():
-        fault(file.path, "a position that is no finite number", "write the file anew")
-    digits = significant_digits(texts)
-    spheres = Spheres(
-        number=numbers[order],
-        position=units.length * position,
-        radius=units.length * np.array([row[3] for row in file.rows])[order],
-        mass=units.mass * np.array([row[4] for row in file.rows])[order],
-        kind=np.array([row[1] for row in file.rows])[order],
-        digits=digits,
-        step=units.length * last_step(position, digits),
-    )
-    planes, codes = planes_of(file, spheres, units)
-    cell = Cell(units.length * file.low, units.length * file.high, file.periodic, planes)
-    contacts = _contacts(file, spheres, codes, units) if file.touching else None
+def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
+    """A packing of MercuryDPM."""
+    file, units = read_restart(path), Units.typed(scales) or SI
+    spheres = _spheres(file, units)
+    planes, codes = _planes(file, spheres, units)
+    low, high = units.length * file.low, units.length * file.high
+    cell = Cell(low, high, file.periodic, planes)
+    contacts = _contacts(file, spheres, cell, codes, units) if file.interactions else None
 
     def law_of(a: int, b: int) -> ProgramLaw:
         if a < 0:
-            a = next(wall[2] for number, wall in file.walls.items() if codes.get(number) == a)
+            a = next(wall.species for number, wall in file.walls.items() if codes.get(number) == a)
         law = file.laws.get((min(a, b), max(a, b)))
         if law is None:
             fault(file.path, f"no species for {a} with {b}", "write the restart file whole")
         stiff = units.pressure if law.hertz else units.stiffness
         across = units.pressure if law.grows else units.stiffness
-        return ProgramLaw(
-            stiff * law.normal,
-            law.hertz,
-            across * law.tangential,
-            law.grows,
-            law.friction,
-            law.keeps,
-        )
+        return replace(law, normal=stiff * law.normal, tangential=across * law.tangential)
 
     return network_of(spheres, cell, contacts, law_of, str(file.path))
 
 
-def _contacts(file: Restart, spheres: Spheres, codes: dict[int, int], units: Units) -> Contacts:
+def _spheres(file: Restart, units: Units) -> Spheres:
+    """The particles, in the order of their numbers."""
+    numbers, kinds, places, radii, masses = zip(*file.particles, strict=True)
+    number, order = in_order(file.rows("Particles"), np.array(numbers))
+    texts = [word for place in places for word in place]
+    position, digits = np.array(texts, float).reshape(-1, 3)[order], significant_digits(texts)
+    return Spheres(
+        number=number,
+        position=units.length * position,
+        radius=units.length * np.array(radii)[order],
+        mass=units.mass * np.array(masses)[order],
+        kind=np.array(kinds)[order],
+        digits=digits,
+        step=units.length * last_step(position, digits),
+    )
+
+
+def _contacts(
+    file: Restart, spheres: Spheres, cell: Cell, codes: dict[int, int], units: Units
+) -> Contacts:
     """The interactions: force on the first sphere, along and across the line of centres."""
-    i, j = np.empty((2, len(file.touching)), np.int32)
-    seen: dict[tuple[int, int], int] = {}
-    for row, (first, second, wall, _, line) in enumerate(file.touching):
-        if wall:
-            if second not in codes:
-                file.blame(line, f"a contact with wall {second}, {OTHER}", ALONE)
-            j[row] = codes[second]
-        for number in (first,) if wall else (first, second):
-            place = int(np.searchsorted(spheres.number, number))
-            if place == len(spheres.number) or spheres.number[place] != number:
-                file.blame(line, f"particle {number} is not in the file", "write the file anew")
-            if number == first:
-                i[row] = place
-            else:
-                j[row] = place
-        key = (int(min(i[row], j[row])), int(max(i[row], j[row])))
-        if key in seen:
-            file.blame(line, f"the contact of line {seen[key]} again", "list each contact once")
-        seen[key] = line
-    force = units.force * np.array([touch[3] for touch in file.touching])
-    normal = _normals(file, spheres, i, j, units)
+    second = np.empty(len(file.interactions))
+    for row, touch in enumerate(file.interactions):
+        if touch.wall and touch.second not in codes:
+            file.blame(touch.line, f"a contact with wall {touch.second:.0f}, {OTHER}", ALONE)
+        second[row] = codes[int(touch.second)] if touch.wall else touch.second
+    rows = file.rows("Interactions")
+    first = np.array([touch.first for touch in file.interactions])
+    i, j = ends_of(rows, spheres.number, (first, second), ("particleIds",) * 2, CODES)
+    force = units.force * np.array([touch.force for touch in file.interactions])
+    branch, _ = branches(spheres.position, cell, cell.walls, i, j)
+    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
     push = -(force * normal).sum(axis=1)
-    return Contacts(i, j, push, force + push[:, None] * normal)
+    return Contacts(i, j, push, force + push[:, None] * normal, listed=rows)
 
 
-def _normals(file: Restart, spheres: Spheres, i: np.ndarray, j: np.ndarray, units: Units) -> Floats:
-    size = np.where(file.periodic, units.length * (file.high - file.low), np.inf)
-    wall = j < 0
-    branch = spheres.position[np.where(wall, 0, j)] - spheres.position[i]
-    branch -= np.round(branch / size) * np.where(np.isfinite(size), size, 0)
-    branch[wall] = np.where(j[wall] == SOURCE_WALL, -1.0, 1.0)[:, None] * (0.0, 0.0, 1.0)
-    normal: Floats = branch / np.linalg.norm(branch, axis=1)[:, None]
-    return normal
+def _planes(
+    file: Restart, spheres: Spheres, units: Units
+) -> tuple[tuple[float, float], dict[int, int]]:
+    """z of the lower and the upper wall, m, or NaN, and the codes of these walls' numbers.
+
+    Of several walls at one end the innermost one counts; a sphere that touches another is refused.
+    """
+    inner: dict[int, int] = {}
+    for number, wall in file.walls.items():
+        side = wall.side
+        if side is not None and (side not in inner or wall.place < file.walls[inner[side]].place):
+            inner[side] = number
+    for number, wall in file.walls.items():
+        if wall.side is not None:
+            if number != inner[wall.side]:
+                at = f"beside wall {inner[wall.side]}, both at {('low', 'high')[wall.side]} z"
+                _refuse_touched(file, spheres, units, number, at, "a network knows one there")
+        elif not file.interactions:
+            if wall.kind != "InfiniteWall":
+                what = f"contacts with wall {number}, {wall.kind}, do not follow from positions"
+                fault(file.path, what, "write the file with its interactions, after a step")
+            _refuse_touched(file, spheres, units, number, OTHER, ALONE)
+    planes = [np.nan, np.nan]
+    for side, number in inner.items():
+        planes[side] = units.length * file.walls[number].place * file.walls[number].normal[2]
+    return (planes[0], planes[1]), {number: CODES[side] for side, number in inner.items()}
+
+
+def _refuse_touched(
+    file: Restart, spheres: Spheres, units: Units, number: int, what: str, do: str
+) -> None:
+    """InputError where a sphere overlaps an infinite wall by more than the last digit."""
+    wall: Wall = file.walls[number]
+    overlap = spheres.radius + spheres.position @ wall.normal - units.length * wall.place
+    if (overlap > spheres.step).any():
+        which = spheres.number[int(np.argmax(overlap))]
+        fault(file.path, f"particle {which}: a contact with wall {number}, {what}", do)

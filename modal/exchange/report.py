@@ -6,22 +6,29 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.found import Found
-from modal.exchange.program_law import DISPLACEMENT, ONE_SIDED, ProgramLaw
-from modal.exchange.worth import worth
+from modal.exchange.import_result import ImportResult
+from modal.exchange.law import DISPLACEMENT, ONE_SIDED, ProgramLaw
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
 from modal.packing.state import stress_tensor
+from modal.system.contacts import GROWTH, SHEAR, TANGENTS, Contacts
+
+NEEDS_SHEAR = SHEAR, GROWTH
+"""Terms that are not known where shear forces are not told."""
+ROUND_OFF = 1e-14
+"""A share below which a term is none."""
+WEIGHED = 50_000
+"""Contacts on which the terms of a law are weighed."""
 
 
-def summary_of(found: Found) -> dict[str, Any]:
+def summary_of(found: ImportResult) -> dict[str, Any]:
     """Spheres, contacts, stresses, balance, digits, sliding, the law and what its terms are worth.
 
     `remarks` of `found` grow by what a reader should know.
     """
     network, remarks = found.network, found.remarks
     # Where a law made the contacts, those that are not listed have been sought already.
-    plausible = plausibility(network, sought=bool(found.laws))
+    plausible = plausibility(network, sought=found.sought)
     remarks += plausible["remarks"]
     told: dict[str, Any] = {
         "spheres": network.n_particles,
@@ -40,7 +47,7 @@ def summary_of(found: Found) -> dict[str, Any]:
         told["sliding_share"] = float(network.sliding.mean())
     told["law"] = [law_in_words(law) for law in dict.fromkeys(found.laws)]
     if found.laws:
-        told |= {"terms_of_the_law_over_springs": worth(found.network)}
+        told |= {"terms_of_the_law_over_springs": law_term_sizes(found.network)}
         _of_laws(found, remarks)
     return told
 
@@ -72,7 +79,7 @@ def law_in_words(law: ProgramLaw) -> str:
     )
 
 
-def _of_laws(found: Found, remarks: list[str]) -> None:
+def _of_laws(found: ImportResult, remarks: list[str]) -> None:
     laws = set(found.laws)
     if any(law.keeps in (DISPLACEMENT, ONE_SIDED) and law.grows for law in laws):
         remarks.append(
@@ -83,3 +90,26 @@ def _of_laws(found: Found, remarks: list[str]) -> None:
         remarks.append("its shear shrinks on unloading alone: no linear law has both directions")
     if all(law.tangential == 0 for law in laws):
         remarks.append("no tangential stiffness: spheres turn and slide freely")
+
+
+def law_term_sizes(network: Network) -> dict[str, float]:
+    """What each of the law's terms adds to K, relative: root mean square over all entries.
+
+    Rotations count as arcs of the mean radius. Terms that this law does not have, or whose forces
+    are not told, are left out. Of more than `WEIGHED` contacts evenly spaced ones are taken, whose
+    matrices fill half a gigabyte.
+    """
+    m = network.n_contacts
+    if m > WEIGHED:
+        network = network.some(np.arange(0, m, -(-m // WEIGHED)))
+    arc = np.array([1.0] * 3 + [1 / float(network.radius.mean())] * 3)
+    scale = np.array([*arc, *arc[3:]])
+    springs = Contacts.of(network).tangent() * scale[:, None] * scale
+    size = float(np.linalg.norm(springs))
+    added = {}
+    for term in TANGENTS["law"]:
+        if network.force_tangential is None and term in NEEDS_SHEAR:
+            continue
+        change = Contacts.of(network, (term,)).tangent() * scale[:, None] * scale - springs
+        added[term] = float(np.linalg.norm(change)) / size
+    return {term: share for term, share in added.items() if share > ROUND_OFF}

@@ -191,29 +191,25 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
     return Provenance(command_line("python -m modal", arguments), settings, sources)
 
 
-_ROLES = {"sample": STATE, "motion_file": "motion", "file": "spheres"} | {
-    name: name for name in ("contacts", "log")
+_ROLES = {
+    "sample": STATE,
+    "motion_file": "motion",
+    "file": "spheres",
+    "contacts": "contacts",
+    "log": "log",
+    "bodies": "bodies",
 }
 _NOT_SETTINGS = {
-    "command",
-    "network",
-    "sample",
-    "motion_file",
-    "file",
-    "contacts",
-    "log",
-    "output",
-    "exported",
-    "json",
-    "skip_current",
-    "at",
-    "hours",
+    *_ROLES,
+    *("command", "network", "output", "exported", "json", "skip_current", "at", "hours"),
 }
 
 
 def packing_of(path: str | Path) -> tuple[Source, ...]:
     """A packing's file as the source of a product, and the sample that it was exported from."""
-    return (Source.of(PACKING, path), *read_provenance(path).packing)
+    own = Source.of(PACKING, path)
+    # A file of another program does not say what it was made from.
+    return (own, *(read_provenance(path).packing if h5py.is_hdf5(path) else ()))
 
 
 def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> str:

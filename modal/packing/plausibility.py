@@ -7,8 +7,6 @@ of stiffnesses, or a mass in another unit, shows in these numbers and nowhere el
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,6 @@ import numpy as np
 from modal.packing.checks import density_of, force_ratio
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
-from modal.packing.reading import is_sample, read_packing
 from modal.packing.state import net_forces, profile
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
@@ -60,7 +57,7 @@ def plausibility(network: Network, *, sought: bool = False, waves: bool = False)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
     remarks = of_densities(density) + of_shape(network, waves)
     if network.n_contacts:
-        if not sought:
+        if not sought and network.inertia_tensor is None:
             _touching(network, remarks)
         told |= _stiffnesses(network, remarks) | _forces(network, remarks)
     return told | {"remarks": remarks}
@@ -110,14 +107,6 @@ def of_shape(network: Network, waves: bool = False) -> list[str]:
             "depends on where along the packing it is read; take more spheres"
         )
     return remarks
-
-
-def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool = False) -> Network:
-    """The packing of a file, as `modal.packing.reading.read_packing`; `say` is told each remark."""
-    network = read_packing(path)
-    for remark in plausibility(network, sought=is_sample(path), waves=waves)["remarks"]:
-        say(f"{path}: {remark}")
-    return network
 
 
 def _touching(network: Network, remarks: list[str]) -> None:

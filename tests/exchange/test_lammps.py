@@ -19,7 +19,8 @@ import packings
 import pytest
 from places import ROOT
 
-from modal.exchange.lammps import import_lammps
+from modal.exchange.import_result import ImportResult
+from modal.exchange.registry import import_packing
 from modal.exchange.report import summary_of
 from modal.packing.layers import Layers
 from modal.packing.network import Network
@@ -155,6 +156,12 @@ def moved(spheres: np.ndarray) -> str:
     return text
 
 
+def imported(folder: Path) -> ImportResult:
+    """The packing that `write_contacts.lmp` has written."""
+    files = {"contacts": folder / "mine.contacts", "log": folder / "log.lammps"}
+    return import_packing(folder / "mine.atoms", **files)
+
+
 def differences(path: Path, spheres: np.ndarray) -> np.ndarray:
     """Shape (6n, 6 k): minus the change of forces and torques per motion of each sphere."""
     text = path.read_text()
@@ -183,10 +190,7 @@ def test_stress_and_stiffness_are_those_of_lammps(tmp_path, law, periodic_z):
     if not periodic_z:
         spheres[:4] = made.particle_i[made.with_wall][[0, 1, -2, -1]]
     run(tmp_path, script_of(made, law) + moved(spheres))
-    found = import_lammps(
-        *(tmp_path / name for name in ("mine.atoms", "mine.contacts", "log.lammps")),
-        *[None] * 4,
-    )
+    found = imported(tmp_path)
     network, told = found.network, summary_of(found)
     assert told["assumed"] == []
     # LAMMPS leaves the walls out of its stress, writes 17 digits and sums some hundred contacts.
@@ -253,8 +257,7 @@ def test_variables_of_a_log_are_read_as_lammps_puts_them_in(tmp_path):
     script = script_of(made, "hooke").replace("fix nve all nve/sphere", VARIABLES)
     script = re.sub("pair_style granular\npair_coeff .*", "set atom 1*25 type 2", script)
     run(tmp_path, script)
-    files = (tmp_path / name for name in ("mine.atoms", "mine.contacts", "log.lammps"))
-    found = import_lammps(*files, *[None] * 4)
+    found = imported(tmp_path)
     assert sorted(law.normal for law in found.laws) == [2e6, 3e6, 4e6]
     stiff = np.array([law.normal for law in found.laws])[found.law]
     # 17 digits of positions of some mm leave 1e-18 m of overlaps of 1e-5 m.
@@ -295,8 +298,7 @@ run {steps}
         heights[moved] = np.array(
             [np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1] for frame in frames]
         )
-    files = (tmp_path / name for name in ("mine.atoms", "mine.contacts", "log.lammps"))
-    network = import_lammps(*files, *[None] * 4).network
+    network = imported(tmp_path).network
     time = step * np.arange(-1, steps + 2)
     sway = amplitude * (1 - np.cos(2 * np.pi * np.maximum(time, 0) / period))
     np.savetxt(tmp_path / "motion.txt", np.column_stack([time, sway])[1:], fmt="%.17g")

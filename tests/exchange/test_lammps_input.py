@@ -11,7 +11,8 @@ import pytest
 from places import PACKINGS
 from program_files import refused
 
-from modal.exchange.lammps import import_lammps
+import modal
+from modal.exchange.registry import import_packing
 
 FILE = "out.network.h5"
 
@@ -51,7 +52,7 @@ def test_last_pair_coeff_of_a_pair_holds(tmp_path, lines, wanted):
     """
     said = (line.replace("A", A).replace("B", B) for line in lines)
     atoms, log = three_types(tmp_path, *said)
-    found = import_lammps(atoms, None, log, *[None] * 4)
+    found = import_packing(atoms, log=log)
     network = found.network
     kind = (np.arange(network.n_particles) + 1) % 3 + 1
     ends = np.sort([kind[network.particle_i], kind[network.particle_j]], axis=0)
@@ -115,14 +116,14 @@ def split(folder: Path, top: str = "41666666666.66667") -> tuple[Path, Path]:
 
 def test_two_fixes_are_the_walls_of_one(tmp_path):
     """The same contacts, forces and stiffnesses, with the log's IDs and with typed walls."""
-    whole = [PACKINGS / "mine.atoms", CONTACTS, PACKINGS / "log.lammps", *[None] * 4]
     atoms, log = split(tmp_path)
-    wanted = import_lammps(*whole).network
+    whole = {"contacts": CONTACTS, "log": PACKINGS / "log.lammps"}
+    wanted = modal.read(PACKINGS / "mine.atoms", **whole)
     assert [(wanted.particle_j == code).sum() for code in (-1, -2)] == [9, 13]
     a = program_files.sorted_ends(wanted)
     typed = f"{WALL.removeprefix('wall/gran ')} {LOW} {HIGH}"
     for wall in (None, typed):
-        found = import_lammps(atoms, CONTACTS, log, None, wall, None, None).network
+        found = modal.read(atoms, contacts=CONTACTS, log=log, wall=wall)
         b = program_files.sorted_ends(found)
         for name in ("particle_j", "force_normal", "force_tangential", "stiffness_normal"):
             np.testing.assert_array_equal(getattr(found, name)[b], getattr(wanted, name)[a])
@@ -130,10 +131,9 @@ def test_two_fixes_are_the_walls_of_one(tmp_path):
 
 def test_each_wall_has_the_law_of_its_fix(tmp_path):
     """The upper one 4.8 times as stiff, contacts from positions: kn is proportional to that."""
-    whole = [PACKINGS / "mine.atoms", None, PACKINGS / "log.lammps", *[None] * 4]
-    wanted = import_lammps(*whole).network
+    wanted = modal.read(PACKINGS / "mine.atoms", log=PACKINGS / "log.lammps")
     atoms, log = split(tmp_path, "2e11")
-    found = import_lammps(atoms, None, log, *[None] * 4).network
+    found = modal.read(atoms, log=log)
     for code, factor in ((-1, 1.0), (-2, 4.8)):
         stiffness = [each.stiffness_normal[each.particle_j == code] for each in (found, wanted)]
         np.testing.assert_allclose(stiffness[0], factor * stiffness[1], rtol=1e-12)
@@ -192,8 +192,9 @@ def echoed(folder: Path) -> tuple[Path, Path, Path]:
 def test_variables_of_one_letter_are_read_as_the_log_puts_them_in(tmp_path):
     """The same packing as without variables."""
     atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    wanted = import_lammps(atoms, contacts, log, *[None] * 4).network
-    found = import_lammps(*echoed(tmp_path), *[None] * 4).network
+    wanted = modal.read(atoms, contacts=contacts, log=log)
+    atoms, contacts, log = echoed(tmp_path)
+    found = modal.read(atoms, contacts=contacts, log=log)
     assert found.wall_position.tolist() == wanted.wall_position.tolist()
     np.testing.assert_array_equal(found.stiffness_normal, wanted.stiffness_normal)
     np.testing.assert_array_equal(found.particle_j, wanted.particle_j)
@@ -222,21 +223,12 @@ def test_variables_without_a_value_are_refused(tmp_path, capsys, line, said):
     assert re.search(said, error), error
 
 
-@pytest.mark.parametrize("style", ["rigid", "rigid/small", "rigid/nve", "rigid/nvt/small"])
-def test_clumps_of_any_integrator_are_refused(tmp_path, capsys, style):
-    """Contacts inside a rigid body are no springs."""
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    log.write_text(log.read_text() + f"fix r all {style} molecule\n")
-    error = refused(capsys, atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
-    assert f"fix {style}: clumps are not spheres" in error
-
-
 def test_the_same_pair_style_once_more_keeps_its_coefficients(tmp_path):
     """As LAMMPS does (29 Sep 2021): its forces are the same with that line and without."""
     atoms, log = three_types(tmp_path, f"* * {A}")
-    once = import_lammps(atoms, None, log, *[None] * 4).network
+    once = modal.read(atoms, log=log)
     log.write_text(log.read_text() + "pair_style granular\n")
-    twice = import_lammps(atoms, None, log, *[None] * 4).network
+    twice = modal.read(atoms, log=log)
     np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
 
 
@@ -271,9 +263,9 @@ def test_commands_that_change_the_meaning_are_heard(tmp_path, capsys, line, said
 
 def test_what_a_log_prints_is_no_command(tmp_path):
     atoms, log = three_types(tmp_path, f"* * {A}")
-    once = import_lammps(atoms, None, log, *[None] * 4).network
+    once = modal.read(atoms, log=log)
     log.write_text(f'{log.read_text()}print "pair_coeff * * ${{B}}"\npair_coeff * * {B}\n')
-    twice = import_lammps(atoms, None, log, *[None] * 4).network
+    twice = modal.read(atoms, log=log)
     np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
 
 
@@ -315,7 +307,7 @@ def test_a_law_that_changed_after_the_step_of_the_dump_is_remarked_on(tmp_path, 
     atoms.write_text(text)
     told = "Step Pxx\n0 1\n10 1\n" + f"pair_coeff * * {B}\n" + "Step Pxx\n15 1\n20 1\n"
     log.write_text(log.read_text() + told)
-    remarks = import_lammps(atoms, None, log, *[None] * 4).remarks
+    remarks = import_packing(atoms, log=log).remarks
     assert sum("changes the law or the walls after step" in line for line in remarks) == remarked
 
 

@@ -8,8 +8,8 @@ import pytest
 from packings import wall_pattern
 from scipy.integrate import solve_ivp
 
+import modal
 from modal.__main__ import main
-from modal.exchange.lammps import import_lammps
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
 from modal.packing.network import Network, read_network, write_network
@@ -26,7 +26,7 @@ def imported(tmp_path) -> Network:
     """60 spheres of radii 1:3 between walls, shear forces, law mindlin of LAMMPS."""
     atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
     log.write_text(log.read_text().replace("mindlin/force", "mindlin"))
-    return import_lammps(atoms, contacts, log, *[None] * 4).network
+    return modal.read(atoms, contacts=contacts, log=log)
 
 
 def test_operator_is_the_matrix_of_the_law_and_survives_a_file(tmp_path):

@@ -13,8 +13,7 @@ import pytest
 from places import ROOT
 from program_files import imported, refused
 
-from modal.exchange.liggghts import import_liggghts
-from modal.exchange.program_law import SI
+import modal
 from modal.packing.network import read_network
 from modal.system.assembly import assembled
 from modal.system.contacts import TANGENTS, Contacts
@@ -25,7 +24,7 @@ ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log
 
 @pytest.fixture
 def network():
-    return import_liggghts(ATOMS, CONTACTS, LOG, None, None, SI, None).network
+    return modal.read(ATOMS, contacts=CONTACTS, log=LOG)
 
 
 def test_packing_is_at_rest_under_the_forces_of_its_law(network, tmp_path, capsys):
@@ -188,7 +187,7 @@ def test_variables_of_a_log_are_read_as_it_puts_them_in(tmp_path, capsys, networ
     number = next(word for word in line.split() if re.fullmatch(r"[\d.e]+", word))
     raw = line.replace(f" {number}", " $E", 1)
     log.write_text(text.replace(line, f"{raw}\n{line}"))
-    found = import_liggghts(ATOMS, CONTACTS, log, None, None, SI, None).network
+    found = modal.read(ATOMS, contacts=CONTACTS, log=log)
     np.testing.assert_array_equal(found.stiffness_normal, network.stiffness_normal)
     log.write_text(text.replace(line, raw))
     error = refused(

@@ -24,6 +24,7 @@ from analysis.measures import Measures
 from analysis.packings.samples import table
 from analysis.report import provenance_table
 from modal.__main__ import main
+from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import (
     Provenance,
@@ -35,7 +36,6 @@ from modal.formats.provenance import (
 from modal.modes.density import density_of_states, write_density
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, sample_of_network, write_sample
 from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance

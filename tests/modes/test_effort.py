@@ -8,13 +8,13 @@ import pytest
 from places import ROOT
 
 from modal.__main__ import main
+from modal.exchange.registry import read_packing
 from modal.modes import effort
 from modal.modes.counts import count_below
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import SLICE, lowest_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.packing.reading import read_packing
 from modal.packing.tiling import repeat
 from modal.solvers.factor import available
 from modal.system.linear_system import LinearSystem

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
+from modal.exchange.registry import read_packing
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing import chain, neighbours
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import read_network
-from modal.packing.reading import read_packing
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.packing.tiling import number_of, order_along_z, repeat, repeat_sample, tiled
 from modal.preparation.random_packing import random_network, random_sample

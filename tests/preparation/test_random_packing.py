@@ -19,11 +19,11 @@ from modal.__main__ import main
 from modal.dem import central_forces
 from modal.dem.central_forces import CentralForces, NearContacts
 from modal.dem.forces import forces_by_arrays, forces_by_loop
+from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
 from modal.packing.contact_law import GLASS
 from modal.packing.neighbours import periodic_pairs
-from modal.packing.reading import read_packing
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces, stress_tensor, void_ratio
 from modal.packing.summary import summary

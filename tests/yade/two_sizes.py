@@ -1,6 +1,6 @@
 """A scene of two sizes between facets, or under a Wall, with the linear law; run inside YADE.
 
-    yade -n -x -j1 two_sizes.py ROOT NETWORK.network.h5 K.h5 [clump | wall | save]
+    yade -n -x -j1 two_sizes.py ROOT NETWORK.network.h5 K.h5 [cohesive | clump | wall | save]
 
 Spheres are jostled so that contacts shear; then the scene is exported, and its tangent measured.
 """
@@ -10,20 +10,25 @@ import sys
 
 sys.path.insert(0, sys.argv[1])
 
-from yade import O
+from yade import O, Quaternion
 from yade.utils import facet, sphere, wall
 from yade.wrapper import (
     Bo1_Facet_Aabb,
     Bo1_Sphere_Aabb,
     Bo1_Wall_Aabb,
+    CohFrictMat,
     ForceResetter,
     FrictMat,
     Ig2_Facet_Sphere_ScGeom,
+    Ig2_Facet_Sphere_ScGeom6D,
     Ig2_Sphere_Sphere_ScGeom,
+    Ig2_Sphere_Sphere_ScGeom6D,
     Ig2_Wall_Sphere_ScGeom,
     InsertionSortCollider,
     InteractionLoop,
+    Ip2_CohFrictMat_CohFrictMat_CohFrictPhys,
     Ip2_FrictMat_FrictMat_FrictPhys,
+    Law2_ScGeom6D_CohFrictPhys_CohesionMoment,
     Law2_ScGeom_FrictPhys_CundallStrack,
     NewtonIntegrator,
 )
@@ -33,7 +38,13 @@ from yade_scripts.export_scene import export_scene
 from yade_scripts.scene import finish
 from yade_scripts.tangent import Tangent
 
-O.materials.append(FrictMat(young=1e9, poisson=0.4, density=2500, frictionAngle=0.5))
+KIND = (sys.argv[4:] or [""])[0]
+glass = {"young": 1e9, "poisson": 0.4, "density": 2500, "frictionAngle": 0.5}
+if KIND == "cohesive":
+    binder = {"normalCohesion": 1e12, "shearCohesion": 1e12, "momentRotationLaw": True}
+    O.materials.append(CohFrictMat(**glass, **binder, alphaKr=0.3, alphaKtw=0.7))
+else:
+    O.materials.append(FrictMat(**glass))
 # Two facets cover the floor; bodies before the spheres, so that ids are not indices.
 # Their common edge lies between spheres: one that rests on an edge has a contact with each side.
 corners = ((-9e-3, -1e-2, 0), (2.1e-2, -1e-2, 0), (2.1e-2, 2e-2, 0), (-9e-3, 2e-2, 0))
@@ -54,7 +65,7 @@ for a in range(3):
 for a in range(2):
     centre = (1.97e-3 * (a + 0.5), 1.96e-3 * (a + 0.5), 0.98e-3 + 1.8e-3)
     O.bodies.append(sphere(centre, large))
-if sys.argv[4:] == ["wall"]:
+if KIND == "wall":
     O.bodies.append(wall((0, 0, TOP), axis=2))
 else:
     plane(TOP)
@@ -69,6 +80,15 @@ O.engines = [
         ],
         [Ip2_FrictMat_FrictMat_FrictPhys()],
         [Law2_ScGeom_FrictPhys_CundallStrack()],
+    )
+    if KIND != "cohesive"
+    else InteractionLoop(
+        [
+            Ig2_Sphere_Sphere_ScGeom6D(avoidGranularRatcheting=False),
+            Ig2_Facet_Sphere_ScGeom6D(),
+        ],
+        [Ip2_CohFrictMat_CohFrictMat_CohFrictPhys(setCohesionNow=True)],
+        [Law2_ScGeom6D_CohFrictPhys_CohesionMoment()],
     ),
     NewtonIntegrator(damping=0.3, gravity=(0, 0, 0)),
 ]
@@ -87,15 +107,18 @@ def main():
     for body in spheres:
         state = O.bodies[body].state
         state.vel = state.angVel = (0, 0, 0)
+        # Shear stays; moments, which follow from orientations, go: a network does not carry them.
+        state.ori = Quaternion(1, 0, 0, 0)
     O.dt = 1e-15
     O.step()
     O.step()
-    if sys.argv[4:] == ["clump"]:
-        O.bodies.clump(spheres[:2])
-    if sys.argv[4:] == ["save"]:
+    if KIND == "clump":
+        export_scene(sys.argv[3])
+        O.bodies.clump([spheres[0], spheres[9], spheres[10]])
+    if KIND == "save":
         O.save(sys.argv[3])
     export_scene(sys.argv[2])
-    if sys.argv[4:]:
+    if KIND not in ("", "cohesive"):
         return
     row, column, value = Tangent(spheres, small).matrix()
     with atomic_h5(sys.argv[3]) as file:

@@ -1,7 +1,7 @@
 """The contact network of a packing that another program tells.
 
 Overlaps come from the positions, or from the forces where these have more to tell; stiffnesses
-follow from the law. What was found and assumed is told in `Found`.
+follow from the law. What was found and assumed is told in `ImportResult`.
 """
 
 from __future__ import annotations
@@ -12,25 +12,26 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.bodies import (
+from modal.exchange.law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
+from modal.exchange.particles_and_contacts import (
     Cell,
     Contacts,
     LawOf,
     Spheres,
+    branches,
     check_spheres,
-    nearest,
     touching_pairs,
 )
-from modal.exchange.listed import (
+from modal.exchange.precision_checks import (
     digits_of_table,
     refuse_apart,
     refuse_drowned,
     refuse_one_place,
     unlisted,
 )
-from modal.exchange.program_law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
 from modal.packing.checks import WIDEST, named
-from modal.packing.network import SOURCE_WALL, Network
+from modal.packing.network import Network
+from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
@@ -45,30 +46,38 @@ UNLIKE = 10.0
 
 
 @dataclass
-class Found:
-    """What an import made: the network, the law (m,) of each contact, and lines about both."""
+class ImportResult:
+    """What an import made: the network, the law (m,) of each contact, and lines about both.
+
+    `sought` says that contacts were sought among the positions, so that none is missing.
+    """
 
     network: Network
-    laws: list[ProgramLaw]
-    law: Ints
+    laws: list[ProgramLaw] = field(default_factory=list)
+    law: Ints = field(default_factory=lambda: np.empty(0, int))
     told: dict[str, Any] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    sought: bool = False
 
 
 @dataclass
 class _Pairs:
-    """Columns of m contacts, all cut alike."""
+    """Columns of m contacts, all cut alike, of what is told or follows."""
 
     i: Ints
     j: Ints
     branch: Floats
     shift: Ints
     law: Ints
+    reach: Floats
+    effective: Floats
     force: Floats | None
     shear: Floats | None
-    along: Floats | None
-    across: Floats | None
     line: Floats | None
+    along: Floats | None = None
+    across: Floats | None = None
+    rolling: Floats | None = None
+    twisting: Floats | None = None
 
     def cut(self, kept: Bools) -> _Pairs:
         cut: dict[str, Any] = {
@@ -78,11 +87,17 @@ class _Pairs:
 
 
 def network_of(
-    spheres: Spheres, cell: Cell, contacts: Contacts | None, law_of: LawOf | None, name: str
-) -> Found:
+    spheres: Spheres,
+    cell: Cell,
+    contacts: Contacts | None,
+    law_of: LawOf | None,
+    name: str,
+    bodies: Bodies | None = None,
+) -> ImportResult:
     """The contact network of a packing; InputError where the digits do not tell the overlaps.
 
     `name` is the file of the spheres, for messages; no law is needed where stiffnesses are told.
+    `bodies` are what is told of the rigid ones, if there are any and their members do not tell it.
     """
     check_spheres(spheres, cell, name)
     size = cell.high - cell.low
@@ -95,49 +110,34 @@ def network_of(
     remarks: list[str] = []
 
     given = contacts or touching_pairs(spheres, cell)
-    wall = given.j < 0
-    partner = np.where(wall, 0, given.j)
-    branch, shift = nearest(position[partner] - position[given.i], cell)
-    branch[wall], shift[wall] = 0, 0
-    plane = walls[np.where(given.j == SOURCE_WALL, 0, 1)]
-    branch[wall, 2] = (plane - position[given.i, 2])[wall]
-    laws, law = list[ProgramLaw](), np.zeros(len(given.i), int)
-    if law_of is not None and given.stiffness is None:
-        kinds = spheres.kind[given.i], np.where(wall, given.j, spheres.kind[partner])
-        laws, law = _laws(*kinds, law_of)
-    along, across = given.stiffness or (None, None)
-    told_of = given.force, given.shear, along, across, given.line
-    pairs = _Pairs(given.i, given.j, branch, shift, law, *told_of)
-
-    reach, effective = _radii(spheres, pairs)
+    pairs, laws = _pairs(spheres, cell, walls, position, given, law_of)
     distance = np.linalg.norm(pairs.branch, axis=1)
     refuse_one_place(given, spheres, distance, name)
-    overlap = reach - distance
+    overlap = pairs.reach - distance
     if given.stiffness is not None:
         kept = np.ones(len(overlap), bool)  # what a table lists with a stiffness is a contact
     else:
         kept = overlap > 0 if pairs.force is None else pairs.force != 0
-    refuse_apart(given, spheres, kept & (overlap < -WIDEST * reach), -overlap)
+    refuse_apart(given, spheres, kept & (overlap < -WIDEST * pairs.reach), -overlap)
     if contacts is not None and not kept.all():
         remarks.append(
             f"{int((~kept).sum())} of {len(kept)} listed contacts do not touch: left out"
         )
     if not kept.any():
         raise InputError(f"{name}: no two spheres touch; dump a packing under stress")
-    pairs, reach, effective, overlap = pairs.cut(kept), reach[kept], effective[kept], overlap[kept]
+    pairs, overlap, effective = pairs.cut(kept), overlap[kept], pairs.effective[kept]
 
     error = spheres.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
     if contacts is not None and laws:
         remarks += unlisted(given, spheres, cell)
-    force = pairs.force
     how = "positions"
     if not laws:
         remarks += digits_of_table(spheres, error, overlap, distance, name)
-    elif force is None:
+    elif pairs.force is None:
         refuse_drowned(spheres, error, overlap, name)
-        force = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
+        (pairs.force,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
     else:
-        pushed = _by_law(ProgramLaw.overlap, laws, pairs.law, force, effective)
+        (pushed,) = _by_law(ProgramLaw.overlap, laws, pairs.law, pairs.force, effective)
         factor = float(pushed.mean() / max(overlap.mean(), 1e-300))
         if not 1 / UNLIKE < factor < UNLIKE:
             raise InputError(
@@ -146,22 +146,54 @@ def network_of(
                 "lengths in one system of units (--scales)"
             )
         if error > BLURRED * np.median(pushed):
-            how, overlap = "forces", np.where(force > 0, pushed, overlap)
+            how, overlap = "forces", np.where(pairs.force > 0, pushed, overlap)
             _turn_to_lines(pairs)
-        if how == "positions":
-            by_law = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
+        else:
+            (by_law,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
             _compare_forces(pairs, by_law, remarks)
     told["overlap_over_error_of_digits"] = float(np.median(overlap) / max(error, 1e-300))
     told["overlaps_from"] = how
-    if pairs.along is None or pairs.across is None:
-        pairs.along, pairs.across = (np.empty(len(overlap)) for _ in range(2))
-        for number, one in enumerate(laws):
-            of = pairs.law == number
-            pairs.along[of], pairs.across[of] = one.stiffnesses(overlap[of], effective[of])
-    stiffness = pairs.along, pairs.across
+    if laws:
+        of = laws, pairs.law, overlap, effective
+        pairs.along, pairs.across = _by_law(ProgramLaw.stiffnesses, *of)
+        if any(law.resists_turning for law in laws):
+            pairs.rolling, pairs.twisting = _by_law(ProgramLaw.turning_stiffnesses, *of)
+            remarks.append("rolling and twisting: contacts stick, their limits are not looked at")
     with named(name):
-        network = _whole(spheres, cell, walls, position, pairs, overlap, force, stiffness, laws)
-    return Found(network, laws, pairs.law, told, remarks)
+        network = _whole(spheres, cell, walls, position, pairs, overlap, laws)
+        law = pairs.law
+        if spheres.body is not None:
+            network, apart = joined(network, spheres.body, bodies)
+            law = law[apart]
+            told["spheres_of_bodies"] = len(spheres.body)
+            remarks.append(f"{int((~apart).sum())} contacts inside rigid bodies: left out")
+    return ImportResult(network, laws, law, told, remarks, sought=bool(laws))
+
+
+def _pairs(
+    spheres: Spheres,
+    cell: Cell,
+    walls: Floats,
+    position: Floats,
+    given: Contacts,
+    law_of: LawOf | None,
+) -> tuple[_Pairs, list[ProgramLaw]]:
+    """The contacts as columns, and the different laws among them."""
+    wall, partner = given.j < 0, np.where(given.j < 0, 0, given.j)
+    branch, shift = branches(position, cell, walls.tolist(), given.i, given.j)
+    laws, law = list[ProgramLaw](), np.zeros(len(given.i), int)
+    if law_of is not None and given.stiffness is None:
+        kinds = spheres.kind[given.i], np.where(wall, given.j, spheres.kind[partner])
+        laws, law = _laws(*kinds, law_of)
+    a, b = spheres.radius[given.i], spheres.radius[partner]
+    # Sum of radii and effective radius; at a wall both are the sphere's own.
+    reach, effective = np.where(wall, a, a + b), np.where(wall, a, a * b / (a + b))
+    pairs = _Pairs(
+        given.i, given.j, branch, shift, law, reach, effective,
+        given.force, given.shear, given.line,
+        *(given.stiffness or (None, None)), *(given.turning or (None, None)),
+    )  # fmt: skip
+    return pairs, laws
 
 
 def _turn_to_lines(pairs: _Pairs) -> None:
@@ -187,14 +219,6 @@ def _compare_forces(pairs: _Pairs, by_law: Floats, remarks: list[str]) -> None:
             )
 
 
-def _radii(spheres: Spheres, pairs: _Pairs) -> tuple[Floats, Floats]:
-    """Sum of radii, at a wall the radius, and effective radius of each contact (m,), m."""
-    wall = pairs.j < 0
-    a = spheres.radius[pairs.i]
-    b = spheres.radius[np.where(wall, 0, pairs.j)]
-    return np.where(wall, a, a + b), np.where(wall, a, a * b / (a + b))
-
-
 def _laws(first: Ints, second: Ints, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
     """The different laws among contacts of these kinds, and which of them each follows (m,)."""
     low, high = np.minimum(first, second), np.maximum(first, second)
@@ -203,16 +227,20 @@ def _laws(first: Ints, second: Ints, law_of: LawOf) -> tuple[list[ProgramLaw], I
 
 
 def _by_law(
-    what: Callable[[ProgramLaw, Floats, Floats], Floats],
+    what: Callable[[ProgramLaw, Floats, Floats], Floats | tuple[Floats, Floats]],
     laws: list[ProgramLaw],
     law: Ints,
     values: Floats,
     effective: Floats,
 ) -> Floats:
-    result = np.empty(len(values))
-    for number, one in enumerate(laws):
-        of = law == number
-        result[of] = what(one, values[of], effective[of])
+    """Shape (1, m) or (2, m): what each contact's own law makes of its value."""
+    parts = [
+        np.atleast_2d(what(one, values[law == number], effective[law == number]))
+        for number, one in enumerate(laws)
+    ]
+    result = np.empty((len(parts[0]), len(values)))
+    for number, part in enumerate(parts):
+        result[:, law == number] = part
     return result
 
 
@@ -223,20 +251,19 @@ def _whole(
     position: Floats,
     pairs: _Pairs,
     overlap: Floats,
-    force: Floats | None,
-    stiffness: tuple[Floats, Floats],
     laws: list[ProgramLaw],
 ) -> Network:
     """Normals, levers to the middle of the overlap, and what slides."""
     wall = pairs.j < 0
     normal = pairs.branch / np.linalg.norm(pairs.branch, axis=1)[:, None]
     radius_i, radius_j = spheres.radius[pairs.i], spheres.radius[np.where(wall, 0, pairs.j)]
-    shear, sliding = pairs.shear, None
+    sliding = None
     frictions = np.array([law.friction for law in laws])
-    if shear is not None and laws and force is not None:
-        limit = frictions[pairs.law] * force
+    if pairs.shear is not None and laws and pairs.force is not None:
+        limit = frictions[pairs.law] * pairs.force
         # Without friction there is no spring that could slip.
-        sliding = (np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)) & (limit > 0)
+        sliding = (np.linalg.norm(pairs.shear, axis=1) >= limit * (1 - AT_LIMIT)) & (limit > 0)
+    assert pairs.along is not None and pairs.across is not None
     return Network(
         position=position,
         radius=spheres.radius,
@@ -247,10 +274,12 @@ def _whole(
         normal=normal,
         lever_i=(radius_i - overlap / 2)[:, None] * normal,
         lever_j=np.where(wall, 0.0, overlap / 2 - radius_j)[:, None] * normal,
-        stiffness_normal=stiffness[0],
-        stiffness_tangential=stiffness[1],
-        force_normal=force,
-        force_tangential=shear,
+        stiffness_normal=pairs.along,
+        stiffness_tangential=pairs.across,
+        stiffness_rolling=pairs.rolling,
+        stiffness_twisting=pairs.twisting,
+        force_normal=pairs.force,
+        force_tangential=pairs.shear,
         overlap=overlap,
         sliding=sliding,
         cell_shift=pairs.shift,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.exchange.bodies import Cell, Contacts, Spheres, touching_pairs
+from modal.exchange.particles_and_contacts import Cell, Contacts, Spheres, touching_pairs
 from modal.exchange.rows import fault
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
@@ -53,7 +53,7 @@ def refuse_apart(given: Contacts, spheres: Spheres, apart: Bools, gap: Floats) -
     fault(
         rows.path,
         f"{ends} do not touch, there are {gap[row]:.3g} m between them",
-        "write spheres and contacts at the same step, in one unit of length",
+        "write both at one step, in one unit of length, with the cell's periods and walls",
         rows.line + row,
     )
 

@@ -4,17 +4,21 @@ N = k overlap, or k sqrt(R*) overlap^(3/2) (Hertz), with R* = R_i R_j / (R_i + R
 R. The tangential stiffness is a constant, or grows with the radius a = sqrt(R* overlap) of the
 circle of contact. Programs differ further in what a contact keeps of its history: the shear force
 (as this project's YADE runs do), or the shear displacement, by which the force changes when the
-circle grows although nothing shears; and in the lever arms of motion and torque.
+circle grows although nothing shears; and in the lever arms of motion and torque. Some resist
+rolling, by a spring on arcs of the radius R*, and twisting, by one on the angle or, as Marshall's,
+by half the tangential coefficient times a^2.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 FORCE, DISPLACEMENT, ONE_SIDED = "force", "displacement", "displacement, shrunk on unloading"
 """What a contact keeps of its shear."""
@@ -29,6 +33,15 @@ class Units(NamedTuple):
     mass: float = 1.0
     time: float = 1.0
 
+    @classmethod
+    def typed(cls, scales: Sequence[float] | None) -> Units | None:
+        """Those that somebody gives as numbers; InputError where no unit can have them."""
+        if scales is None:
+            return None
+        if len(scales) != 3 or not all(0 < scale < np.inf for scale in scales):
+            raise InputError("--scales: give three positive values, in m, kg, s")
+        return cls(*scales)
+
     @property
     def force(self) -> float:
         """In newton."""
@@ -38,6 +51,11 @@ class Units(NamedTuple):
     def stiffness(self) -> float:
         """In N/m."""
         return self.force / self.length
+
+    @property
+    def moment(self) -> float:
+        """In N m."""
+        return self.force * self.length
 
     @property
     def pressure(self) -> float:
@@ -60,7 +78,8 @@ class ProgramLaw:
     `normal` in N/m, or in Pa with `hertz`; `tangential` in N/m, or in Pa where it grows
     (`grows`); 0 where `friction`, the coefficient, is: the limit of a shear force is 0 then, and
     no spring is left. `keeps` what of the shear is kept; `moves` and `turns` the lever arms of
-    motion and of torque.
+    motion and of torque. `rolling` in N/m, of arcs of R*; `twisting` in N m/rad; `marshall`, 1 or
+    m, times `tangential` and a^2 is added to it.
     """
 
     normal: float
@@ -71,6 +90,9 @@ class ProgramLaw:
     keeps: str = FORCE
     moves: str = MIDDLE
     turns: str = MIDDLE
+    rolling: float = 0.0
+    twisting: float = 0.0
+    marshall: float = 0.0
 
     def __post_init__(self) -> None:
         if self.friction == 0:
@@ -95,3 +117,16 @@ class ProgramLaw:
         along = 1.5 * self.normal * radius if self.hertz else np.full(len(radius), self.normal)
         across = self.tangential * (radius if self.grows else np.ones(len(radius)))
         return along, across
+
+    @property
+    def resists_turning(self) -> bool:
+        """Whether a contact resists rolling or twisting."""
+        return self.rolling > 0 or self.twisting > 0 or self.marshall * self.tangential > 0
+
+    def turning_stiffnesses(
+        self, overlap: Floats, effective_radius: Floats
+    ) -> tuple[Floats, Floats]:
+        """Rolling and twisting stiffnesses (m,), N m/rad."""
+        circle = effective_radius * np.maximum(overlap, 0)
+        twisting = self.twisting + self.marshall * self.tangential * circle
+        return self.rolling * effective_radius**2, twisting

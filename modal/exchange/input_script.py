@@ -1,0 +1,181 @@
+"""What counts of the commands in a log of LAMMPS or LIGGGHTS, its variables put in.
+
+These programs write a line that has variables (`$E`, `${name}`, `$(formula)`) as it stands in the
+script, and again each time that one is replaced. The last of these counts; where it is not there,
+as in a script that never ran, the value is not known.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from modal.exchange.rows import fault, read_lines
+from modal.tools.errors import InputError
+
+VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
+QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
+"""Variables in quotes stay as they are; a line of such a kind counts for nothing here."""
+COMMANDS = ("units", "dimension", "pair_style", "pair_coeff", "bond_style", "unfix")
+REFUSED_FIXES = {
+    "multisphere": "clumps of LIGGGHTS are not known; pack single spheres",
+    "bond": "bonds are no contacts that this project knows",
+    "wall": "walls of this kind are not known; only wall/gran with zplane is",
+    "freeze": "frozen spheres; a network knows free ones alone: make them a wall",
+}
+STYLES = (
+    *("wall/gran", "property/local", "pair/local", "property/global", "pair/gran/local"),
+    *("rigid", *REFUSED_FIXES),
+)
+"""Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
+PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
+"""Of a material of LIGGGHTS, those that its law has."""
+LOCAL = ("property/local", "pair/local", "pair/gran/local")
+"""Computes whose columns a dump local may have."""
+
+
+@dataclass
+class Script:
+    """What counts of the commands, and the printed stresses by step.
+
+    `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
+    its group; `refused` says why of each fix that a network has nothing for, `groups` whom the
+    walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials;
+    `changed` is the last step that was printed before the law or a wall changed, `since` are those
+    printed after it.
+    """
+
+    said: str = "--pair"
+    units: str = ""
+    style: tuple[str, ...] = ()
+    pair: list[tuple[str, ...]] = field(default_factory=list)
+    walls: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    bodies: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    computes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    groups: dict[str, str] = field(default_factory=dict)
+    properties: dict[str, list[float]] = field(default_factory=dict)
+    thermo: dict[int, dict[str, str]] = field(default_factory=dict)
+    changed: int = -1
+    since: set[int] = field(default_factory=set)
+
+    def remark_on_changes(self, step: int) -> list[str]:
+        """A remark where the law or the walls of the log's end are not those of this step."""
+        if step > self.changed or step in self.since:
+            return []
+        return [
+            f"{self.said} changes the law or the walls after step {step}: those of its end are "
+            "taken; type what held (--pair, --wall), or cut the log off there"
+        ]
+
+
+def read_log(path: str | Path) -> Script:
+    """The commands of a log that count at its end, and its printed stresses by step."""
+    script = Script(str(path))
+    names: list[str] = []
+    last = -1
+    for number, words in _lines(path):
+        if words[0] == "Step":
+            names = [word.lower() for word in words]
+        elif names and len(words) == len(names) and re.fullmatch(r"\d+", words[0]):
+            last = int(words[0])
+            printed = dict(zip(names, words, strict=True))
+            script.thermo[last] = script.thermo.get(last, {}) | printed
+            script.since.add(last)
+        elif words == ["clear"]:
+            script = Script(str(path), thermo=script.thermo, changed=last)
+        else:
+            before = script.style, list(script.pair), dict(script.walls)
+            _command(script, words, f"{path}, line {number}")
+            if before != (script.style, script.pair, script.walls):
+                script.changed, script.since = last, set()
+    for why in script.refused.values():
+        raise InputError(why)
+    return script
+
+
+def _is(style: str, kind: str) -> bool:
+    """Whether a style is of a kind, which may go on after a slash, as with accelerated variants."""
+    return f"{style}/".startswith(f"{kind}/")
+
+
+def _command(script: Script, words: list[str], where: str) -> None:
+    """What one command changes."""
+    match words:
+        case ["units", name]:
+            script.units = name
+        case ["dimension", "2"]:
+            raise InputError(f"{where}: dimension 2; a network has spheres that move in space")
+        case ["bond_style", style, *_] if style not in ("none", "zero"):
+            raise InputError(f"{where}: bond_style {style}: {REFUSED_FIXES['bond']}")
+        case ["pair_style", *style] if style:
+            # The coefficients are kept where the same style is only given other arguments.
+            if script.style[:1] != (style[0],):
+                script.pair = []
+            script.style = tuple(style)
+        case ["pair_coeff", *rest] if len(rest) >= 2:
+            script.pair.append(tuple(rest))
+        case ["fix", _, _, "property/global", name, kind, *rest] if name in PROPERTIES:
+            listed = rest[1:] if kind == "peratomtypepair" else rest
+            try:
+                script.properties[name] = [float(word) for word in listed]
+            except ValueError as error:
+                raise InputError(f"{where}: {name}: {error}; write numbers there") from None
+        case ["fix", name, group, style, *rest] if _is(style, "wall/gran"):
+            script.walls[name], script.groups[name] = tuple(rest), group
+        case ["fix", name, group, style, *rest] if _is(style, "rigid"):
+            script.bodies[name], script.groups[name] = tuple(rest), group
+        case ["unfix", name]:
+            for kept in (script.walls, script.bodies, script.groups, script.refused):
+                kept.pop(name, None)
+        case ["compute", name, _, style, *rest] if style in LOCAL:
+            script.computes[name] = tuple(rest)
+        case ["fix", name, _, style, *_]:
+            for kind, why in REFUSED_FIXES.items():
+                if _is(style, kind):
+                    script.refused[name] = f"{where}: fix {style}: {why}"
+
+
+def _lines(path: str | Path) -> Iterator[tuple[int, list[str]]]:
+    """Number, from 1, and words of each line that has no variable left, comments left out.
+
+    InputError for a line that may count, and whose variables have no value.
+    """
+    lines = iter(enumerate(read_lines(path), 1))
+    waiting: dict[str, tuple[int, re.Pattern[str]]] = {}
+    printed = None
+    for number, line in lines:
+        text = line.split("#")[0]
+        while text.rstrip().endswith("&"):
+            text = text.rstrip()[:-1] + next(lines, (0, ""))[1]
+        words = text.split()
+        text = " ".join(words)
+        waiting = {raw: at for raw, at in waiting.items() if not at[1].fullmatch(text)}
+        said, printed = printed, None
+        if not words or (said and said.fullmatch(text)):
+            continue
+        if "$" not in text or not VARIABLE.search(QUOTED.sub("", text)):
+            if words[0] == "print":  # what it prints may look like a command
+                printed = _replaced(" ".join(words[1:]).strip("\"'"))
+            yield number, words
+        elif _counts(words):
+            waiting[text] = number, _replaced(text)
+    for raw, (number, _) in waiting.items():
+        what = f"{' '.join(VARIABLE.findall(raw))} has no value in this file: {raw[:80]}"
+        fault(path, what, "give the log of the run, or write the value in its place", number)
+
+
+def _replaced(text: str) -> re.Pattern[str]:
+    """What a line becomes when its variables are put in, which may be empty; blanks are single."""
+    parts = [re.escape(part.strip()) for part in VARIABLE.split(text)]
+    return re.compile(r"\s*.*".join(parts))
+
+
+def _counts(words: list[str]) -> bool:
+    """Whether a line with variables may be one that counts."""
+    command, style = words[0], (words[3:4] or [""])[0]
+    if command in ("fix", "compute"):
+        return "$" in style or any(_is(style, each) for each in STYLES)
+    return command in COMMANDS or VARIABLE.fullmatch(command) is not None

@@ -1,0 +1,145 @@
+"""The programs whose packings can be read: each is one module here, named in `PROGRAMS`.
+
+A module has NAME, what people call the program; OPTIONS, what its files need beside the one that is
+given, by name; `sniff(file)`, whether a `File` is of this program; and `read(path, **options)`,
+what is in it. `modal.read`, the command `import` and all commands that take a packing ask here.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from modal.exchange.import_result import ImportResult
+from modal.exchange.rows import fault, open_bytes, shown
+from modal.formats.hdf5 import refuse_absent
+from modal.packing.network import Network
+from modal.packing.plausibility import plausibility
+from modal.tools.arguments import checked
+from modal.tools.errors import InputError
+
+PROGRAMS = ("network", "sample", "mercury", "liggghts", "lammps", "table")
+"""Modules, in the order in which they are asked."""
+LOOKED_AT = 2000
+"""Bytes of a file by which a program is known."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """A file, a line or a number that a program's packing needs: what it is, how it is typed."""
+
+    text: str
+    metavar: str | tuple[str, ...] = "FILE"
+    kind: type = str
+
+
+@dataclass(frozen=True)
+class File:
+    """A file that is to be read: its name, its first bytes, and the options that go with it."""
+
+    path: Path
+    head: bytes
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def other(self, option: str) -> bytes:
+        """The first bytes of the file that an option names, or none."""
+        name = self.options.get(option)
+        return beginning(name) if name else b""
+
+
+class Program(Protocol):
+    """What the module of a program has."""
+
+    NAME: str
+    OPTIONS: Mapping[str, Option]
+
+    def sniff(self, file: File) -> bool:
+        """Whether a file is of this program."""
+
+    def read(self, path: Path, **options: Any) -> ImportResult:
+        """The packing of a file; InputError in one line for what is wrong."""
+
+
+def program(module: str) -> Program:
+    """One of `PROGRAMS`."""
+    return cast(Program, importlib.import_module(f"modal.exchange.{module}"))
+
+
+def beginning(path: str | Path) -> bytes:
+    """The first bytes of a file; InputError where there is none."""
+    with open_bytes(path) as file:
+        return file.read(LOOKED_AT)
+
+
+def program_of(file: File) -> Program:
+    """The program whose file it is; InputError where none knows it."""
+    for module in PROGRAMS:
+        asked = program(module)
+        if asked.sniff(file):
+            return asked
+    first = file.head.decode("utf-8", "replace").split("\n", 1)[0]
+    fault(
+        file.path,
+        f"begins with {shown(first)}, which no program known here writes",
+        "give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
+        "MercuryDPM, or *.csv",
+        1,
+    )
+
+
+def all_options() -> dict[str, Option]:
+    """The options of all programs by name; where several have one, their texts in turn."""
+    options: dict[str, Option] = {}
+    for asked in map(program, PROGRAMS):
+        for name, option in asked.OPTIONS.items():
+            had = options.get(name, option)
+            text = had.text if option.text in had.text else f"{had.text}; {option.text}"
+            options[name] = replace(had, text=text)
+    return options
+
+
+def import_packing(path: str | Path, **options: Any) -> ImportResult:
+    """The packing of a file and what was found and assumed; `options` as those of `import`."""
+    refuse_absent(path)
+    given = {name: value for name, value in options.items() if value is not None}
+    path = Path(path)
+    asked = program_of(File(path, beginning(path), given))
+    for name in given:
+        if name not in asked.OPTIONS:
+            takes = ", ".join(asked.OPTIONS) or "none"
+            raise InputError(
+                f"{path}: a file of {asked.NAME}, which does not go with {name}; leave it out "
+                f"(options: {takes})"
+            )
+    return asked.read(path, **given)
+
+
+@checked
+def read_packing(path: str | Path, **options: object) -> Network:
+    """A packing from a file: a contact network, a sample, or what another program has written.
+
+    Contact networks (`*.network.h5`) and samples (`*.sample.h5`), whose contacts and stiffnesses
+    follow from the positions, are described in `docs/formats.md`; other programs' files and the
+    options that they need, which are those of `python -m modal import`, in
+    `docs/other_programs.md`: `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
+    InputError, one line, for what is missing, damaged, or cannot be a packing.
+
+    >>> import modal
+    >>> modal.read("nowhere.network.h5")
+    Traceback (most recent call last):
+        ...
+    modal.tools.errors.InputError: nowhere.network.h5: no such file; check the name
+    """
+    return import_packing(path, **options).network
+
+
+def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool = False) -> Network:
+    """The packing of a file, as `read_packing`; `say` is told each remark on it."""
+    found = import_packing(path)
+    plausible = plausibility(found.network, sought=found.sought, waves=waves)
+    for remark in (*found.remarks, *plausible["remarks"]):
+        say(f"{path}: {remark}")
+    return found.network
