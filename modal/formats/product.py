@@ -60,7 +60,7 @@ class Column(NamedTuple):
 class Product:
     """One format: columns and attributes by the names of their values.
 
-    `attributes` convert what a file says; `defaults` are those that older files lack. `groups` are
+    `attributes` convert what a file says; `defaults` are those that a file may lack. `groups` are
     of free attributes, each a dictionary, empty where absent; `others` is the name of the
     dictionary of all further attributes of the file, empty for none.
     """
@@ -87,7 +87,8 @@ class Product:
             file.attrs["creator"] = CREATOR
             file.attrs.update(values[self.others] if self.others else {})
             for name, convert in self.attributes.items():
-                file.attrs[name] = convert(values[name])
+                if name in values or name not in self.defaults:
+                    file.attrs[name] = convert(values[name])
             for name, column in there.items():
                 data: Array = np.asarray(values[name]).astype(STORED[column.kind], copy=False)
                 if column.kind == "c":

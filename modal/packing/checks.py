@@ -17,15 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.packing.columns import (
-    CELL,
-    CONTACTS,
-    OPTIONAL,
-    PART,
-    PARTICLES,
-    RECEIVER_WALL,
-    Columns,
-)
+from modal.packing.columns import COLUMNS, CONTACTS, PART, RECEIVER_WALL, Columns
 from modal.packing.contact_law import sphere_volume
 from modal.tools.arrays import Array, Bools, Floats
 from modal.tools.errors import InputError
@@ -70,19 +62,16 @@ PERIOD = 1e-3
 
 def converted(given: Mapping[str, Any]) -> dict[str, Any]:
     """What a network is `given`, its columns as arrays of their kind and shape; or InputError."""
-    own, lengths = dict(given), {"n": 0, "m": 0}
-    for fields, length, leads in (
-        (PARTICLES, "n", "position"), (CONTACTS, "m", "particle_i"), (CELL, "", "")
-    ):  # fmt: skip
-        for name, (kind, tail, _) in fields.items():
-            if name in OPTIONAL and given[name] is None:
-                continue
-            data = own[name] = _array(name, given[name], kind)
-            if name == leads:
-                lengths[length] = len(data) if data.ndim else 0
-            shape = (lengths[length], *tail) if length else tail
-            if data.shape != shape:
-                raise InputError(f"{name} has shape {data.shape}, not {shape}; mend the export")
+    own, lengths = dict(given), dict[int | str, int]()
+    for name, column in COLUMNS.items():
+        if column.optional and given[name] is None:
+            continue
+        data = own[name] = _array(name, given[name], column.kind)
+        if isinstance(length := column.shape[0], str):
+            lengths.setdefault(length, len(data) if data.ndim else 0)
+        shape = tuple(lengths.get(n, n) for n in column.shape)
+        if data.shape != shape:
+            raise InputError(f"{name} has shape {data.shape}, not {shape}; mend the export")
     for name in ("study", "provenance"):
         if not isinstance(given[name], Mapping):
             raise InputError(f"{name} is {given[name]!r}, not a dict; give names and values")
@@ -116,12 +105,11 @@ def check(network: Columns) -> None:
     n = network.n_particles
     if n == 0:
         raise InputError("it has no particles; export a packing with at least one")
-    for fields in (PARTICLES, CONTACTS, CELL):
-        for name, (kind, _, _) in fields.items():
-            data = getattr(network, name)
-            if kind == "f" and data is not None and not np.isfinite(data).all():
-                row = int(np.argwhere(~np.isfinite(data))[0, 0])
-                raise InputError(f"{name} is not finite in row {row}; mend the export")
+    for name, column in COLUMNS.items():
+        data = getattr(network, name)
+        if column.kind == "f" and data is not None and not np.isfinite(data).all():
+            row = int(np.argwhere(~np.isfinite(data))[0, 0])
+            raise InputError(f"{name} is not finite in row {row}; mend the export")
     for name in ("radius", "mass", "inertia"):
         refuse(getattr(network, name) <= 0, "particle", f"has {name} <= 0")
     for name in (name for name in CONTACTS if name.startswith("stiffness")):

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from modal.formats.product import Column
+from modal.formats.provenance import NETWORK_SCHEMA
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
 SOURCE_WALL = -1
@@ -15,40 +17,9 @@ SOURCE_WALL = -1
 RECEIVER_WALL = -2
 """Value of particle_j for the wall at high z."""
 
-PARTICLES = {
-    "position": ("f", (3,), "m"),
-    "radius": ("f", (), "m"),
-    "mass": ("f", (), "kg"),
-    "inertia": ("f", (), "kg m^2"),
-    "inertia_tensor": ("f", (3, 3), "kg m^2"),
-}
-"""Columns of the particles: kind of number, shape of a row, unit."""
-CONTACTS = {
-    "particle_i": ("i", (), "1"),
-    "particle_j": ("i", (), "1"),
-    "normal": ("f", (3,), "1"),
-    "lever_i": ("f", (3,), "m"),
-    "lever_j": ("f", (3,), "m"),
-    "stiffness_normal": ("f", (), "N/m"),
-    "stiffness_tangential": ("f", (), "N/m"),
-    "stiffness_rolling": ("f", (), "N m/rad"),
-    "stiffness_twisting": ("f", (), "N m/rad"),
-    "force_normal": ("f", (), "N"),
-    "force_tangential": ("f", (3,), "N"),
-    "overlap": ("f", (), "m"),
-    "sliding": ("b", (), "1"),
-    "cell_shift": ("i", (3,), "1"),
-    "shear_growth": ("f", (), "1/m"),
-    "motion_shortening": ("f", (), "1"),
-    "torque_shortening": ("f", (), "1"),
-}
-"""The same of the contacts."""
-CELL = {
-    "cell_size": ("f", (3,), "m"),
-    "cell_periodic": ("b", (3,), "1"),
-    "wall_position": ("f", (2,), "m"),
-}
-"""What there is one of: kind of number, shape, unit."""
+SCHEMA = NETWORK_SCHEMA
+VERSION = (1, 2)
+"""With a column of `OF_BONDS` a file says 2, which a reader that would miss it refuses."""
 OF_A_LAW = ("shear_growth", "motion_shortening", "torque_shortening")
 """What another program's law of contact does otherwise than springs do."""
 OF_BONDS = ("stiffness_rolling", "stiffness_twisting", "inertia_tensor")
@@ -57,6 +28,51 @@ UNKNOWN = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift
 """Columns of the contacts that a program may not know."""
 OPTIONAL = (*UNKNOWN, *OF_A_LAW, *OF_BONDS)
 """Columns that a network may lack."""
+
+
+def _column(dataset: str, kind: str, *shape: int | str, unit: str) -> Column:
+    """A column of that name; what is not finite is refused by its row, with all else."""
+    name = dataset.rpartition("/")[2]
+    since = VERSION[name in OF_BONDS]
+    return Column(dataset, kind, shape, unit, name in OPTIONAL, finite=False, since=since)
+
+
+PARTICLES = {
+    "position": _column("particles/position", "f", "n", 3, unit="m"),
+    "radius": _column("particles/radius", "f", "n", unit="m"),
+    "mass": _column("particles/mass", "f", "n", unit="kg"),
+    "inertia": _column("particles/inertia", "f", "n", unit="kg m^2"),
+    "inertia_tensor": _column("particles/inertia_tensor", "f", "n", 3, 3, unit="kg m^2"),
+}
+"""Columns of the particles, the one that tells their number first."""
+CONTACTS = {
+    "particle_i": _column("contacts/particle_i", "i", "m", unit="1"),
+    "particle_j": _column("contacts/particle_j", "i", "m", unit="1"),
+    "normal": _column("contacts/normal", "f", "m", 3, unit="1"),
+    "lever_i": _column("contacts/lever_i", "f", "m", 3, unit="m"),
+    "lever_j": _column("contacts/lever_j", "f", "m", 3, unit="m"),
+    "stiffness_normal": _column("contacts/stiffness_normal", "f", "m", unit="N/m"),
+    "stiffness_tangential": _column("contacts/stiffness_tangential", "f", "m", unit="N/m"),
+    "stiffness_rolling": _column("contacts/stiffness_rolling", "f", "m", unit="N m/rad"),
+    "stiffness_twisting": _column("contacts/stiffness_twisting", "f", "m", unit="N m/rad"),
+    "force_normal": _column("contacts/force_normal", "f", "m", unit="N"),
+    "force_tangential": _column("contacts/force_tangential", "f", "m", 3, unit="N"),
+    "overlap": _column("contacts/overlap", "f", "m", unit="m"),
+    "sliding": _column("contacts/sliding", "b", "m", unit="1"),
+    "cell_shift": _column("contacts/cell_shift", "i", "m", 3, unit="1"),
+    "shear_growth": _column("contacts/shear_growth", "f", "m", unit="1/m"),
+    "motion_shortening": _column("contacts/motion_shortening", "f", "m", unit="1"),
+    "torque_shortening": _column("contacts/torque_shortening", "f", "m", unit="1"),
+}
+"""The same of the contacts."""
+COLUMNS = {
+    **PARTICLES,
+    **CONTACTS,
+    "cell_size": _column("cell/size", "f", 3, unit="m"),
+    "cell_periodic": _column("cell/periodic", "b", 3, unit="1"),
+    "wall_position": _column("walls/position", "f", 2, unit="m"),
+}
+"""All columns of a network and of its file."""
 PART = 1 << 14
 """Contacts of a part, of those that are worked on together."""
 Made = TypeVar("Made")

@@ -12,37 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.product import Column, Product
+from modal.formats.product import Product
 from modal.packing.checks import check, converted, named
-from modal.packing.columns import CELL, CONTACTS, OF_BONDS, OPTIONAL, PARTICLES, UNKNOWN, Columns
+from modal.packing.columns import COLUMNS, UNKNOWN, Columns
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
+from modal.packing.columns import SCHEMA as SCHEMA
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
+from modal.packing.columns import VERSION as VERSION
 from modal.tools.arrays import Array, Bools, Ints
 from modal.tools.display import quantity, table
 from modal.tools.errors import InputError
 
-SCHEMA = "granular-contact-network"
-VERSION = (1, 2)
-"""With a column of `OF_BONDS` a file says 2, which a reader that would miss it refuses."""
-_GROUPS = {"particles": ("n", PARTICLES), "contacts": ("m", CONTACTS)}
-# What is not finite is refused, by its row, with all else that no packing can be.
-_COLUMNS = {
-    name: Column(
-        f"{group}/{name}",
-        kind,
-        (count, *row),
-        unit,
-        name in OPTIONAL,
-        finite=False,
-        since=VERSION[name in OF_BONDS],
-    )
-    for group, (count, columns) in _GROUPS.items()
-    for name, (kind, row, unit) in columns.items()
-} | {
-    name: Column(name.replace("_", "/").replace("wall/", "walls/"), *about, finite=False)
-    for name, about in CELL.items()
-}
-FORMAT = Product(SCHEMA, _COLUMNS, groups=("study", "provenance"), versions=VERSION)
+FORMAT = Product(SCHEMA, COLUMNS, groups=("study", "provenance"), versions=VERSION)
 
 
 def freeze_arrays(**columns: Array) -> dict[str, Array]:
@@ -158,7 +139,7 @@ def write_network(path: str | Path, network: Network) -> None:
 def read_network(path: str | Path) -> Network:
     """Read and validate a network; raises InputError with one line for anything wrong."""
     said = FORMAT.read(path)
-    columns = {name: said[name] for name in _COLUMNS if said[name] is not None}
+    columns = {name: said[name] for name in COLUMNS if said[name] is not None}
     with named(path):
         return Network(
             **freeze_arrays(**columns), study=said["study"], provenance=said["provenance"]

@@ -14,7 +14,7 @@ from math import gcd
 
 import numpy as np
 
-from modal.packing.columns import CONTACTS, OF_BONDS, RECEIVER_WALL, SOURCE_WALL
+from modal.packing.columns import OF_BONDS, RECEIVER_WALL, SOURCE_WALL
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats, Ints
 
@@ -211,7 +211,7 @@ def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[
             # Contacts without stiffness fall on such ones.
             own = _most(data[there] - data[here], np.where(data == 0, 1.0, data)[here])
         else:
-            facing = sign * data[here] if CONTACTS[name][1] else data[here]
+            facing = sign * data[here] if data.ndim > 1 else data[here]
             own = _most(data[there] - facing, float(abs(data).max()) or 1.0)
         stiffness = max(stiffness, own)
     return contact, (stiffness + mass) / 2 + 3 * shape

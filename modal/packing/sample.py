@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import atomic_h5, complete, get, open_h5, put
+from modal.formats.product import Column, Product
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
 from modal.packing.hertz_mindlin_network import constants, network_of
@@ -24,6 +24,32 @@ from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
 VERSION = 1
+_PLACES = {
+    "position": ("particles/position", ("n", 3), "m"),
+    "side": ("cell/side", (2,), "m"),
+    "walls": ("walls/position", (2,), "m"),
+}
+_OPTIONAL: dict[str, tuple[str, tuple[int | str, ...], str]] = {
+    "radii": ("particles/radius", ("n",), "m"),
+    "velocity": ("particles/velocity", ("n", 3), "m/s"),
+    "angular_velocity": ("particles/angular_velocity", ("n", 3), "rad/s"),
+    "densities": ("particles/density", ("n",), "kg/m^3"),
+    "shear": ("contacts/shear", ("m", 2), "N"),
+    "strain_rate": ("cell/strain_rate", (3,), "1/s"),
+}
+ELASTIC = ("young", "poisson")
+_NUMBERS = ("friction", "radius", *vars(GLASS), *(f"wall_{name}" for name in ELASTIC))
+FORMAT = Product(
+    SCHEMA,
+    {
+        name: Column(dataset, "f", shape, unit, optional=name in _OPTIONAL, finite=False)
+        for name, (dataset, shape, unit) in (_PLACES | _OPTIONAL).items()
+    },
+    attributes=dict.fromkeys(_NUMBERS, float),
+    # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
+    defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None},
+    groups=("study", "provenance"),
+)
 UNEQUAL = 1e-9
 """Relative: a density so far from the material's is the sphere's own, not round-off."""
 ANOTHER = 1e-6
@@ -179,7 +205,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
 
 def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
     """The walls' own material, as notes or a file's attributes tell it; None without."""
-    if "wall_young" not in notes:
+    if notes.get("wall_young") is None:
         return None
     return Elasticity(float(notes["wall_young"]), float(notes["wall_poisson"]))
 
@@ -191,73 +217,30 @@ def shear_components(network: Network) -> Floats:
     return np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
 
 
-_OPTIONAL = {
-    "velocity": ("particles/velocity", "m/s"),
-    "angular_velocity": ("particles/angular_velocity", "rad/s"),
-    "densities": ("particles/density", "kg/m^3"),
-    "shear": ("contacts/shear", "N"),
-    "strain_rate": ("cell/strain_rate", "1/s"),
-}
-
-
 def write_sample(path: str | Path, sample: Sample) -> None:
     """Write the sample atomically."""
-    with atomic_h5(path) as file:
-        file.attrs.update(schema=SCHEMA, schema_version=VERSION, creator="granular-wave-modes")
-        file.attrs["friction"] = sample.friction
-        if sample.radii is None:
-            file.attrs["radius"] = sample.radius
-        else:
-            put(file, "particles/radius", sample.radii, "m")
-        material = sample.material
-        file.attrs.update(young=material.young, poisson=material.poisson, density=material.density)
-        if wall := sample.wall_material:
-            file.attrs.update(wall_young=wall.young, wall_poisson=wall.poisson)
-        put(file, "particles/position", sample.position, "m")
-        put(file, "cell/side", np.asarray(sample.side, float), "m")
-        put(file, "walls/position", np.asarray(sample.walls, float), "m")
-        for name, (dataset, units) in _OPTIONAL.items():
-            data = getattr(sample, name)
-            if data is not None:
-                put(file, dataset, data, units)
-        file.create_group("study").attrs.update(sample.study)
-        file.create_group("provenance").attrs.update(sample.provenance)
+    walls = sample.wall_material
+    own = {} if walls is None else {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
+    FORMAT.write(path, vars(sample) | vars(sample.material) | own)
 
 
 def read_sample(path: str | Path) -> Sample:
     """Read and validate a sample; raises InputError with one line for anything wrong."""
-    with open_h5(path, SCHEMA, VERSION) as file:
-        position = get(file, "particles/position", "f", (None, 3))
-        n = len(position)
-        columns: dict[str, Any] = {
-            "position": position,
-            "side": get(file, "cell/side", "f", (2,)),
-            "walls": get(file, "walls/position", "f", (2,)),
-        }
-        shapes = {"shear": (None, 2), "strain_rate": (3,), "densities": (n,)}
-        for name, (dataset, _) in _OPTIONAL.items():
-            if dataset in file:
-                columns[name] = get(file, dataset, "f", shapes.get(name, (n, 3)))
-        with complete(path):
-            columns["friction"] = float(file.attrs["friction"])
-            if "particles/radius" in file:
-                columns["radii"] = get(file, "particles/radius", "f", (n,))
-                columns["radius"] = float(columns["radii"].mean())
-            else:
-                columns["radius"] = float(file.attrs["radius"])
-            material = Material(
-                *(float(file.attrs[name]) for name in ("young", "poisson", "density"))
-            )
-            columns["wall_material"] = _wall_material(dict(file.attrs))
-            study, provenance = dict(file["study"].attrs), dict(file["provenance"].attrs)
-    sample = Sample(**columns, material=material, study=study, provenance=provenance)
+    said = FORMAT.read(path)
+    walls = _wall_material(said)
+    material = Material(**{name: said.pop(name) for name in vars(GLASS)})
+    if said["radii"] is not None:
+        said["radius"] = float(said["radii"].mean())
+    for name in ELASTIC:
+        del said[f"wall_{name}"]
+    sample = Sample(**said, material=material, wall_material=walls)
     validate(sample, str(path))
     return sample
 
 
 def validate(sample: Sample, name: str = "sample") -> None:
     """Refuse what no packing of spheres can be; InputError with one line."""
-    for column in ("position", "side", "walls", "radii", *_OPTIONAL):
+    for column in FORMAT.columns:
         data = getattr(sample, column)
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")

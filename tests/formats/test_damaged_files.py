@@ -225,7 +225,6 @@ SPECIFIC = {
         },
         "no radius": lambda f: f.attrs.__delitem__("radius"),
         "radius in mm": _attribute("radius", 1.27),
-        "no study": lambda f: f.__delitem__("study"),
         "narrow": _set("cell/side", 0, 1e-300),
         "wide": _set("cell/side", 0, 1.0),
         "all in one place": lambda f: f["particles/position"].__setitem__(..., [1e-3, 1e-3, 5e-3]),
