@@ -115,6 +115,8 @@ def resume_cell():
 def build_scene(sample, *, margin, damping):
     """Build the sample's scene: contacts found, shear forces and velocities as they were."""
     n = len(sample.position)
+    if sample.periodic_z:
+        raise InputError("the sample is periodic along z; scenes have walls, take one with walls")
     O.reset()
     place(
         sample.position,

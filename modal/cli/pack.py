@@ -75,6 +75,9 @@ def add(commands: Any) -> None:
     pack.add_argument(
         "--walls", nargs=2, metavar=("E", "NU"), help=f"{WALLS} (default those of glass)"
     )
+    pack.add_argument(
+        "--periodic", action="store_true", help="a cell without walls, with a period along z too"
+    )
     with_friction = pack.add_argument_group("with friction alone")
     study = Study()
     with_friction.add_argument(
@@ -119,6 +122,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         options.stress or (),
         options.friction,
         options.seed,
+        periodic=options.periodic,
         **{name: value for name in given if (value := getattr(options, name)) is not None},
     )
     result: dict[str, Any] = {"samples": {str(path): stress for stress, path in files}}

@@ -21,11 +21,13 @@ NO_SUMS = np.zeros(0)
 class NearContacts:
     """Contacts that touch or may soon touch, good until spheres have come closer by the skin."""
 
-    def __init__(self, position: np.ndarray, lengths: np.ndarray, radius: np.ndarray) -> None:
+    def __init__(
+        self, position: np.ndarray, lengths: np.ndarray, radius: np.ndarray, whole: bool = False
+    ) -> None:
         self.radius, self.skin = float(radius.max()), SKIN * float(radius.mean())
         self.made_at, self.made_lengths = position.copy(), lengths.copy()
         reach = 2 * (self.radius + self.skin)
-        contacts = contacts_in_reach(position, lengths, reach)
+        contacts = contacts_in_reach(position, lengths, reach, whole)
         if radius.min() < self.radius:
             contacts = near_enough(contacts, position, lengths, radius, self.skin)
         self.ends, self.shift = contacts
@@ -50,19 +52,21 @@ class CentralForces:
     def __init__(self, sample: Sample) -> None:
         self.radius = np.full(len(sample.position), sample.sizes)
         self.stiffness = NO_SUMS if sample.radii is None else np.zeros(len(self.radius))
-        self._moduli = sum(sample.moduli, ())
+        self._moduli, self._whole = sum(sample.moduli, ()), sample.periodic_z
         self.force = np.zeros(sample.position.shape)
         self.rebuilt = 0
         self._near: NearContacts | None = None
 
     def of(self, position: np.ndarray, lengths: np.ndarray) -> CentralForces:
-        """At `position` (n, 3), m; x and y are brought back into the cell when pairs are sought.
+        """At `position` (n, 3), m, brought back into the cell's periods when pairs are sought.
 
-        lengths (3,), m: lateral periods and the distance of the walls, the lower one at z = 0.
+        lengths (3,), m: lateral periods and the distance of the walls, the lower one at z = 0, or
+        the period along z of a sample without walls.
         """
         if self._near is None or not self._near.holds(position, lengths):
-            position[:, :2] %= lengths[:2]
-            self._near = NearContacts(position, lengths, self.radius)
+            axes = 3 if self._whole else 2
+            position[:, :axes] %= lengths[:axes]
+            self._near = NearContacts(position, lengths, self.radius, self._whole)
             self.rebuilt += 1
         totals = forces_by_loop(
             self._near.slabs,

@@ -48,9 +48,10 @@ class MovingContacts:
     on_walls (2, 3), N, the forces on source and receiver wall; elastic_energy, J, of the normal
     forces. `work` (m, 2), J, is what shear forces have stored and slip has dissipated so far, see
     `modal.dem.forces`; nothing of that is noted unless `books` are kept.
-    position (n, 3), m, is not brought back into the lateral cell; side (2,) and walls (2,), m, may
-    be strained in place; largest, smallest, m, of the radii. `friction` limits the shear forces,
-    the sample's own by default; `skin` is the reach of the list, diameters.
+    position (n, 3), m, is not brought back into the cell; side (2,) and walls (2,), m, may be
+    strained in place; `whole` cells are periodic along z too, between the `walls`; largest,
+    smallest, m, of the radii. `friction` limits the shear forces, the sample's own by default;
+    `skin` is the reach of the list, diameters.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class MovingContacts:
         n = network.n_particles
         self._sample, self.friction = sample, sample.friction if friction is None else friction
         self.side = np.array(sample.side, float)
-        self.walls = np.array(sample.walls, float)
+        self.walls, self.whole = np.array(sample.walls, float), sample.periodic_z
         self.skin = skin
         self._moduli = sum(sample.moduli, ())
         self._radius = np.full(n, sample.sizes)
@@ -88,15 +89,14 @@ class MovingContacts:
         """List the pairs in reach, with the history of those that touch."""
         inside, turns = self._wrapped()
         inside[:, 2] -= self.walls[0]
-        lengths = np.array([*self.side, self.walls[1] - self.walls[0]])
-        reach = 2 * self.largest * (1 + self.skin)
-        ends, shift = contacts_in_reach(inside, lengths, reach)
+        lengths, reach = self.lengths, 2 * self.largest * (1 + self.skin)
+        ends, shift = contacts_in_reach(inside, lengths, reach, self.whole)
         if self.smallest < self.largest:
             skin = self.largest * self.skin
             ends, shift = near_enough((ends, shift), inside, lengths, self._radius, skin)
         # Periods between the places as they are, which are not brought back into the cell.
         pair = ends[:, 1] >= 0
-        shift[pair, :2] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
+        shift[pair] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
         before_ends, before_shift = self._ends, self._shift
         self._ends, self._shift = ends, shift
         touched = self._normal.any(axis=1)
@@ -114,11 +114,19 @@ class MovingContacts:
         self._slabs = slabs_of(self._ends, len(self.position))
         self._sought_at = self.position.copy()
 
+    @property
+    def lengths(self) -> np.ndarray:
+        """Shape (3,), m: of the lateral cell, and from wall to wall or of the period along z."""
+        return np.array([*self.side, self.walls[1] - self.walls[0]])
+
     def _wrapped(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (n, 3) inside the cell, m, and the periods (n, 2) that were taken off."""
-        position = self.position.copy()
-        turns = np.floor(position[:, :2] / self.side).astype(int)
-        position[:, :2] -= turns * self.side
+        """Positions (n, 3) inside the cell, m, and the periods (n, 3) that were taken off."""
+        position, turns = self.position.copy(), np.zeros(self.position.shape, int)
+        turns[:, :2] = np.floor(position[:, :2] / self.side)
+        if self.whole:
+            turns[:, 2] = np.floor((position[:, 2] - self.walls[0]) / self.lengths[2])
+            position[:, 2] -= turns[:, 2] * self.lengths[2]
+        position[:, :2] -= turns[:, :2] * self.side
         return position, turns
 
     def move(self, motion: np.ndarray) -> None:
@@ -139,7 +147,7 @@ class MovingContacts:
             self.position,
             self._ends,
             self._shift,
-            np.array([*self.side, self.walls[1] - self.walls[0]]),
+            self.lengths,
             self.walls,
             self._radius,
             self._moduli,
@@ -218,7 +226,7 @@ class MovingContacts:
         contact = bare.contacts()
         i, j = self._ends.T.astype(int)
         shift, pair = self._shift.astype(int), j >= 0
-        shift[pair, :2] += turns[j[pair]] - turns[i[pair]]
+        shift[pair] += turns[j[pair]] - turns[i[pair]]
         here = _numbers(contact.particle_i, contact.particle_j, contact.cell_shift)
         before, after = _matching(_numbers(i, j, shift), here)
         force = np.zeros((len(here), 3))

@@ -4,7 +4,8 @@ One step is YADE's: forces at the present places, strain rates from the control,
 `NewtonIntegrator` in a homothetic cell. Velocities hold the cell's own motion, rate times place,
 and jump with the rate; Cundall's local damping opposes what a sphere moves beside it (YADE's form
 with the acceleration's half step). The walls are the faces of boxes one radius thick to each side
-of their centres, which move with the cell along z and rest across it.
+of their centres, which move with the cell along z and rest across it; a cell without walls has a
+period along z like the others.
 """
 
 from __future__ import annotations
@@ -132,7 +133,8 @@ class Dynamics:
         self.find_forces(dt)
         rates = self.rates if control is None else np.asarray(control(self.stress()), float)
         contacts, radius = self.contacts, self._bare.radius
-        contacts.walls += dt * rates[2] * (contacts.walls - [radius, -radius])
+        faces = 0.0 if contacts.whole else np.array([radius, -radius])
+        contacts.walls += dt * rates[2] * (contacts.walls - faces)
         self._stretch *= 1 + dt * rates
         largest = advance_by_loop(
             contacts.position,
@@ -167,8 +169,8 @@ class Dynamics:
             contacts.seek()
             self._note_sought()
         self._age += 1
-        gained = contacts.side * (1 - 1 / (1 + dt * self.rates[:2]))
-        contacts.touch(self.velocity, dt, np.array([[*gained, 0.0], self._source_step]))
+        gained = contacts.lengths * (1 - 1 / (1 + dt * self.rates))
+        contacts.touch(self.velocity, dt, np.array([gained, self._source_step]))
 
     def _note_sought(self) -> None:
         self._age, self._far = 0, False

@@ -22,16 +22,17 @@ def still_complete(skin: float, stretch: np.ndarray, moved: float, radius: float
 
 
 def contacts_in_reach(
-    position: np.ndarray, lengths: np.ndarray, reach: float
+    position: np.ndarray, lengths: np.ndarray, reach: float, whole: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Ends (k, 2) and periods (k, 3) of the contacts in reach, sorted by the first end.
 
     Pairs at most `reach`, m, apart, and spheres at most half of it from a wall, whose code is the
     second end. `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, walls at both ends
-    of z, the lower one at 0.
+    of z, the lower one at 0; where `whole` z is periodic as well, without walls.
     """
-    ends, shift = pairs_in_reach(position, lengths, reach)
-    shift = np.column_stack([shift, np.zeros(len(shift), np.int8)])
+    ends, shift = pairs_in_reach(position, lengths, reach, whole)
+    if whole:
+        return ends, shift
     low = np.flatnonzero(position[:, 2] < reach / 2)
     high = np.flatnonzero(lengths[2] - position[:, 2] < reach / 2)
     at = np.concatenate([low, high])
@@ -62,14 +63,14 @@ def near_enough(
 
 
 def pairs_in_reach(
-    position: np.ndarray, lengths: np.ndarray, reach: float
+    position: np.ndarray, lengths: np.ndarray, reach: float, whole: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (k, 2) and lateral periods (k, 2) of pairs at most `reach`, m, apart, first ends sorted.
+    """Ends (k, 2) and periods (k, 3) of pairs at most `reach`, m, apart, first ends sorted.
 
-    `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, z from 0.
+    `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, z if `whole`; z from 0.
     """
-    if suit_cells(len(position), lengths, reach):
-        return pairs_by_cells(position, lengths, reach)
-    i, j, shift = periodic_pairs(position, lengths[:2], reach)
+    if suit_cells(len(position), lengths, reach, whole):
+        return pairs_by_cells(position, lengths, reach, whole)
+    i, j, shift = periodic_pairs(position, lengths if whole else lengths[:2], reach)
     order = np.lexsort((j, i))
-    return np.column_stack([i, j])[order].astype(np.int32), shift[order, :2].astype(np.int8)
+    return np.column_stack([i, j])[order].astype(np.int32), shift[order].astype(np.int8)

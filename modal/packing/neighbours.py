@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -61,12 +62,12 @@ def refuse_more_than_fit(spheres: int, pairs: float = 0.0) -> None:
 def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Ints, Ints, Ints]:
     """Pairs (i, j, shift) of points at most `distance` apart, each pair of images once.
 
-    `position` (n, 3) with x and y inside the periodic cell of `side` (2,); z is not periodic.
+    `position` (n, 3) with x and y inside the periodic cell of `side` (2,); of `side` (3,) z too.
     i <= j, and a point meets its own image on one side only.
     """
-    n, low = len(position), position[:, 2].min(initial=np.inf)
-    lengths = np.array([*side, max(position[:, 2].max(initial=low) - low, distance)])
-    near = 4 / 3 * np.pi * distance**3 / lengths.prod()  # the share of all spheres about each
+    whole, n, low = len(side) == 3, len(position), position[:, 2].min(initial=np.inf)
+    height = side[2] if whole else max(position[:, 2].max(initial=low) - low, distance)
+    near = 4 / 3 * np.pi * distance**3 / (side[0] * side[1] * height)  # of all, about each
     refuse_more_than_fit(n, n**2 / 2 * near)
     place, owner, period = _images(position, np.asarray(side), distance)
     found: list[tuple[Ints, ...]] = []
@@ -74,33 +75,31 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
         # Of a pair that is met in several images the one whose lower-numbered end is at home.
         turned = (owner[one] > owner[two]) | ((owner[one] == owner[two]) & (one > two))
         first, second = np.where(turned, two, one), np.where(turned, one, two)
-        along_x, along_y = period[second].T
-        upward = (along_x > 0) | ((along_x == 0) & (along_y > 0))
+        along_x, along_y, along_z = period[second].T
+        upward = np.where(along_y == 0, along_z > 0, along_y > 0)
+        upward = np.where(along_x == 0, upward, along_x > 0)
         kept = (first < n) & ((owner[second] != first) | upward)
         first, second = first[kept], second[kept]
         found.append((first, owner[second], period[second]))
-    i, j, lateral = (np.concatenate(column) for column in zip(*found, strict=True))
-    shift = np.zeros((len(i), 3), np.int8)
-    shift[:, :2] = lateral
+    i, j, shift = (np.concatenate(column) for column in zip(*found, strict=True))
     return i, j, shift
 
 
 def _images(position: Floats, side: Floats, distance: float) -> tuple[Floats, Ints, Ints]:
     """The points, then their images within `distance` of the cell.
 
-    Shapes (k, 3), and (k,), (k, 2) of whose image each is and of the periods that it was moved by.
+    Shapes (k, 3), and (k,), (k, 3) of whose image each is and of the periods that it was moved by.
     """
+    axes = len(side)
     reach = np.ceil(distance / side).astype(int)
-    points, owner, period = [position], [np.arange(len(position))], [np.zeros((len(position), 2))]
-    for a in range(-reach[0], reach[0] + 1):
-        for b in range(-reach[1], reach[1] + 1):
-            moved = position[:, :2] + (a, b) * side
-            near = ((moved > -distance) & (moved < side + distance)).all(axis=1) & (
-                (a, b) != (0, 0)
-            )
-            points.append(np.column_stack([moved[near], position[near, 2]]))
+    points, owner, period = [position], [np.arange(len(position))], [np.zeros((len(position), 3))]
+    for turns in product(*(range(-most, most + 1) for most in reach)):
+        if any(turns):
+            moved = position[:, :axes] + turns * side
+            near = ((moved > -distance) & (moved < side + distance)).all(axis=1)
+            points.append(np.column_stack([moved, position[:, axes:]])[near])
             owner.append(np.flatnonzero(near))
-            period.append(np.broadcast_to((a, b), (near.sum(), 2)))
+            period.append(np.broadcast_to((*turns, 0)[:3], (near.sum(), 3)))
     return np.concatenate(points), np.concatenate(owner), np.concatenate(period).astype(np.int8)
 
 
@@ -125,15 +124,19 @@ def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
             yield one[near], two[near]
 
 
-def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floats) -> ContactList:
+def touching(
+    position: Floats, side: Floats, walls: Floats | None, radius: float | Floats
+) -> ContactList:
     """All overlapping contacts of spheres between flat walls at z = `walls` (2,), m.
 
-    `radius` in m, of all spheres, or of each (n,).
+    Without walls the `side` (3,) has a period along z as well, and z is from 0 on. `radius` in m,
+    of all spheres, or of each (n,).
     """
     each = np.broadcast_to(radius, len(position))
     i, j, shift = periodic_pairs(position, side, 2 * float(np.max(radius)))
     parts = [(i, j, shift)]
-    for wall, z, direction in ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1)):
+    planes = () if walls is None else ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1))
+    for wall, z, direction in planes:
         (at,) = np.nonzero(each - direction * (z - position[:, 2]) > 0)
         parts.append((at, np.full(len(at), wall), np.zeros((len(at), 3), shift.dtype)))
     i, j, shift = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -143,14 +146,14 @@ def touching(position: Floats, side: Floats, walls: Floats, radius: float | Floa
     del order
     # Millions of contacts: each array is worked on in place.
     normal = position[j]
-    for axis in range(2):
+    for axis in range(len(side)):
         normal[:, axis] += shift[:, axis] * side[axis]
     normal -= position[i]
     distance = np.linalg.norm(normal, axis=1)
     distance[j < 0] = 1.0
     normal /= distance[:, None]
     overlap = np.subtract(each[i] + each[j], distance, out=distance)
-    for wall, z, direction in ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1)):
+    for wall, z, direction in planes:
         with_wall = j == wall
         normal[with_wall] = 0.0, 0.0, direction
         overlap[with_wall] = each[i[with_wall]] - direction * (z - position[i[with_wall], 2])

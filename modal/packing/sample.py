@@ -1,8 +1,8 @@
 """The compact form of a sample of spheres, from which its contact network is rebuilt.
 
-This module is the one definition of the format "granular-sample", version 1. Overlaps, normals
-and stiffnesses follow from the positions; only shear forces, which depend on history, are kept,
-as two components in a frame that follows from the normal.
+This module is the one definition of the format "granular-sample", versions 1 and 2. Overlaps,
+normals and stiffnesses follow from the positions; only shear forces, which depend on history, are
+kept, as two components in a frame that follows from the normal.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
-VERSION = 1
+VERSIONS = 1, 2
+"""Between walls, and periodic along z, which earlier readers would take for walls."""
 _PLACES = {
     "position": ("particles/position", ("n", 3), "m"),
     "side": ("cell/side", (2,), "m"),
@@ -44,11 +45,13 @@ FORMAT = Product(
     {
         name: Column(dataset, "f", shape, unit, optional=name in _OPTIONAL, finite=False)
         for name, (dataset, shape, unit) in (_PLACES | _OPTIONAL).items()
-    },
+    }
+    | {"period": Column("cell/period", "f", (1,), "m", optional=True, since=2)},
     attributes=dict.fromkeys(_NUMBERS, float),
     # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
     defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None},
     groups=("study", "provenance"),
+    versions=VERSIONS,
 )
 UNEQUAL = 1e-9
 """Relative: a density so far from the material's is the sphere's own, not round-off."""
@@ -67,6 +70,7 @@ class Sample:
     contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
     of spheres of several sizes, the mean of `radii` (n,). `densities` (n,), kg/m^3, stand in place
     of the material's; the walls are of `wall_material`, where it is None of that of the spheres.
+    Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z.
     """
 
     position: Floats
@@ -82,6 +86,7 @@ class Sample:
     material: Material = GLASS
     densities: Floats | None = None
     wall_material: Elasticity | None = None
+    periodic_z: bool = False
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -109,7 +114,11 @@ class Sample:
 
     def contacts(self) -> ContactList:
         """All contacts, in canonical order; their overlaps follow from the positions."""
-        return touching(self.position, self.side, self.walls, self.sizes)
+        if not self.periodic_z:
+            return touching(self.position, self.side, self.walls, self.sizes)
+        low, high = self.walls
+        lengths = np.array([*self.side, high - low])
+        return touching(self.position - [0, 0, low], lengths, None, self.sizes)
 
     def network(self) -> Network:
         """The contact network: springs of the Hertz-Mindlin law at the present overlaps.
@@ -143,7 +152,7 @@ class Sample:
             study=self.study | study,
             position=self.position,
             cell_size=np.array([*self.side, length]),
-            cell_periodic=np.array([True, True, False]),
+            cell_periodic=np.array([True, True, self.periodic_z]),
             wall_position=np.asarray(self.walls, float),
             provenance=self.provenance,
         )
@@ -178,6 +187,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         material=material,
         densities=density if mixed else None,
         wall_material=_wall_material(network.study),
+        periodic_z=bool(network.cell_periodic[2]),
         study=network.study,
         provenance=network.provenance,
     )
@@ -221,6 +231,7 @@ def write_sample(path: str | Path, sample: Sample) -> None:
     """Write the sample atomically."""
     walls = sample.wall_material
     own = {} if walls is None else {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
+    own["period"] = np.diff(sample.walls) if sample.periodic_z else None
     FORMAT.write(path, vars(sample) | vars(sample.material) | own)
 
 
@@ -233,7 +244,8 @@ def read_sample(path: str | Path) -> Sample:
         said["radius"] = float(said["radii"].mean())
     for name in ELASTIC:
         del said[f"wall_{name}"]
-    sample = Sample(**said, material=material, wall_material=walls)
+    periodic = said.pop("period") is not None
+    sample = Sample(**said, periodic_z=periodic, material=material, wall_material=walls)
     validate(sample, str(path))
     return sample
 

@@ -28,7 +28,10 @@ def cloud(study: Study) -> Sample:
     side, length = scale * study.width * diameter, scale * length
     sides, walls = np.array([side, side]), np.array([0.0, length])
     cell = side / diameter, length / diameter, study.seed
-    if radii is None:
+    if study.periodic:
+        sizes = np.ones(study.spheres) if radii is None else 2 * radii / diameter
+        places, order = places_of_sizes(sizes, *cell, whole=True)
+    elif radii is None:
         places, order = random_places(study.spheres, *cell), np.arange(study.spheres)
     else:
         places, order = places_of_sizes(2 * radii / diameter, *cell)
@@ -41,17 +44,19 @@ def cloud(study: Study) -> Sample:
         radii=None if radii is None else radii[order],
         densities=None if dense is None else dense[order],
         wall_material=study.wall_material,
+        periodic_z=study.periodic,
     )
 
 
 def places_of_sizes(
-    diameters: np.ndarray, side: float, length: float, seed: int
+    diameters: np.ndarray, side: float, length: float, seed: int, *, whole: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Centres (n, 3) of spheres of several `diameters` (n,), and which sphere is where (n,).
 
-    Placed at random one by one where they fit, the largest first; sorted along z. All lengths are
-    in one unit.
+    Placed at random one by one where they fit, the largest first; sorted along z, which is periodic
+    where they fill the `whole` cell. All lengths are in one unit.
     """
+    period = length if whole else math.inf
     random, largest = np.random.default_rng(seed), float(diameters.max())
     cells = [max(1, int(extent / largest)) for extent in (side, side, length)]
     if min(cells) < 3:
@@ -65,16 +70,24 @@ def places_of_sizes(
     places = np.empty((len(diameters), 3))
     for number, size in enumerate(diameters[order]):
         for _ in range(ROUNDS):
-            point = random.random(3) * (side, side, length - size) + (0, 0, size / 2)
+            point = random.random(3) * (side, side, length - (0 if whole else size))
+            point[2] += 0 if whole else size / 2
             own = tuple((point / (side, side, length) * cells).astype(int).tolist())
             near = [
                 other
                 for a, b, c in around
                 for other in bins.get(
-                    ((own[0] + a) % cells[0], (own[1] + b) % cells[1], own[2] + c), ()
+                    (
+                        (own[0] + a) % cells[0],
+                        (own[1] + b) % cells[1],
+                        (own[2] + c) % cells[2] if whole else own[2] + c,
+                    ),
+                    (),
                 )
             ]
-            if all(_apart(point - place, side) > (size + other) / 2 for place, other in near):
+            if all(
+                _apart(point - place, side, period) > (size + other) / 2 for place, other in near
+            ):
                 bins.setdefault(own, []).append((point, size))
                 places[number] = point
                 break
@@ -86,9 +99,10 @@ def places_of_sizes(
     return places[upwards], order[upwards]
 
 
-def _apart(branch: np.ndarray, side: float) -> float:
-    """Distance of the nearest images, periodic across z."""
+def _apart(branch: np.ndarray, side: float, period: float) -> float:
+    """Distance of the nearest images, periodic across z and, with a finite period, along it."""
     x, y, z = branch.tolist()
+    z -= period * round(z / period) if period < math.inf else 0.0
     return math.hypot(x - side * round(x / side), y - side * round(y / side), z)
 
 

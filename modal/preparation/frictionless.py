@@ -154,6 +154,7 @@ def _rest(
 
 def _at(sample: Sample, position: np.ndarray, lengths: np.ndarray) -> Sample:
     inside = position.copy()
-    inside[:, :2] %= lengths[:2]
+    axes = 3 if sample.periodic_z else 2
+    inside[:, :axes] %= lengths[:axes]
     walls = np.array([0.0, lengths[2]])
     return replace(sample, position=inside, side=lengths[:2].copy(), walls=walls)

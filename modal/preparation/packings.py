@@ -14,7 +14,7 @@ from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
 from modal.preparation import compress
-from modal.preparation.protocol import NOMINAL_FRACTION, STRESSES, Study
+from modal.preparation.protocol import NO_WALLS, NOMINAL_FRACTION, STRESSES, Study
 from modal.preparation.random_packing import (
     ASPECT,
     PEAK,
@@ -66,21 +66,25 @@ def pack(
     sizes: Sequence[str | float] | None = None,
     densities: Sequence[str | float] | None = None,
     walls: Sequence[str | float] | None = None,
+    periodic: bool = False,
     **protocol: Any,
 ) -> list[tuple[float, Path]]:
     """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
 
     Without stresses those of the study. `width`, in diameters, in place of `aspect`, and numbers of
     the `protocol` by their names in `Study` are for packings with friction, `tolerance` and `peak`
-    for those without. `say` is told how it goes.
+    for those without. A `periodic` cell has no walls. `say` is told how it goes.
     """
     for stress in stresses:
         check_stress(stress)
     if seed < 0:
         raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
     shape, aspect = aspect or width, sound_aspect(spheres) if aspect is None else aspect
+    if periodic and walls:
+        raise InputError("walls of a cell that is periodic along z: it has none; leave one out")
     mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
     words = {name: " ".join(map(str, given)) for name, given in mixture.items() if given}
+    words |= {"walls": NO_WALLS} if periodic else {}
     if friction != 0:
         width = width_of(spheres, aspect) if width is None else width
         study = Study(friction, spheres, width, seed, **(protocol | words))
@@ -88,7 +92,7 @@ def pack(
             say(_shape(spheres, aspect))
         return compress.walk(folder, study, stresses or STRESSES, COMMAND, say)
     start = replace(
-        cloud(spheres, aspect, seed, **mixture),
+        cloud(spheres, aspect, seed, **mixture, periodic=periodic),
         study={"spheres": spheres, "aspect": aspect, "seed": seed} | words,
         provenance={"seed": seed},
     )
@@ -113,6 +117,7 @@ def random_packing(
     sizes: Sequence[str | float] | None = None,
     densities: Sequence[float] | None = None,
     walls: Sequence[float] | None = None,
+    periodic: bool = False,
 ) -> Network:
     """A random packing of glass spheres between two flat walls, at rest under a pressure.
 
@@ -127,7 +132,8 @@ def random_packing(
     `sizes` says ("lognormal", spread of ln R) or ("two", ratio of radii, share of the large ones by
     volume); `densities`, kg/m^3, are one for all or several (two of two sizes are of the small and
     of the large ones, others dealt out at random in equal numbers), and `walls` are Young's
-    modulus, Pa, and Poisson's ratio of the walls, where they are not of glass. A warning says where
+    modulus, Pa, and Poisson's ratio of the walls, where they are not of glass. A
+    `periodic` cell has no walls but a period along z. A warning says where
     a packing with friction has not settled; InputError, where one without does not come to rest, or
     where there is no such packing.
 
@@ -138,8 +144,9 @@ def random_packing(
     mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
     with TemporaryDirectory() as folder:
         files = pack(
-            Path(folder), _unheard, spheres, [stress], friction, seed, aspect=aspect, **mixture
-        )
+            Path(folder), _unheard, spheres, [stress], friction, seed,
+            aspect=aspect, periodic=periodic, **mixture,
+        )  # fmt: skip
         sample = read_sample(files[-1][1])
     if not sample.study.get("settled", True):
         warnings.warn(

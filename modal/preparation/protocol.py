@@ -65,6 +65,8 @@ JAMMED = 0.1, 1e-2
 SETTLED = 3e-3, 1e-3
 """When jamming is over, when a state is reached: largest relative error of a principal stress, mean
 residual over contact force."""
+NO_WALLS = "none"
+"""Word for the walls of a cell that is periodic along z, without any."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 ABOVE = 1.5
@@ -91,7 +93,7 @@ class Study:
     width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
     `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
     sizes, densities, walls: words as `modal.preparation.sizes` has them, none for equal spheres, of
-    glass between walls of glass.
+    glass between walls of glass; walls are `NO_WALLS` of a cell that is periodic along z.
     """
 
     mu_comp: float = 0.4
@@ -151,9 +153,14 @@ class Study:
         return densities_of(self.spheres, words, self.radii, self.seed) if words else None
 
     @property
+    def periodic(self) -> bool:
+        """Whether the cell has a period along z in place of walls."""
+        return self.walls == NO_WALLS
+
+    @property
     def wall_material(self) -> Elasticity | None:
         """What the walls are made of, or None where it is glass."""
-        return wall_material(self.walls.split()) if self.walls else None
+        return wall_material(self.walls.split()) if self.walls and not self.periodic else None
 
     @cached_property
     def material(self) -> Material:

@@ -46,11 +46,13 @@ def cloud(
     sizes: Sequence[str | float] | None = None,
     densities: Sequence[str | float] | None = None,
     walls: Sequence[str | float] | None = None,
+    *,
+    periodic: bool = False,
 ) -> Sample:
     """Overlapping random points in a cell of length over width `aspect`, numbered along z.
 
     `sizes`, `densities` and `walls` as in `modal.preparation.sizes`; without, equal spheres of
-    glass between walls of glass.
+    glass between walls of glass. A `periodic` cell has none.
     """
     if spheres < 8 or not 0.2 <= aspect <= 1000:
         raise InputError(
@@ -77,6 +79,7 @@ def cloud(
         radii=radii,
         densities=densities_of(spheres, densities, radii, seed) if densities else None,
         wall_material=wall_material(walls) if walls else None,
+        periodic_z=periodic,
     )
 
 

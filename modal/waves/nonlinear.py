@@ -155,9 +155,9 @@ def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
             raise InputError(
                 "a network has no friction, which says when its contacts slide: give friction"
             )
-        if sample.cell_periodic[2]:
-            raise InputError("a cell periodic along z has no wall that sends a wave; take walls")
         return sample_of_network(sample, friction)
+    if sample.periodic_z:
+        raise InputError("a cell periodic along z has no wall that sends a wave; take walls")
     if sample.velocity is not None and sample.velocity.any():
         raise InputError("the sample is on its way; bring it to rest first (modal relax)")
     if friction is not None:

@@ -62,9 +62,9 @@ def test_cells_find_the_pairs_of_the_tree():
     near = NearContacts(position, lengths, np.full(len(position), sample.radius))
     reach = (1 + central_forces.SKIN) * 2 * sample.radius
     i, j, shift = periodic_pairs(position, lengths[:2], reach)
-    expected = set(zip(i, j, *shift[:, :2].T, strict=True))
+    expected = set(zip(i, j, *shift.T, strict=True))
     for wall, distance in ((-1, position[:, 2]), (-2, lengths[2] - position[:, 2])):
-        expected |= {(k, wall, 0, 0) for k in np.flatnonzero(distance < reach / 2)}
+        expected |= {(k, wall, 0, 0, 0) for k in np.flatnonzero(distance < reach / 2)}
     found = list(zip(*near.ends.T, *near.shift.T, strict=True))
     assert len(found) == len(expected) and set(found) == expected
 
