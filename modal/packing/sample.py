@@ -252,7 +252,7 @@ def read_sample(path: str | Path) -> Sample:
 
 def validate(sample: Sample, name: str = "sample") -> None:
     """Refuse what no packing of spheres can be; InputError with one line."""
-    for column in FORMAT.columns:
+    for column in (*_PLACES, *_OPTIONAL):
         data = getattr(sample, column)
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
