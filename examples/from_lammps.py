@@ -6,23 +6,19 @@ A packing of LAMMPS
 are compared with what the contact model of LAMMPS adds to them.
 """
 
-import tempfile
+import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 
 import modal
-from modal.cli.main import main
 from modal.modes.law_shift import shift_by_law
 
-FILES = Path(__file__).resolve().parent / "packings"
-with tempfile.TemporaryDirectory() as folder:
-    out = str(Path(folder) / "lammps.network.h5")
-    dumps = [str(FILES / "mine.atoms"), "--contacts", str(FILES / "mine.contacts")]
-    main(["import", *dumps, "--log", str(FILES / "log.lammps"), "-o", out])
-    net = modal.read(out)
-
+files = Path(sys.argv[0]).resolve().parent / "packings"
+contacts, log = str(files / "mine.contacts"), str(files / "log.lammps")
+net = modal.read(files / "mine.atoms", contacts=contacts, log=log)
 low = modal.eigenmodes(net, lowest=15)
+
 figure, ax = plt.subplots()
 ax.plot(low.frequency / 1e3, shift_by_law(net, low) / low.frequency * 100, "o")
 ax.axhline(0, color="0.6", lw=0.8)

@@ -9,7 +9,7 @@ friction a packing of spheres is isostatic at z = 4.
 `python examples/isostaticity.py FOLDER` writes the figures (PNG, PDF), their points and the fits
 (CSV) into a folder. All numbers are those of `results/study/table1.csv`; the peak of the density of
 states and the Ioffe-Regel limit of the eight committed samples, with their errors, are those of
-`results/isostaticity/measured.json`, which `python -m analysis measure` made.
+`results/isostaticity/case*.json`, which `python -m analysis measure` made.
 """
 
 import csv
@@ -20,8 +20,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "results"
+RESULTS = Path(sys.argv[0]).resolve().parents[1] / "results"
 WIDTH = 14.08  # of the study's cells, D
 DRAWS = 4000  # of frictions, for the intervals
 LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
@@ -42,12 +41,13 @@ wavelength, wavelength_error = (column(f"lambda_2_linear_over_d{end}") for end i
 columns = {LOW_PASS: "f_low_pass_2_linear", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
 value = {name: column(f"{key}_khz") / top for name, key in columns.items()}
 error = {name: column(f"{key}_khz_error") / top for name, key in columns.items()}
-measured = json.loads((RESULTS / "isostaticity/measured.json").read_text())
-for name, key in ((PEAK, "excess_peak"), (IOFFE_REGEL, "ioffe_regel")):
-    for k, row in enumerate(rows):
-        if found := measured.get(f"{row['name']}.sample.h5"):
-            value[name][k] = found[key]["value"] / 1e3 / top[k]
-            error[name][k] = found[key]["error"] / 1e3 / top[k]
+for k, row in enumerate(rows):
+    path = RESULTS / f"isostaticity/{row['name']}.json"
+    if path.exists():
+        measured = json.loads(path.read_text())
+        for name, key in ((PEAK, "excess_peak"), (IOFFE_REGEL, "ioffe_regel")):
+            value[name][k] = measured[key]["value"] / 1e3 / top[k]
+            error[name][k] = measured[key]["error"] / 1e3 / top[k]
 
 # %%
 # **The fits.** Each quantity is a line a (z - z_c), by least squares. All stresses of one friction

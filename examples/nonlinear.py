@@ -3,8 +3,8 @@ A wave that is not small
 ========================
 
 The linear wave is the limit of small amplitudes. With the full contact model contacts slide, open
-and close. Here a pulse moves the wall by a tenth, a third and the whole of a mean overlap; each motion is
-drawn over its amplitude.
+and close. Here a pulse moves the wall by a tenth, a third and the whole of a mean overlap. Each
+motion is drawn over its amplitude.
 """
 
 import matplotlib.pyplot as plt
