@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from places import SHEARED
@@ -11,6 +12,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
+from modal.preparation.random_packing import random_network
 from modal.system.assembly import block
 from modal.system.contacts import Contacts, terms_of
 from modal.system.imposed import WallMoves, put_on
@@ -92,6 +94,13 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
     )
 
 
+@cache
+def frictionless() -> Network:
+    """150 spheres without friction at 100 kPa, some rattling; made once."""
+    return random_network(150, 1e5, seed=3)
+
+
+@cache
 def sheared() -> Network:
     """150 spheres compressed with friction in YADE, at rest."""
     return read_sample(SHEARED).network()

@@ -22,6 +22,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from places import ROOT
 
 from modal.__main__ import main
 from modal.formats.hdf5 import HOST, refuse_unwritable
@@ -30,7 +31,6 @@ from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample
 from modal.tools.errors import InputError
 
-ROOT = Path(__file__).resolve().parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 NOISE = {"run_time", "seconds", "study", "provenance", "network_sha256"}
 """What two undisturbed runs differ in: the time that they took, and what depends on it."""

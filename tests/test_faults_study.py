@@ -10,11 +10,11 @@ from pathlib import Path
 
 import h5py
 import pytest
+from places import ROOT
 from test_faults import equal, killed_again_and_again, study, undisturbed
 
 from modal.formats.provenance import packing_of, read_provenance
 
-ROOT = Path(__file__).resolve().parents[1]
 KILLS = int(os.environ.get("KILLS", 100))
 TABLE = """case mu_comp mu_wave stress input_frequency width layers
 2 0 0.1 1e5 1e5 3 20

@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
 pytest.importorskip("snakemake")
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def logger_plugin():

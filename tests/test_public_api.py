@@ -11,11 +11,11 @@ import sys
 import time
 from copy import copy, deepcopy
 from dataclasses import FrozenInstanceError, replace
-from pathlib import Path
 from pickle import dumps, loads
 
 import numpy as np
 import pytest
+from places import ROOT
 
 import modal
 from modal.__main__ import main
@@ -24,7 +24,6 @@ from modal.modes.mode_set import read_modes, write_modes
 from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 
-ROOT = Path(__file__).resolve().parents[1]
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
     *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),

@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 from fnmatch import fnmatchcase
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "results"
 
 

@@ -18,9 +18,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from places import ROOT
 from test_faults import equal
 
-ROOT = Path(__file__).resolve().parents[1]
 HERE = str(ROOT / "tests/slurm_here.sh")
 SPHERES = "1000"
 STUDY = ["./run_cases.sh", "--case", "6", "10", "--spheres", SPHERES, "--from-scratch"]

@@ -15,10 +15,10 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
+from places import ROOT
 
 pytest.importorskip("snakemake")
 yaml = pytest.importorskip("yaml")
-ROOT = Path(__file__).resolve().parents[1]
 LEFT_BEHIND = (".git", ".venv", ".snakemake", "products", "__pycache__", "*.egg-info")
 ALL, SOME = list(range(1, 33)), [3, 11, 12, 16]
 STATES = ["1000Pa", "10000Pa", "100000Pa", "1e+06Pa", "1e+07Pa"]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from packings import frictionless
 
 from analysis.__main__ import main
 from analysis.belonging import cases_of, cases_of_files, kind_of
@@ -23,7 +24,6 @@ from modal.formats.hdf5 import atomic_h5, sha256
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.packing.sample import sample_of_network, write_sample
-from modal.preparation.random_packing import random_network
 from modal.tools.errors import InputError
 from modal.waves.leapfrog import leapfrog
 from modal.waves.signals import write_signals
@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
     recorded = lattice_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
     digest = sha256(folder / "quartz.network.h5")
     write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
-    packing = replace(random_network(150, 1e5, seed=3), study={})
+    packing = replace(frictionless(), study={})
     write_network(folder / "heap.h5", packing)
     run = leapfrog(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
     digest = sha256(folder / "heap.h5")
@@ -126,7 +126,7 @@ def test_files_of_two_packings_go_to_their_own(folder):
 
 def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
     sample = tmp_path / "grains.sample.h5"
-    write_sample(sample, sample_of_network(random_network(150, 1e5, seed=3), 0.1))
+    write_sample(sample, sample_of_network(frictionless(), 0.1))
     (case,) = cases_of_files([sample])
     assert case.name == "grains" and case.network.n_particles == 150 and not case.is_crystal
     both = cases_of_files([sample, folder / "heap.h5"])  # not exported from it: two packings

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import frictionless
 
 from analysis.case import Case
 from analysis.case_tables import number, table_1, table_of_fits
@@ -19,7 +20,6 @@ from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet
 from modal.packing.crystal import column, fcc
 from modal.packing.network import write_network
-from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
@@ -95,7 +95,7 @@ def test_deviations_of_what_is_stated(crystal):
 
 def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
     """An FCC crystal called case 30 has a theory; a random packing called case 2 has none."""
-    packing = random_network(150, 1e5, seed=3)
+    packing = frictionless()
     rng = np.random.default_rng(1)
     shaken = fcc(cells=(2, 2, 12))
     shake = 1e-2 * shaken.radius[0] * rng.normal(size=shaken.position.shape)
@@ -122,7 +122,7 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
 def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
     """Whatever the number of the case: the paper's void ratio is that of the same preparation."""
     assert matching_case(False, stress, mu) == case
-    network = random_network(150, 1e5, seed=3)
+    network = frictionless()
     network.study.update(stress=stress, mu_comp=mu)
     named = Case("case07", tmp_path)
     named.network = network
@@ -138,7 +138,7 @@ def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
 @pytest.mark.parametrize("of", ["radius", "mass"])
 def test_other_spheres_have_no_case_of_the_paper(of, tmp_path):
     """Same stress and friction, but larger spheres, or heavier ones, have other frequencies."""
-    network = random_network(150, 1e5, seed=3)
+    network = frictionless()
     network.study.update(stress=1e5, mu_comp=0.0)
     named = Case("mine", tmp_path)
     named.network = network
@@ -210,7 +210,7 @@ def test_static_velocity_stands_beside_the_waves(two_producers):
 def test_chi_z_says_of_which_modes_it_is(tmp_path):
     """The largest of a narrow band is not passed for that of all modes above its lower end."""
     case = Case("case06", tmp_path)
-    case.network = random_network(150, 1e5, seed=3)
+    case.network = frictionless()
     case.network.study.update(stress=1e5, mu_comp=0.0)
 
     def some(frequency, chi):
@@ -230,7 +230,7 @@ def test_chi_z_says_of_which_modes_it_is(tmp_path):
 def test_modes_that_two_lists_share_count_once(tmp_path):
     """All modes to 20 kHz beside the lowest, which another search gave with another last digit."""
     case = Case("case06", tmp_path)
-    case.network = random_network(150, 1e5, seed=3)
+    case.network = frictionless()
 
     def some(frequency):
         f = np.array(frequency)
@@ -251,7 +251,7 @@ def test_modes_that_two_lists_share_count_once(tmp_path):
 
 def test_linear_at_a_runs_times(tmp_path):
     """A random packing has no lattice; its run says how long the linear wave is to be."""
-    network = random_network(150, 1e5, seed=3)
+    network = frictionless()
     write_network(tmp_path / "case06.network.h5", network)
     own = propagate(network, 2e-4, interval=1e-6).signals
     write_signals(tmp_path / "case06.signals.h5", replace(own, producer="yade"))

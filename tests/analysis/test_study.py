@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from packings import frictionless
 
 from analysis.__main__ import main
 from analysis.case_tables import table_2
@@ -55,7 +56,7 @@ def made(tmp_path_factory):
             chain = LayerLattice.of_network(network)
             time = np.arange(0, network.length / chain.velocity, 2e-7)
             write_signals(folder / "case02.signals.h5", lattice_signals(chain, time))
-    write_network(folder / "case06.network.h5", random_network(150, 1e5, seed=3))
+    write_network(folder / "case06.network.h5", frictionless())
     (folder / "seed_2").mkdir()
     write_network(folder / "seed_2/case06.network.h5", random_network(150, 1e5, seed=4))
     (folder / "case07.network.h5").write_text("no packing at all")

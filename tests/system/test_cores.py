@@ -4,10 +4,10 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
@@ -17,8 +17,6 @@ from modal.system.contacts import PRE_STRESS
 from modal.system.operator import ContactOperator
 from modal.system.packed import PackedContacts
 from modal.tools import slabs as slabs_along_z
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def crystal() -> Network:
