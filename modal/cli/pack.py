@@ -83,6 +83,14 @@ def add(commands: Any) -> None:
     with_friction.add_argument(
         "--width", type=float, metavar="D", help="in diameters, instead of --aspect"
     )
+    with_friction.add_argument(
+        "--stress-ratio", type=float, metavar="K",
+        help="then the lateral stresses go to K times the axial one, which stays",
+    )  # fmt: skip
+    with_friction.add_argument(
+        "--oedometric", action="store_true",
+        help="from a tenth of the first stress compressed along z alone; K0 is told",
+    )  # fmt: skip
     advanced = pack.add_argument_group("with friction alone, advanced")
     for name, text in WITH_FRICTION.items():
         (advanced if name in ADVANCED else with_friction).add_argument(
@@ -101,7 +109,11 @@ def _typed(name: str) -> str:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run or continue a compression; names of the files that hold its states."""
-    unused = ("tolerance", "peak") if options.friction != 0 else ("width", *WITH_FRICTION)
+    unused = (
+        ("tolerance", "peak")
+        if options.friction != 0
+        else ("width", "stress_ratio", *WITH_FRICTION)
+    )
     for name in unused:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
@@ -114,7 +126,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * PEAK:g} Pa; "
             f"{PEAK:g} is usual"
         )
-    given = ("aspect", "width", "tolerance", "peak", *MIXTURE, *WITH_FRICTION)
+    given = ("aspect", "width", "tolerance", "peak", "stress_ratio", *MIXTURE, *WITH_FRICTION)
     files = packed(
         Path(options.output),
         say,
@@ -123,14 +135,18 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         options.friction,
         options.seed,
         periodic=options.periodic,
+        oedometric=options.oedometric,
         **{name: value for name in given if (value := getattr(options, name)) is not None},
     )
     result: dict[str, Any] = {"samples": {str(path): stress for stress, path in files}}
     for _, path in files[-len(options.stress or WALK) :]:
         read_remarked(path, options.remarks.append)
     if options.friction != 0:
-        settled = {str(path): bool(read_sample(path).study["settled"]) for _, path in files}
-        result["settled"] = settled
+        notes = {str(path): read_sample(path).study for _, path in files}
+        result["settled"] = {path: bool(study["settled"]) for path, study in notes.items()}
+        if options.oedometric or options.stress_ratio is not None:
+            name = "k0" if options.oedometric else "stress_ratio"
+            result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}
     return result
 
 

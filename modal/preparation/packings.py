@@ -13,7 +13,7 @@ from typing import Any
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
-from modal.preparation import compress
+from modal.preparation import compress, unequal_stress
 from modal.preparation.protocol import NO_WALLS, NOMINAL_FRACTION, STRESSES, Study
 from modal.preparation.random_packing import (
     ASPECT,
@@ -67,16 +67,25 @@ def pack(
     densities: Sequence[str | float] | None = None,
     walls: Sequence[str | float] | None = None,
     periodic: bool = False,
+    stress_ratio: float | None = None,
+    oedometric: bool = False,
     **protocol: Any,
 ) -> list[tuple[float, Path]]:
     """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
 
     Without stresses those of the study. `width`, in diameters, in place of `aspect`, and numbers of
     the `protocol` by their names in `Study` are for packings with friction, `tolerance` and `peak`
-    for those without. A `periodic` cell has no walls. `say` is told how it goes.
+    for those without. A `periodic` cell has no walls. With friction a state may go on from
+    each isotropic one to a `stress_ratio`, lateral over axial stress; or the spheres are compressed
+    along z alone (`oedometric`) from a tenth of the first stress to each axial one. `say` is told
+    how it goes.
     """
     for stress in stresses:
         check_stress(stress)
+    if oedometric and stress_ratio is not None:
+        raise InputError("a stress ratio of one-dimensional compression comes about: leave one out")
+    if stress_ratio is not None:
+        unequal_stress.check_ratio(stress_ratio)
     if seed < 0:
         raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
     shape, aspect = aspect or width, sound_aspect(spheres) if aspect is None else aspect
@@ -90,7 +99,16 @@ def pack(
         study = Study(friction, spheres, width, seed, **(protocol | words))
         if shape is None:
             say(_shape(spheres, aspect))
-        return compress.walk(folder, study, stresses or STRESSES, COMMAND, say)
+        targets = list(stresses or STRESSES)
+        if oedometric:
+            (_, begin), *_ = compress.walk(folder, study, [targets[0] / 10], COMMAND, say)
+            return unequal_stress.oedometric(folder, study, begin, targets, COMMAND, say)
+        files = compress.walk(folder, study, targets, COMMAND, say)
+        if stress_ratio is None:
+            return files
+        return unequal_stress.unequal(folder, study, files, stress_ratio, COMMAND, say)
+    if stress_ratio is not None or oedometric:
+        raise InputError("unequal stresses need friction, without which spheres flow: give some")
     start = replace(
         cloud(spheres, aspect, seed, **mixture, periodic=periodic),
         study={"spheres": spheres, "aspect": aspect, "seed": seed} | words,

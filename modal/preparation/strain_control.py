@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -36,7 +37,10 @@ class ConstantRate:
 
 
 class Servo:
-    """Drives three principal stresses to one target, Pa, within a limited strain rate.
+    """Drives three principal stresses to their targets, Pa, within a limited strain rate.
+
+    `target` is that of an isotropic stress; with `shares` (3,) each axis has its share of it, and
+    an axis whose share is NaN is not strained at all.
 
     No stiffness is assumed, because that of a packing falls by orders of magnitude when it comes
     apart: each strain rate grows until its stress crosses the target, then turns round, halved.
@@ -48,8 +52,9 @@ class Servo:
         inertial_number: float,
         radius: float = RADIUS,
         material: Material = GLASS,
+        shares: Sequence[float] = (1.0, 1.0, 1.0),
     ) -> None:
-        self.target = target
+        self.target, self.targets = target, target * np.array(shares)
         self.limit = inertial_number / own_time(target, radius, material)
         self.rates = np.full(3, FIRST * self.limit)
         self.stress = np.zeros(3)
@@ -57,11 +62,12 @@ class Servo:
     def follow(self, stress: np.ndarray) -> np.ndarray:
         """Strain rates (3,), 1/s, at the principal stresses (3,), Pa, compression positive."""
         self.stress = stress
-        outward = np.where(stress > self.target, 1.0, -1.0)
+        outward = np.where(stress > self.targets, 1.0, -1.0)
         factor = np.where(outward * self.rates < 0, TURN, GROWTH)
         self.rates = outward * np.minimum(factor * np.abs(self.rates), self.limit)
+        self.rates[np.isnan(self.targets)] = 0.0
         return self.rates
 
     def error(self) -> float:
-        """Largest relative deviation of a principal stress from the target."""
-        return float(abs(self.stress / self.target - 1).max())
+        """Largest relative deviation of a principal stress from its target."""
+        return float(np.nanmax(abs(self.stress / self.targets - 1)))
