@@ -19,6 +19,7 @@ from analysis.estimators.layer_lattice import is_fcc
 from analysis.estimators.low_pass import Passband
 from analysis.estimators.other_source import as_of_pulse
 from analysis.estimators.own_wave import coherent_of, own_pulse, own_wave
+from analysis.estimators.plane_waves import plane_structure_factor
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import structure_factor
@@ -85,6 +86,11 @@ class Measuring:
         """Whether walls bound it along z, so that one can push and the other listen."""
         return bool(np.isin([SOURCE_WALL, RECEIVER_WALL], self.network.particle_j).all())
 
+    def require_walls(self) -> None:
+        """InputError without them."""
+        if not self.walls:
+            raise InputError("there are no two walls along z, which a wave here goes between")
+
     @cached_property
     def wave(self) -> Signals:
         """A P-wave along z: the first record of one, or that of the springs, on every particle."""
@@ -96,8 +102,7 @@ class Measuring:
         return self._wave("xy")
 
     def _wave(self, directions: str) -> Signals:
-        if not self.walls:
-            raise InputError("there are no two walls along z, which a wave here goes between")
+        self.require_walls()
         for record in self.records:
             if record.direction in directions:
                 return self._of_pulse(record)
@@ -123,6 +128,8 @@ class Measuring:
     @cached_property
     def velocity(self) -> float:
         """V_P, m/s, of the longest waves; NaN where none is read."""
+        if not self.walls:
+            return float(self.moduli.velocities((0, 0, 1))[0])
         if self.crystal:
             return chain_dispersion(self.wave).velocity
         return longest_waves(self.coherent)[0]
@@ -137,6 +144,7 @@ class Measuring:
     @cached_property
     def passband(self) -> Passband:
         """The threshold rule on the P-wave."""
+        self.require_walls()
         velocity = self.needed_velocity
         return Passband(self.network, self.wave, None, velocity=velocity, crystal=self.crystal)
 
@@ -178,23 +186,29 @@ class Measuring:
     def scattering(self) -> Scattering:
         """Width of the ridge of standing waves over frequency, as far as their limit needs it.
 
-        Of some orders first, then of those on both sides of where the width reaches the frequency.
+        Of some waves first, then of those on both sides of where the width reaches the frequency.
         """
         velocity, diameter = self.needed_velocity, self.diameter
         if (kept := self._kept("structure")) is not None and kept.structure is not None:
             return Scattering.of(kept.structure, velocity, diameter)
         line, highest = COARSE * self.line, 0.75 * velocity / diameter
+        # Waves in a length: halves of standing waves between walls, whole ones in a cell without.
+        fit = 2 if self.walls else 1
 
         def ridge(orders: Floats) -> Scattering:
             whole = np.unique(orders.round()).astype(int)
-            found = structure_factor(self.network, whole, line, highest)
+            if self.walls:
+                found = structure_factor(self.network, whole, line, highest)
+            else:
+                along = whole[:, None] * np.array([0, 0, 1])
+                found = plane_structure_factor(self.network, along, "L", line, highest)
             return Scattering.of(found, velocity, diameter)
 
-        layers = max(1, int(self.network.length / diameter))
-        first = ridge(np.geomspace(max(1, layers / 20), layers, 8))
+        most = max(1.0, 0.5 * fit * self.network.length / diameter)
+        first = ridge(np.geomspace(max(1.0, most / 20), most, 8))
         if not np.isfinite(first.limit):
             return first
-        near = 2 * self.network.length * first.limit / velocity
+        near = fit * self.network.length * first.limit / velocity
         return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Commands on recorded waves: agreement, watch, estimators."""
+"""Commands on recorded waves: agreement, watch."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.cli.options import add_command, show
-from analysis.estimators.trial import trial
 from analysis.watch import watch_page
 from modal.cli.options import add_output
 from modal.cli.terminal import put
@@ -31,10 +30,7 @@ def add(commands: Any) -> None:
     for name, what in OTHER_RUNS.items():
         agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
     agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")
-    text = "bias and scatter of every estimator on signals of known answer"
-    tried = add_command(commands, "estimators", text, "estimators -o estimators.md", _estimators)
-    for command in (agree, tried):
-        add_output(command, "write the tables, *.md")
+    add_output(agree, "write the tables, *.md")
     text = "a wave or modes in three dimensions: one HTML page that opens without a network"
     example = "watch mine.signals.h5 mine.network.h5 -o wave.html"
     watched = add_command(commands, "watch", text, example, _watch)
@@ -65,10 +61,6 @@ def _agreement(options: argparse.Namespace) -> None:
     show("\n".join(table.markdown() for table in found), options.output)
     if options.output:
         found[0].write_csv(Path(options.output).with_suffix(".csv"))
-
-
-def _estimators(options: argparse.Namespace) -> None:
-    show("\n".join(f"{t.title}:\n\n{t.markdown()}" for t in trial()), options.output)
 
 
 def _watch(options: argparse.Namespace) -> None:

@@ -113,7 +113,7 @@ def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Di
 
     decay = eta T, what the cut at the record's end T is damped by. On exact signals the bias is
     below 1e-5; 5 % of white noise scatters V_P by 0.3 % and the band edge by 0.6 %, and biases
-    neither (`analysis.estimators.trial`). Higher orders and stronger damping pass on more noise.
+    neither. Higher orders and stronger damping pass on more noise.
     """
     _refuse_damaged(signals)
     time = signals.time - signals.time[0]

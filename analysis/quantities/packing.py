@@ -42,7 +42,9 @@ def crystalline_share(packing: Measuring) -> Value:
     network = packing.network
     shares = crystalline_shares(network, profile(network))
     if "crystalline_share" not in shares:
-        return unknown("1", "the cell has no periods along x and y, or its spheres are not equal")
+        equal = np.ptp(network.radius) <= 1e-9 * network.radius.mean()
+        why = "the cell has no periods along x and y" if equal else "spheres are not equal"
+        return unknown("1", f"{why}: order is not told")
     return Value(shares["crystalline_share"], "1")
 
 

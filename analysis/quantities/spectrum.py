@@ -11,6 +11,9 @@ from analysis.measuring import Measuring
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
 from analysis.value import Value, hertz, unknown
 
+FEWEST = 30
+"""Modes below a peak of D(f) / f^2: from fewer each single one is a peak."""
+
 
 @without_signal("highest_frequency", "Hz", "highest natural frequency")
 def highest_frequency(packing: Measuring) -> Value:
@@ -30,13 +33,20 @@ def excess_peak(packing: Measuring) -> Value:
     """The boson peak; its error is half the width of a line of the density."""
     if packing.crystal:
         return unknown("Hz", "a crystal has no soft modes beside its waves")
-    frequency, density, _ = packing.density
+    frequency, density, below = packing.density
     found = Excess.of(
         frequency, density, 6 * packing.network.n_particles, packing.highest.frequency[-1]
     )
     line = 4 * float(frequency[1] - frequency[0])
     if not np.isfinite(found.peak_frequency):
         text = f"resolution: no peak above {hertz(2.5 * line)}, below which lines of zero modes are"
+        return unknown("Hz", text, *packing.of_one_sample)
+    first, count = np.interp([2.5 * line, found.peak_frequency], frequency, below)
+    if count - first < FEWEST:
+        text = (
+            f"resolution: {count - first:.0f} modes lie below the largest value at "
+            f"{hertz(found.peak_frequency)}, the packing is too small to tell a peak from them"
+        )
         return unknown("Hz", text, *packing.of_one_sample)
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, packing.of_one_sample)
 

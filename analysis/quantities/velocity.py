@@ -54,7 +54,7 @@ def _by_moduli(packing: Measuring, places: slice) -> Value:
     moduli = packing.moduli
     value = float(moduli.velocities((0, 0, 1))[places].mean())
     why = "by the elastic moduli: there are no walls"
-    return Value(value, "m/s", {"fit": 0.5 * value * moduli.error}, (why, *packing.of_one_sample))
+    return Value(value, "m/s", {"fit": 0.5 * value * moduli.error}, (why, *packing.of_waves))
 
 
 @quantity("v_p", "m/s", "velocity of the longest P-waves along z; the one to quote", exact=_exact)
@@ -85,6 +85,7 @@ def v_s(packing: Measuring) -> Value:
 )
 def v_p_static(packing: Measuring) -> Value:
     """Independent of every rule that reads waves."""
+    packing.require_walls()
     return Value(static_velocity(packing.network)[0], "m/s", {}, packing.of_one_sample)
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from shear_lattice import ShearLattice
 
 import modal
 from analysis.__main__ import main
-from analysis.estimators.shear_lattice import ShearLattice
 from analysis.estimators.structure_factor import standing_waves
 from analysis.packings.elastic import HEADER, row, standing_velocity, travelling_velocity
 from modal.elasticity.waves import isotropic_mean

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shear_lattice import ShearLattice
 
 import modal
 from analysis.__main__ import main
 from analysis.agreement import Agreement, relative
 from analysis.belonging import kind_of
 from analysis.case import Case
-from analysis.estimators.shear_lattice import ShearLattice
 from analysis.measures import Measures
 from analysis.rows import row_of
 from analysis.study.elasticity import add_elasticity, table_of_elasticity

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from packings import wall_pattern
 from scipy.linalg import eigh
+from shear_lattice import ShearLattice
 
 import modal
 from analysis.estimators.damped_transform import chain_dispersion
-from analysis.estimators.shear_lattice import ShearLattice
 from modal.__main__ import main
 from modal.packing.network import write_network
 from modal.system.linear_system import LinearSystem
