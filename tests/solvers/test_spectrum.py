@@ -17,9 +17,9 @@ from modal.solvers.spectrum import (
     top_of_spectrum,
     wider_top,
 )
-from modal.system import operator
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
+from modal.tools import loops
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
 from modal.waves import propagate as wave
@@ -268,7 +268,7 @@ TASKS = {
 @pytest.mark.parametrize("task", TASKS)
 def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     """Within a factor of two of the products made and of the largest sum of all arrays."""
-    if operator.numba is None:
+    if loops.numba is None:
         pytest.skip("numba is not installed: the matrix in its place is more than all arrays")
     module, compute = TASKS[task]
     said = {}

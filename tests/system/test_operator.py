@@ -10,11 +10,11 @@ from scipy.sparse.linalg import eigsh
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.tiling import repeat
-from modal.system import operator
 from modal.system import packed as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
 from modal.system.contacts import PRE_STRESS
 from modal.system.operator import ContactOperator
+from modal.tools import loops
 from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
@@ -147,7 +147,7 @@ def test_without_numba_the_matrix_does_the_same(monkeypatch):
     network = random_springs(3)
     x = np.random.default_rng(4).standard_normal((6 * network.n_particles, 2))
     compiled = ContactOperator(network, mass_scaled=True).apply(x)
-    monkeypatch.setattr(operator, "numba", None)
+    monkeypatch.setattr(loops, "numba", None)
     plain = ContactOperator(network, mass_scaled=True)
     assert plain.apply(x) == pytest.approx(compiled, rel=1e-12, abs=1e-12)
     assert plain.accumulate(x, x.copy(), 2.0) == pytest.approx(x + 2 * compiled, rel=1e-11)
@@ -159,8 +159,8 @@ def test_without_numba_the_matrix_does_the_same(monkeypatch):
 @pytest.mark.parametrize("kind", [float, complex])
 def test_real_and_complex_vectors(kind, width, pre_stress, compiled, monkeypatch):
     if not compiled:
-        monkeypatch.setattr(operator, "numba", None)
-    elif operator.numba is None:
+        monkeypatch.setattr(loops, "numba", None)
+    elif loops.numba is None:
         pytest.skip("numba is not installed")
     network, rng = random_springs(5), np.random.default_rng(6)
     K = stiffness_matrix(network, pre_stress=pre_stress)
@@ -212,7 +212,7 @@ def test_sums_by_component_are_those_of_the_vectors_as_they_came(own, kept, comp
     """Beside the product they cost no pass; some spheres without contacts, in pieces of seven."""
     monkeypatch.setattr(packed_contacts, "PIECE", 7)
     if not compiled:
-        monkeypatch.setattr(operator, "numba", None)
+        monkeypatch.setattr(loops, "numba", None)
     network = random_springs(7, particles=40, contacts=30)
     assert len(np.unique(network.particle_i)) < 40
     applied = ContactOperator(network)
