@@ -8,8 +8,8 @@ friction a packing of spheres is isostatic at z = 4.
 
 `python examples/isostaticity.py FOLDER` writes the figures (PNG, PDF), their points and the fits
 (CSV) into a folder. All numbers are those of `results/study/table1.csv`; the peak of the density of
-states and the Ioffe-Regel limit of the eight committed samples, with their errors, are those of
-`results/isostaticity/case*.json`, which `python -m analysis measure` made.
+states of the eight committed samples, with its error, is that of `results/isostaticity/case*.json`,
+which `python -m analysis measure` made.
 """
 
 import csv
@@ -45,9 +45,8 @@ for k, row in enumerate(rows):
     path = RESULTS / f"isostaticity/{row['name']}.json"
     if path.exists():
         measured = json.loads(path.read_text())
-        for name, key in ((PEAK, "excess_peak"), (IOFFE_REGEL, "ioffe_regel")):
-            value[name][k] = measured[key]["value"] / 1e3 / top[k]
-            error[name][k] = measured[key]["error"] / 1e3 / top[k]
+        value[PEAK][k] = measured["excess_peak"]["value"] / 1e3 / top[k]
+        error[PEAK][k] = measured["excess_peak"]["error"] / 1e3 / top[k]
 
 # %%
 # **The fits.** Each quantity is a line a (z - z_c), by least squares. All stresses of one friction
