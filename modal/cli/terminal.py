@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 import os
 import sys
+from itertools import zip_longest
 from typing import Any
 
-from modal.tools.display import quantities, quantity, table
+from modal.tools.display import quantity, scaled, table
 from modal.tools.errors import InputError
 
 UNITS = {
@@ -74,79 +75,57 @@ def page(result: dict[str, Any], groups: Groups | None = None) -> str:
     rattlers   4,127
     certified  yes
     """
-    cost = {"seconds": result.get("seconds"), "memory": result.get("peak_memory_bytes")}
-    rest = {k: v for k, v in result.items() if k not in COST}
+    groups = groups or {"": {k: v for k, v in result.items() if k not in COST}}
     parts = []
-    for title, members in (groups or {"": rest}).items():
-        if members:
-            text = _group(members)
-            if title:
-                text = title + "\n" + _indented(text)
-            parts.append(text)
-    if cost["seconds"] is not None:
-        memory = quantity(cost["memory"] or math.nan, "B", 3)
-        parts.append(f"{cost['seconds']:.3g} s, at most {memory} of memory")
-    return ("\n\n" if groups else "\n").join(parts)
+    for title, members in groups.items():
+        lines = _group(members)
+        parts.append("\n".join([title, *(INDENT + line for line in lines)] if title else lines))
+    seconds, memory = (result.get(name) for name in COST)
+    if seconds is not None:
+        parts.append(f"{seconds:.3g} s, at most {quantity(memory or math.nan, 'B', 3)} of memory")
+    return ("\n\n" if len(groups) > 1 else "\n").join(filter(None, parts))
 
 
-def _group(members: dict[str, Any]) -> str:
-    columns = _columns(members)
-    rows = []
+def _group(members: dict[str, Any]) -> list[str]:
+    """Names and values; several long lists of numbers of one length stand side by side."""
+    long = {k: v for k, v in members.items() if _is_numbers(v) and len(v) > LONG}
+    count = max(map(len, long.values()), default=0)
+    columns = {k: v for k, v in long.items() if len(v) == count}
+    rows: list[tuple[str, str]] = []
     for name, value in members.items():
-        if name in columns:
-            continue
-        label, unit = label_and_unit(name)
-        lines = _lines(value, unit)
-        rows.append((label, lines[0]))
-        rows += [("", line) for line in lines[1:]]
-    text = [table(rows)] if rows else []
-    if columns:
-        text.append(_side_by_side(columns))
-    return "\n".join(text)
+        if len(columns) < 2 or name not in columns:
+            label, unit = label_and_unit(name)
+            rows += zip_longest([label], _lines(value, unit), fillvalue="")
+    lines = table(rows).split("\n") if rows else []
+    return lines + (_side_by_side(columns, count) if len(columns) > 1 else [])
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
     """A name as people read it, and the unit of its values; "" where they have none."""
-    for end, unit in UNITS.items():
-        if name.endswith(end):
-            name = name.removesuffix(end)
-            return LABELS.get(name, name.replace("_", " ")), unit
-    return LABELS.get(name, name.replace("_", " ")), ""
+    end = next((end for end in UNITS if name.endswith(end)), "")
+    name = name.removesuffix(end)
+    return LABELS.get(name, name.replace("_", " ")), UNITS.get(end, "")
 
 
 def _lines(value: Any, unit: str) -> list[str]:
     """What stands behind a name: one line, or several of texts and of named values."""
-    if isinstance(value, dict):
-        rows = [(_key(key), inner) for key, inner in value.items()]
-        text = [(label, ", ".join(_lines(inner, unit))) for label, inner in rows]
-        return table(text).split("\n") if text else ["none"]
-    if isinstance(value, list):
-        if not value:
-            return ["none"]
-        if all(_is_number(item) for item in value):
-            return [_numbers(value, unit)]
-        if all(isinstance(row, list) and all(map(_is_number, row)) for row in value):
-            return _matrix(value, unit)
+    if isinstance(value, dict) and value:
+        text = [(_key(key), ", ".join(_lines(inner, unit))) for key, inner in value.items()]
+        return table(text).split("\n")
+    if _is_numbers(value):
+        return [_numbers(value, unit)]
+    if isinstance(value, list) and value:
+        if all(map(_is_numbers, value)):
+            texts, unit = _scaled([number for row in value for number in row], unit)
+            wide = len(value[0])
+            return [f"in {unit}"] * bool(unit) + _aligned([texts[k::wide] for k in range(wide)])
         texts = [", ".join(_lines(item, unit)) for item in value]
         return [", ".join(texts)] if sum(map(len, texts)) < WIDTH else texts
-    return [_single(value, unit)]
-
-
-def _matrix(rows: list[list[float]], unit: str) -> list[str]:
-    """Rows in columns with one prefix, which the largest number of all decides."""
-    everything = [number for row in rows for number in row]
-    if unit:
-        *texts, last = quantities(everything, unit).split(", ")
-        last, unit = last.split(" ")
-        texts.append(last)
-    else:
-        texts = [f"{number:.4g}" for number in everything]
-    width, wide = max(map(len, texts)), len(rows[0])
-    lines = [
-        INDENT.join(text.rjust(width) for text in texts[k : k + wide])
-        for k in range(0, len(texts), wide)
-    ]
-    return [f"in {unit}", *lines] if unit else lines
+    if isinstance(value, bool):
+        return ["yes" if value else "no"]
+    if isinstance(value, int | float):
+        return [_numbers([value], unit)]
+    return ["none" if value is None or len(value) == 0 else str(value)]
 
 
 def _key(name: str) -> str:
@@ -157,20 +136,13 @@ def _key(name: str) -> str:
         return name if "." in name else name.replace("_", " ")  # of a file, as it is
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _single(value: Any, unit: str) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if value is None or value == "":
-        return "none"
-    if isinstance(value, int):
-        return f"{value:,}" + f" {unit}" * bool(unit)
-    if isinstance(value, float):
-        return _numbers([value], unit)
-    return str(value)
+def _is_numbers(value: Any) -> bool:
+    """Whether it is a list of numbers."""
+    return (
+        isinstance(value, list)
+        and len(value) > 0
+        and all(isinstance(v, int | float) and not isinstance(v, bool) for v in value)
+    )
 
 
 def _numbers(values: list[float], unit: str) -> str:
@@ -178,52 +150,43 @@ def _numbers(values: list[float], unit: str) -> str:
     if len(values) > 2 * LONG:
         ends = [_numbers(part, unit) for part in (values[:LONG], values[-LONG:])]
         return f"{ends[0]} ... {ends[1]}, {len(values)} in all"
-    if not unit:
-        return ", ".join(f"{v:,}" if isinstance(v, int) else f"{v:.4g}" for v in values)
-    if unit in WITHOUT_PREFIX:
-        return quantities(values, unit, prefixed=False)
-    digits = FREQUENCY_DIGITS if unit == "Hz" else 4
-    if len(values) == 1:
-        return quantity(values[0], unit, digits)
-    return quantities(values, unit, digits)
+    if len(values) == 1 and unit and unit not in WITHOUT_PREFIX and not isinstance(values[0], int):
+        return quantity(values[0], unit, _digits(unit))
+    texts, unit = _scaled(values, unit)
+    return ", ".join(texts) + f" {unit}" * bool(unit)
 
 
-def _columns(members: dict[str, Any]) -> dict[str, list[float]]:
-    """Long lists of numbers of one length, if there are several; they stand side by side."""
-    lists = {
-        name: value
-        for name, value in members.items()
-        if isinstance(value, list) and len(value) > LONG and all(map(_is_number, value))
-    }
-    length = max(map(len, lists.values()), default=0)
-    same = {name: value for name, value in lists.items() if len(value) == length}
-    return same if len(same) > 1 else {}
+def _scaled(values: list[float], unit: str) -> tuple[list[str], str]:
+    """Texts of numbers, and their unit with the prefix that suits the largest."""
+    if unit and not all(isinstance(value, int) for value in values):
+        return scaled(values, unit, _digits(unit), prefixed=unit not in WITHOUT_PREFIX)
+    return [f"{v:,}" if isinstance(v, int) else f"{v:.4g}" for v in values], unit
 
 
-def _side_by_side(columns: dict[str, list[float]]) -> str:
+def _digits(unit: str) -> int:
+    return FREQUENCY_DIGITS if unit == "Hz" else 4
+
+
+def _side_by_side(columns: dict[str, list[float]], count: int) -> list[str]:
     """Numbered lines, a column for each list, its unit in the heading."""
-    count = len(next(iter(columns.values())))
     texts = [["", *map(str, range(1, count + 1))]]
     for name, values in columns.items():
         label, unit = label_and_unit(name)
-        if unit and unit not in WITHOUT_PREFIX:
-            *numbers, last = quantities(
-                values, unit, FREQUENCY_DIGITS if unit == "Hz" else 4
-            ).split(", ")
-            last, unit = last.split(" ")
-            texts.append([f"{label}, {unit}", *numbers, last])
+        if unit:
+            numbers, unit = _scaled(values, unit)
+            texts.append([f"{label}, {unit}", *numbers])
         else:
             texts.append([label, *(f"{value:.1e}" for value in values)])
-    widths = [max(map(len, column)) for column in texts]
-    lines = [
-        INDENT.join(text.rjust(width) for text, width in zip(row, widths, strict=True))
-        for row in zip(*texts, strict=True)
-    ]
+    lines, half = _aligned(texts), LINES // 2
     if len(lines) > LINES + 1:
-        half = LINES // 2
         lines = [*lines[: half + 1], f"... {count - 2 * half} more", *lines[-half:]]
-    return "\n".join(lines)
+    return lines
 
 
-def _indented(text: str) -> str:
-    return "\n".join(INDENT + line for line in text.split("\n"))
+def _aligned(columns: list[list[str]]) -> list[str]:
+    """Lines of texts that stand below each other, to the right."""
+    widths = [max(map(len, column)) for column in columns]
+    return [
+        INDENT.join(text.rjust(width) for text, width in zip(row, widths, strict=True))
+        for row in zip(*columns, strict=True)
+    ]

@@ -37,15 +37,22 @@ def quantities(
     >>> quantities([2782.1, 549.04], "m/s", prefixed=False)
     '2782, 549 m/s'
     """
+    texts, unit = scaled(values, unit, digits, prefixed=prefixed)
+    return f"{', '.join(texts)} {unit}"
+
+
+def scaled(
+    values: Sequence[float], unit: str, digits: int = 4, *, prefixed: bool = True
+) -> tuple[list[str], str]:
+    """The texts of such numbers, and their unit with its prefix."""
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0:
-        return ", ".join(f"{value:g}" for value in values) + f" {unit}"
+        return [f"{value:g}" for value in values], unit
     power = _power(float(f"{largest:.{digits}g}")) if prefixed else 0
-    scaled = [value / 10.0**power for value in values]
     decimals = max(0, digits - 1 - math.floor(math.log10(float(f"{largest:.{digits}g}")) - power))
     # Added to zero, a number that is rounded to -0 is 0.
-    rounded = (round(value, decimals) + 0.0 for value in scaled)
-    return ", ".join(f"{value:.{decimals}f}" for value in rounded) + f" {PREFIXES[power]}{unit}"
+    rounded = (round(value / 10.0**power, decimals) + 0.0 for value in values)
+    return [f"{value:.{decimals}f}" for value in rounded], PREFIXES[power] + unit
 
 
 def _power(rounded: float) -> int:
