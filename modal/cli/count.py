@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
     command = network_command(
         commands,
         "count",
-        "exact number of modes below each frequency",
+        "exact number of modes below each frequency, by inertia counts",
         "count mine.network.h5 --at 1000 5000",
     )
     command.add_argument(

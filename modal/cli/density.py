@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.cli.options import (
+    add_number,
     add_output,
     add_skip_current,
     network_command,
@@ -30,19 +31,11 @@ def add(commands: Any) -> None:
     command = network_command(
         commands,
         "density",
-        "density of states: how many modes there are at each frequency",
+        "density of states (DOS): modes per frequency, for each component of motion",
         "density mine.network.h5 --resolution 2000 -o mine.density.h5",
     )
-    command.add_argument(
-        "--resolution", type=float, default=2e3, metavar="HZ", help="width of a peak (default 2000)"
-    )
-    command.add_argument(
-        "--tolerance",
-        type=float,
-        metavar="T",
-        default=1e-3,
-        help="error of counts over all modes (default 1e-3)",
-    )
+    add_number(command, "--resolution", "HZ", "width of a peak", 2e3)
+    add_number(command, "--tolerance", "T", "error of counts over all modes", 1e-3)
     command.add_argument(
         "--at", nargs="+", default=[], metavar="HZ", help="print how many modes lie below"
     )

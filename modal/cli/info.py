@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from typing import Any
 
 from modal.cli.options import NewFile, network_command
@@ -13,9 +12,7 @@ from modal.modes.collective import summary_at_zero
 from modal.packing.plausibility import plausibility
 from modal.packing.state import contacts_per_particle, profile, write_profile
 from modal.packing.summary import summary
-from modal.preparation.protocol import PREPARATION
 from modal.system.linear_system import LinearSystem
-from modal.tools.display import quantity
 
 GROUPS = {
     "packing": ("particles", "contacts", "wall_contacts", "length_m", "degrees_of_freedom"),
@@ -42,18 +39,15 @@ NOTES_IN = {
     "seconds": "s",
 }
 """Units of notes that do not carry them in their names."""
-FIRST_STAGES = ("cloud", *PREPARATION)
-OF_STAGE = re.compile(
-    rf"(steps|seconds|contacts)_({'|'.join(FIRST_STAGES)}|\d+(?:\.\d+)?(?:e\+?\d+)?)"
-)
-"""Notes that a compression leaves of each of its stages."""
+OF_STAGES = ("steps_", "seconds_", "contacts_")
+"""How notes begin that `pack` leaves of each stage of a loading path: --json has them."""
 
 
 def add(commands: Any) -> None:
     """The options of `info`."""
-    text = "what is in a packing: stresses, density, coordination"
+    text = "what is in a packing: stresses, void ratio, coordination number, rattlers, zero modes"
     command = network_command(commands, "info", text, "info mine.network.h5")
-    text = "write stress, density ... of layers along z, *.csv"
+    text = "write stress, void ratio ... of layers along z, *.csv"
     command.add_argument("--layers", type=NewFile, metavar="FILE", help=text)
 
 
@@ -79,7 +73,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def shown(result: dict[str, Any]) -> Groups:
-    """The result in titled groups, notes of the file last and without what stands above them."""
+    """The result in titled groups, notes of the file last, without what stands above them."""
     groups = {
         title: {name: result[name] for name in names if name in result}
         for title, names in GROUPS.items()
@@ -87,30 +81,13 @@ def shown(result: dict[str, Any]) -> Groups:
     apart = {name for names in GROUPS.values() for name in names}
     apart |= {"study", *COST}
     groups["contacts and their balance"] = {k: v for k, v in result.items() if k not in apart}
-    notes, stages = dict[str, Any](), dict[str, dict[str, str]]()
-    for name, text in result["study"].items():
-        of_stage, value = OF_STAGE.fullmatch(name), _as_number(text)
-        if of_stage and not isinstance(value, str):
-            what, stage = of_stage.groups()
-            unit = "s" if what == "seconds" else what
-            stages.setdefault(stage, {})[what] = f"{value:,.0f} {unit}"
-        elif name not in result and name not in ("stress_xx", "stress_yy", "stress_zz"):
-            notes[f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name] = value
-    if stages:
-        walked = [(_stress_of(stage), stage) for stage in stages]
-        notes["stages"] = {
-            quantity(stress, "Pa") if stress > 0 else stage: ", ".join(stages[stage].values())
-            for stress, stage in sorted(walked)
-        }
-    groups["notes of the file"] = notes
+    hidden = (*OF_STAGES, "stress_") if "mu_comp" in result["study"] else ("stress_",)
+    groups["notes of the file"] = {
+        f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name: _as_number(text)
+        for name, text in result["study"].items()
+        if name not in result and not name.startswith(hidden)
+    }
     return groups
-
-
-def _stress_of(stage: str) -> float:
-    """The stress, Pa, that a stage of a compression leads to; below zero before the first."""
-    if stage in FIRST_STAGES:
-        return FIRST_STAGES.index(stage) - len(FIRST_STAGES)
-    return float(stage)
 
 
 def _as_number(text: str) -> int | float | str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_command
+from modal.cli.options import add_command, add_number
 from modal.theory.fcc import FccLattice
 
 
@@ -17,9 +17,7 @@ def add(commands: Any) -> None:
         "the face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency",
         "lattice --stress 1e5",
     )
-    command.add_argument(
-        "--stress", type=float, default=1e5, metavar="PA", help="isotropic (default 1e5)"
-    )
+    add_number(command, "--stress", "PA", "isotropic", 1e5)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import SHORT, add_output, add_skip_current, network_command, say
+from modal.cli.options import SHORT, add_number, add_output, add_skip_current, network_command, say
 from modal.cli.reading import add_springs, packing_of
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
@@ -26,29 +26,25 @@ def add(commands: Any) -> None:
     command = network_command(
         commands,
         "modes",
-        "natural frequencies and mode shapes",
+        "natural frequencies and mode shapes, their list proved complete by inertia counts",
         "modes mine.network.h5 --lowest 20 -o mine.modes.h5",
     )
-    command.epilog = f"Exit status {SHORT}: modes are missing from the list; it says how many."
+    command.epilog = f"Exit status {SHORT}: the list lacks modes; it says how many."
     choice = command.add_mutually_exclusive_group()
-    choice.add_argument("--lowest", type=int, metavar="K", help="the K lowest modes")
-    choice.add_argument("--highest", type=int, metavar="K", help="the K highest modes")
-    choice.add_argument("--below", type=float, metavar="HZ", help="all modes below HZ")
+    add_number(choice, "--lowest", "K", "the K lowest modes", kind=int)
+    add_number(choice, "--highest", "K", "the K highest modes", kind=int)
+    add_number(choice, "--below", "HZ", "all modes below HZ")
     choice.add_argument(
         "--between", type=float, nargs=2, metavar="HZ", help="all modes between two frequencies"
     )
     choice.add_argument("--all", action="store_true", help="all modes; for small packings")
-    command.add_argument(
-        "--hours",
-        type=float,
-        default=1.0,
-        metavar="H",
-        help="refuse what is estimated to take longer (default 1)",
-    )
+    add_number(command, "--hours", "H", "refuse what is estimated to take longer", 1.0)
     command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
     advanced = command.add_argument_group("advanced")
     advanced.add_argument(
-        "--uncertified", action="store_true", help="--highest without its exact count: faster"
+        "--uncertified",
+        action="store_true",
+        help="--highest without its inertia count: faster",
     )
     advanced.add_argument("--solver", choices=SOLVERS, help="factorisation (default: the fastest)")
     add_springs(command, TANGENTS)

@@ -57,6 +57,19 @@ def network_command(commands: Any, name: str, text: str, example: str) -> argpar
     return command
 
 
+def add_number(
+    command: argparse._ActionsContainer,
+    name: str,
+    metavar: str,
+    text: str,
+    default: float | None = None,
+    kind: type[int] | type[float] = float,
+) -> None:
+    """An option that takes a number; its help says the default."""
+    told = "" if default is None else f" (default {default:g})"
+    command.add_argument(name, type=kind, metavar=metavar, default=default, help=text + told)
+
+
 def add_skip_current(command: argparse.ArgumentParser) -> None:
     """The option --skip-current of a command that writes one product."""
     command.add_argument(

@@ -9,28 +9,24 @@ from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.system.contacts import SLIDING, TANGENTS, with_sliding
 
-PRE_STRESS = {
-    "none": "nothing (none, default)",
-    "normal": "normal ones",
-    "full": "all (full)",
-    "law": "as the law of the program that the packing is from (law)",
-}
-
 
 def add_springs(command: argparse.ArgumentParser, known: Iterable[str] = TANGENTS) -> None:
     """The options of a command that computes with the springs of the contacts.
 
     `known` are the terms of carried forces that it can take.
     """
-    choices = list(known)
-    *some, last = (PRE_STRESS[name] for name in choices)
-    text = f"what carried forces add to the springs: {', '.join(some)} or {last}"
-    command.add_argument("--pre-stress", choices=choices, default="none", help=text)
+    command.add_argument(
+        "--pre-stress",
+        choices=list(known),
+        default="none",
+        help="carried forces in the tangent stiffness: none (default), the normal ones, all "
+        "(full), or as the contact model of the program that the packing is from (law)",
+    )
     command.add_argument(
         "--sliding",
         choices=SLIDING,
         default="elastic",
-        help="contacts at the friction limit: elastic (default), or without tangential springs",
+        help="contacts at the friction limit: elastic (default), or without tangential stiffness",
     )
 
 

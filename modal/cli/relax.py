@@ -1,4 +1,4 @@
-"""The command `relax`: a sample to the balance of its contact law."""
+"""The command `relax`: a sample to static equilibrium under its contact model."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import NewFile, add_command, add_output, add_skip_current, say
+from modal.cli.options import NewFile, add_command, add_number, add_output, add_skip_current, say
 from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
@@ -20,19 +20,14 @@ read_product = read_sample
 
 def add(commands: Any) -> None:
     """The options of `relax`."""
-    text = "bring a sample to the balance of its contact law"
+    text = "bring a sample to static equilibrium under its contact model"
     balance = add_command(
         commands, "relax", text, "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
     )
     balance.add_argument("sample", help="*.sample.h5")
-    balance.add_argument(
-        "--friction",
-        type=float,
-        metavar="MU",
-        help="of the wave that will follow (default: the sample's)",
-    )
-    text = f"mean net force over mean contact force at rest (default {TOLERANCE:g})"
-    balance.add_argument("--tolerance", type=float, metavar="T", default=TOLERANCE, help=text)
+    add_number(balance, "--friction", "MU", "of the wave that will follow (default: the sample's)")
+    text = "mean net force over mean contact force at rest"
+    add_number(balance, "--tolerance", "T", text, TOLERANCE)
     balance.add_argument(
         "--network", dest="exported", type=NewFile, metavar="FILE",
         help="write the contact network as well",

@@ -27,7 +27,8 @@ UNITS = {
 }
 """End of a name and what it is measured in; longer ends first."""
 LABELS = {
-    "products_with_k": "products with K",
+    "products_with_k": "products K u",
+    "certified": "complete by inertia count",
     "f_low_pass": "low-pass frequency",
     "relative_error": "relative error of the solver",
     "largest_off_diagonal_stress": "largest off-diagonal stress",
