@@ -15,7 +15,7 @@ from modal.modes.observables import PLANAR
 from modal.modes.zero_modes import by_structure
 from modal.solvers.factor import SOLVERS
 from modal.system.contacts import TANGENTS
-from modal.system.linear_system import SMALL, LinearSystem
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
 read_product = read_modes
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     system = LinearSystem.of(
         network, pre_stress=options.pre_stress, translations_only=options.translations_only
     )
-    if options.all and system.size > SMALL:
+    if options.all and system.size > system.limits.small:
         say(f"all {system.size} modes: {memory_of_all(system)}")
     modes = eigenmodes(
         network,

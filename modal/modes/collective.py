@@ -81,7 +81,7 @@ def counted_floppy(system: LinearSystem) -> FloppyModes:
         floppy, further = by_structure(system), 0
         unstable = _unstable(system, floppy, unstable_modes(system))
         if floppy.total < system.size:
-            least = float(frequency_of(np.array([system.zero]))[0]) / 2
+            least = float(frequency_of(np.array([system.zero_threshold]))[0]) / 2
             further = count_below(system, least) - floppy.total - unstable.shape[1]
         return floppy.with_counted(_further(system, floppy, unstable, further), unstable)
 
@@ -97,14 +97,14 @@ def _unstable(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
     while count:
         search = Search(system, sigma, definite=True, floppy=floppy)
         try:
-            missing = search.gather(count, lambda square: square < -system.zero)
+            missing = search.search_until(count, lambda square: square < -system.zero_threshold)
         except SingularError:
             sigma *= 4
             continue
         search.release()
         if missing:
             raise InputError(f"{count} unstable modes were counted, but not all were found")
-        return search.vector[:, search.square < -system.zero]
+        return search.vector[:, search.square < -system.zero_threshold]
     return np.empty((system.size, 0))
 
 
@@ -128,10 +128,10 @@ def _further(system: LinearSystem, floppy: FloppyModes, unstable: Floats, count:
                 vectors -= known @ (known.T @ vectors)
             vectors = qr(vectors, mode="economic", overwrite_a=True, check_finite=False)[0]
         products = system.operator.apply(np.ascontiguousarray(vectors))
-        if abs(products).max() <= STILL * system.zero:
+        if abs(products).max() <= STILL * system.zero_threshold:
             break
     factor.release()
-    if eigvalsh(vectors.T @ products)[-1] > system.zero:
+    if eigvalsh(vectors.T @ products)[-1] > system.zero_threshold:
         raise InputError(f"{count} motions without energy were counted, but not all were found")
     return vectors
 

@@ -8,11 +8,12 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.modes.asked import frequencies
 from modal.modes.effort import factorisation, refuse_endless_search, shape_of
 from modal.packing.network import Network
 from modal.solvers.factor import SingularError, choose, factorise
 from modal.solvers.lanczos import start_block
-from modal.system.linear_system import SMALL, LinearSystem
+from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
@@ -81,12 +82,7 @@ def count_modes(
 
 def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
     """As `count_modes`, of a system that is at hand; an array in the shape of `frequency`."""
-    try:
-        asked = np.asarray(frequency, float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"count_modes: frequency is {frequency!r}, not numbers of Hz") from error
-    if (asked < 0).any():
-        raise InputError(f"{asked.min():g} Hz is no frequency; give a number from 0 Hz on")
+    asked = frequencies(frequency)
     counts = [
         count_below(system, asked.flat[k], apart=True) for k in progress(asked.size, "counts")
     ]
@@ -129,19 +125,19 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     if frequency <= 0 and system.semidefinite:
         return 0
     square = (2 * np.pi * frequency) ** 2
-    if square <= system.zero:
-        square = (1 if frequency > 0 else -1) * (1 + BESIDE) * system.zero
+    if square <= system.zero_threshold:
+        square = (1 if frequency > 0 else -1) * (1 + BESIDE) * system.zero_threshold
         apart = False
     if square > BEYOND * system.diagonal.max(initial=0.0) and square > system.bound:
         return system.size
-    if system.size <= SMALL:
-        near = abs(system.spectrum - square).min() <= system.zero
+    if system.size <= system.limits.small:
+        near = abs(system.spectrum - square).min() <= system.zero_threshold
         counts = {None if apart and near else int((system.spectrum < square).sum())}
         return _agreed([counts], frequency)
     effort, _ = factorisation(system, counting=True)
     refuse_endless_search(system, effort, "an exact count takes", "take the density of states")
     chosen = choose(shape_of(system), system.solver, inertia=True).name
-    step = max(BESIDE * abs(square), system.zero if apart else 0.0)
+    step = max(BESIDE * abs(square), system.zero_threshold if apart else 0.0)
     beside = [square - step, square + step]
 
     def tried() -> Iterator[set[int | None]]:
@@ -173,7 +169,7 @@ def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> 
         factor = factorise(system.shifted(square), solver=solver, kept=apart)
     except SingularError:
         return None
-    on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero
+    on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero_threshold
     factor.release()
     return None if on_a_mode else factor.negative
 

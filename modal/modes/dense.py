@@ -1,34 +1,35 @@
 """All modes of a packing, or any part of them, from dense matrices (Otsubo et al. 2017, Eq. 1).
 
-Small networks are solved whole; a laterally periodic crystal is block-diagonalised by its lateral
-translations.
+Small networks are solved whole. Of one that consists of equal cells side by side K falls into
+blocks, one for each lateral wave vector q: U^H K U, where U spreads a cell's motion over all cells
+with the phase q. That is exact, and q and -q share their frequencies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from modal.modes.effort import of_blocks, refuse_endless_search
-from modal.modes.from_vectors import (
-    TOGETHER,
+from modal.modes.mode_set import Choice, ModeSet, certificate, chi_z, subset
+from modal.modes.observables import (
     chain_of,
     found_modes,
+    particle_motion,
+    planar_resonances,
     relative_residual,
+    rotation_share,
     shapes_left_out,
 )
-from modal.modes.mode_set import Choice, ModeSet, certificate, subset
-from modal.modes.observables import chi_z, particle_motion, planar_resonances, rotation_share
-from modal.modes.translations import LateralTranslations, lateral_translations, symmetry_blocks
 from modal.modes.unsymmetric import at_zero, whole_spectrum
+from modal.packing.network import Network
+from modal.packing.repeats import lateral_repeats
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
-
-DENSE_LIMIT = 6000
-"""Degrees of freedom up to which the dense solver (1.7 GB, two minutes) is used unasked."""
 
 ROUND_OFF = 1e-14
 """Times the largest entry of A: what round-off leaves of entries that a symmetry makes equal."""
@@ -45,9 +46,9 @@ def dense_modes(system: LinearSystem, chosen: Callable[[Floats], slice], choice:
     `chosen` takes the ascending frequencies (size,) of all modes, Hz, and gives the slice of those
     that are wanted; `choice` says what they are. InputError where the network is too large.
     """
-    group = _group_of(system)
-    if not group.trivial:
-        return _dense_by_symmetry(system, group, chosen, choice)
+    cells = _cells_of(system)
+    if len(cells.orbit) > 1:
+        return _dense_by_symmetry(system, cells, chosen, choice)
     if system.symmetric:
         square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
     else:
@@ -58,37 +59,90 @@ def dense_modes(system: LinearSystem, chosen: Callable[[Floats], slice], choice:
     return modes
 
 
-def _group_of(system: LinearSystem) -> LateralTranslations:
-    """The lateral translations of a network, which cut its eigenproblem into blocks.
+@dataclass(frozen=True)
+class Cells:
+    """Equal cells side by side, and which particles move alike in each.
 
-    InputError where all modes would take too much memory or time.
+    `along` x and y: how many there are. `orbit` (nx ny, n / (nx ny)): its first row holds the
+    particles of one cell, row c their images in cell c = x + nx y.
     """
-    group = LateralTranslations((1, 1), np.arange(system.network.n_particles)[None])
+
+    along: tuple[int, int]
+    orbit: Ints
+
+
+def _cells_of(system: LinearSystem) -> Cells:
+    """The equal cells of a network, which cut its eigenproblem into blocks.
+
+    One where K is not symmetric. InputError where all modes would take too much memory or time.
+    """
+    network = system.network
+    cells = Cells((1, 1), np.arange(network.n_particles)[None])
     if system.symmetric:
-        group = lateral_translations(system.network, system.scaled, system.dof)
-    cells = len(group.orbit)
-    rows = system.size // cells
-    cut = "with no lateral symmetry" if group.trivial else f"in {cells} blocks of {rows} rows"
+        cells = _equal_cells(network, pre_stress=system.pre_stress != "none")
+    count = len(cells.orbit)
+    rows = system.size // count
+    cut = f"in {count} blocks of {rows} rows" if count > 1 else "with no lateral symmetry"
     refuse_endless_search(
         system,
-        of_blocks(rows, cells),
+        of_blocks(rows, count),
         f"all {system.size} modes {cut} take",
         "ask for the lowest, the highest or those of an interval",
     )
-    return group
+    return cells
+
+
+def _equal_cells(network: Network, *, pre_stress: bool) -> Cells:
+    """The smallest cells of which the network consists; with `pre_stress` forces are alike, too."""
+    found = lateral_repeats(network, pre_stress=pre_stress)
+    place, along = np.zeros((2, network.n_particles), np.int64), [1, 1]
+    for axis in (0, 1):
+        width = found.part.cell_size[axis]
+        along[axis] = round(network.cell_size[axis] / width) if found.count > 1 else 1
+        if along[axis] > 1:
+            step = network.position[:, axis] - network.position[found.first, axis][found.member]
+            place[axis] = np.rint(step / width).astype(int) % along[axis]
+    orbit = np.empty((found.count, len(found.first)), np.int64)
+    orbit[place[0] + along[0] * place[1], found.member] = np.arange(network.n_particles)
+    return Cells((along[0], along[1]), orbit)
 
 
 def memory_of_all(system: LinearSystem) -> str:
     """How `all_modes` will solve the system, and the memory that its largest matrices take."""
-    cells = len(_group_of(system).orbit)
+    cells = len(_cells_of(system).orbit)
     rows = system.size // cells
     gigabytes = of_blocks(rows, cells).bytes / 1e9
     return f"{cells} dense blocks of {rows} rows, {gigabytes:.2g} GB at a time"
 
 
+def _blocks(system: LinearSystem, cells: Cells) -> Iterator[tuple[Array, sp.csr_matrix, int]]:
+    """Yield (block (b, b), U (size, b), multiplicity) for each pair of wave vectors q, -q.
+
+    An eigenvector w of the block is the Bloch wave U w of the whole network, of the same size in
+    every cell. The first block is the laterally uniform one (q = 0).
+    """
+    (nx, ny), dof = cells.along, system.dof
+    size = dof * cells.orbit.shape[1]
+    rows = (dof * cells.orbit[:, :, None] + np.arange(dof)).reshape(nx * ny, size)
+    cell = np.arange(nx * ny)
+    done: set[tuple[int, int]] = set()
+    for q in [(x, y) for y in range(ny) for x in range(nx)]:
+        opposite = (-q[0] % nx, -q[1] % ny)
+        if q in done:
+            continue
+        done |= {q, opposite}
+        angle = 2 * np.pi * (q[0] * (cell % nx) / nx + q[1] * (cell // nx) / ny)
+        real = opposite == q
+        phase = np.cos(angle) if real else np.exp(1j * angle)
+        values = np.repeat(phase / np.sqrt(nx * ny), size)
+        places = rows.ravel(), np.tile(np.arange(size), nx * ny)
+        U = sp.csr_matrix((values, places), shape=(system.size, size))
+        yield (U.conj().T @ system.scaled @ U).toarray(), U, 1 if real else 2
+
+
 def _dense_by_symmetry(
     system: LinearSystem,
-    group: LateralTranslations,
+    cells: Cells,
     chosen: Callable[[Floats], slice],
     choice: Choice,
 ) -> ModeSet:
@@ -98,16 +152,15 @@ def _dense_by_symmetry(
     every lateral cell, so their observables are computed on one column of cells. Only the block of
     q = 0, laterally uniform motion, has planar resonances.
     """
-    column = group.orbit[0]
+    column = cells.orbit[0]
     of_column = system.root.some(column, system.dof)
     in_column = np.full(system.network.n_particles, -1)
-    for image in group.orbit:
+    for image in cells.orbit:
         in_column[image] = np.arange(len(column))
     chain = chain_of(system.network)
     parts, waves = [], []
     resonances: tuple[Floats, ...] | None = None
-    blocks = symmetry_blocks(system.scaled, group, system.dof)
-    for block, U, multiplicity in blocks:
+    for block, U, multiplicity in _blocks(system, cells):
         square, inner = eigh(block, check_finite=False, driver="evd")
         shape = particle_motion(inner, of_column, system.dof)
         rotations = rotation_share(inner, system.dof)
@@ -120,7 +173,7 @@ def _dense_by_symmetry(
                     frequency_of(square), uniform, rotations, chain, system.network
                 )
         difference = np.linalg.norm(block @ inner - inner * square, axis=0)
-        difference = np.stack([difference, _beside_the_waves(system.scaled, block, U, inner)])
+        difference = np.stack([difference, _beside_the_waves(system, block, U, inner)])
         residual = relative_residual(difference, square, system.resolution)
         rows = (frequency_of(square), residual, chi_z(shape), chain_chi, rotations)
         parts.extend([np.array(rows)] * multiplicity)
@@ -131,7 +184,7 @@ def _dense_by_symmetry(
     modes = ModeSet(*table[:, order])
     if resonances is not None:
         modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
-    solver = f"symmetry {group.cells[0]}x{group.cells[1]}"
+    solver = f"symmetry {cells.along[0]}x{cells.along[1]}"
     square = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
     modes.attributes = {"solver": solver} | at_zero(system, square) | certificate(0)
     part = chosen(modes.frequency)
@@ -145,14 +198,15 @@ def _dense_by_symmetry(
     return modes
 
 
-def _beside_the_waves(A: sp.csr_matrix, block: Array, U: sp.csr_matrix, inner: Array) -> Floats:
+def _beside_the_waves(system: LinearSystem, block: Array, U: sp.csr_matrix, inner: Array) -> Floats:
     """Shape (b,): norms of A U w - U (U^H A U) w, zero in a perfect crystal; `inner` are the w."""
+    A = system.scaled
     beside = (A @ U - U @ sp.csr_matrix(block)).tocsr()
     beside.data[abs(beside.data) <= ROUND_OFF * abs(A.data).max(initial=0.0)] = 0
     beside.eliminate_zeros()
     beside = beside[np.flatnonzero(np.diff(beside.indptr))]
-    together = (inner[:, k : k + TOGETHER] for k in range(0, inner.shape[1], TOGETHER))
-    return np.concatenate([np.linalg.norm(beside @ some, axis=0) for some in together])
+    parts = np.array_split(inner, -(-inner.shape[1] // system.limits.together), axis=1)
+    return np.concatenate([np.linalg.norm(beside @ part, axis=0) for part in parts])
 
 
 def _shapes_of_waves(

@@ -246,7 +246,7 @@ def density_of_states(
 def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats, Floats]:
     """Shape (1, 6, count): the traces themselves, of elastic modes; (6,): those of zero modes."""
     square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
-    zero = square <= system.zero
+    zero = square <= system.zero_threshold
     angle = np.arccos(np.clip(2 * square[~zero] / top - 1, -1, 1))
     share = np.einsum("ncv,ncv->cv", *2 * [vector.reshape(-1, 6, len(square))])
     moments = share[:, ~zero] @ np.cos(angle[:, None] * np.arange(count))

@@ -65,13 +65,14 @@ def basis_of(count: int) -> int:
     return 4 * count + 100
 
 
-def near_a_shift(system: LinearSystem, count: int, slice_size: int) -> Effort:
+def near_a_shift(system: LinearSystem, count: int) -> Effort:
     """The effort of finding `count` modes about shifts.
 
-    They are cut into slices of about `slice_size` modes, each with its own factorisation, exact
+    They are cut into slices of about `Limits.slice` modes, each with its own factorisation, exact
     count and Lanczos basis.
     """
-    slices = 1 if count <= slice_size else int(np.ceil(count / (0.7 * slice_size)))
+    most = system.limits.slice
+    slices = 1 if count <= most else int(np.ceil(count / (0.7 * most)))
     basis = basis_of(-(-count // slices))
     factor, solve = factorisation(system)
     counting, _ = factorisation(system, counting=True)

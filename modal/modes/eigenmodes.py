@@ -9,7 +9,7 @@ from modal.modes.dense import all_modes
 from modal.modes.highest import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
-from modal.modes.unsymmetric import WHOLE, modes_at_an_end
+from modal.modes.unsymmetric import modes_at_an_end
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
@@ -65,6 +65,28 @@ def eigenmodes(
     >>> low.certified, low.mode_shape.shape
     (True, (3, 80, 6))
     """
+    system = LinearSystem.of(
+        network,
+        pre_stress=pre_stress,
+        sliding=sliding,
+        translations_only=translations_only,
+        solver=solver,
+        shapes=shapes,
+        hours=hours,
+    )
+    return modes_of(system, lowest, highest, below, between, all, certify)
+
+
+def modes_of(
+    system: LinearSystem,
+    lowest: int | None = None,
+    highest: int | None = None,
+    below: float | None = None,
+    between: tuple[float, float] | None = None,
+    all: bool = False,
+    certify: bool = True,
+) -> ModeSet:
+    """As `eigenmodes`, of a system that is at hand."""
     asked = {"lowest": lowest, "highest": highest, "below": below, "between": between}
     given = [name for name, value in asked.items() if value is not None] + ["all"] * bool(all)
     if len(given) > 1:
@@ -75,16 +97,7 @@ def eigenmodes(
         )
     if between is not None and np.shape(between) != (2,):
         raise InputError(f"between {between}: give two frequencies in Hz, the lower one first")
-    system = LinearSystem.of(
-        network,
-        pre_stress=pre_stress,
-        sliding=sliding,
-        translations_only=translations_only,
-        solver=solver,
-        shapes=shapes,
-        hours=hours,
-    )
-    large = not system.symmetric and system.size > WHOLE
+    large = not system.symmetric and system.size > system.limits.unsymmetric
     if large and (count := lowest or highest or (FEW if not given else None)):
         modes = modes_at_an_end(system, count, highest=highest is not None)
     elif highest is not None:
@@ -101,5 +114,5 @@ def eigenmodes(
     if "floppy_modes" not in modes.attributes:
         floppy = every_floppy(system)
         modes.attributes |= {"floppy_modes": floppy.total, "unstable_modes": floppy.unstable}
-    modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": pre_stress}
+    modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": system.pre_stress}
     return modes

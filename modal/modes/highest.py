@@ -13,7 +13,7 @@ from modal.modes.dense import dense_modes
 from modal.modes.effort import from_the_top, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.search import SearchFromTop
-from modal.system.linear_system import SMALL, LinearSystem
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
 
@@ -25,7 +25,11 @@ def highest_modes(system: LinearSystem, count: int, *, certify: bool = True) -> 
     """
     check_count(system, count, system.size)
     choice = Choice("highest", count)
-    if system.size <= SMALL or count > system.size // 4 or not system.symmetric:
+    if (
+        system.size <= system.limits.small
+        or count > system.size // system.limits.part
+        or not system.symmetric
+    ):
         top = slice(system.size - count, system.size)
         return dense_modes(system, lambda frequency: top, choice)
     effort = from_the_top(system, count)

@@ -16,14 +16,14 @@ import numpy as np
 from modal.modes.asked import check_count
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import count_below
-from modal.modes.dense import DENSE_LIMIT, dense_modes
+from modal.modes.dense import dense_modes
 from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.search import Search, SearchBelow
 from modal.modes.zero_modes import FloppyModes
 from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.linear_system import SMALL, LinearSystem, frequency_of
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
@@ -32,14 +32,8 @@ SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
 NEAR_ZERO = 1e3
 """Times the bound of zero: up to there a search may have found a zero mode, to its round-off."""
-SLICE = 700
-"""Modes that one factorisation is asked for; wider intervals are cut by exact counts. Of 35,201
-spheres their basis takes as much memory as two factors; 300 modes about a shift take 2.8 solves
-each, 600 take 2.4, and half of the factorisations."""
 FEWER = "ask for fewer, or for the density or a count"
 """What to do instead of finding each of very many modes."""
-MANY = 4
-"""Of so large a part of all modes, one in so many, the dense solver is the faster one."""
 NARROW = 1e-6
 """Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
 MARGIN = 1.04
@@ -62,11 +56,15 @@ def lowest_modes(system: LinearSystem, count: int) -> ModeSet:
         first = _zero_modes(system, frequency)
         return slice(first, first + count)
 
-    if system.size <= SMALL or count > system.size // MANY or not system.symmetric:
+    if (
+        system.size <= system.limits.small
+        or count > system.size // system.limits.part
+        or not system.symmetric
+    ):
         return dense_modes(system, lowest, choice)
-    effort = near_a_shift(system, count, SLICE)
+    effort = near_a_shift(system, count)
     refuse_endless_search(system, effort, f"the lowest {count} modes take", FEWER)
-    if count > SLICE:
+    if count > system.limits.slice:
         return _lowest_by_slices(system, count)
     return _beside(system, lambda floppy: _nearest_zero(system, count, choice, floppy))
 
@@ -78,7 +76,7 @@ def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> M
     """
     floppy = every_floppy(system)
     modes = listed(floppy)
-    near = frequency_of(np.array([NEAR_ZERO * system.zero]))[0]
+    near = frequency_of(np.array([NEAR_ZERO * system.zero_threshold]))[0]
     if not floppy.counted and (not modes.certified or (modes.frequency <= near).any()):
         floppy = counted_floppy(system)
         modes = listed(floppy)
@@ -111,8 +109,8 @@ def modes_between(system: LinearSystem, low: float, high: float) -> ModeSet:
     These are made outside, as far as round-off reaches, so that an interval may end on a mode:
     whether that is one of the list is then decided by its frequency as it was found. Where no modes
     but floppy ones lie below `low` they may be found all at once, by a polynomial. Other intervals
-    with more than `SLICE` modes are cut into slices, each with its own factorisation and its own
-    certificate.
+    with more than `Limits.slice` modes are cut into slices, each with its own factorisation and its
+    own certificate.
     """
     if high == np.inf:
         raise InputError("an interval without an end: ask for all modes")
@@ -120,17 +118,17 @@ def modes_between(system: LinearSystem, low: float, high: float) -> ModeSet:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
     low, high = max(float(low), 0.0), float(high)
     choice = Choice("between", low=low, high=high)
-    if low <= frequency_of(np.array([system.zero]))[0]:
+    if low <= frequency_of(np.array([system.zero_threshold]))[0]:
         low = 0.0
 
     def inside(frequency: Floats) -> slice:
         first = max(int((frequency < choice.low).sum()), _zero_modes(system, frequency))
         return slice(first, max(first, int((frequency < choice.high).sum())))
 
-    if system.size <= SMALL or not system.symmetric:
+    if system.size <= system.limits.small or not system.symmetric:
         return dense_modes(system, inside, choice)
-    low -= low * system.blur((2 * np.pi * low) ** 2)
-    high += high * system.blur((2 * np.pi * high) ** 2)
+    low -= low * system.count_uncertainty((2 * np.pi * low) ** 2)
+    high += high * system.count_uncertainty((2 * np.pi * high) ** 2)
     modes = _beside(system, lambda floppy: _between(system, low, high, inside, choice, floppy))
     return subset(modes, inside(modes.frequency), choice)
 
@@ -147,9 +145,9 @@ def _between(
     below = {low: floppy.held if low == 0 else count_below(system, low)}
     below[high] = count_below(system, high)
     wanted = below[high] - below[low]
-    if system.size <= DENSE_LIMIT and wanted > system.size // MANY:
+    if system.size <= system.limits.dense and wanted > system.size // system.limits.part:
         return dense_modes(system, inside, choice)
-    effort, low_end = near_a_shift(system, wanted, SLICE), None
+    effort, low_end = near_a_shift(system, wanted), None
     if wanted > 0 and below[low] == floppy.held and not floppy.unstable:
         effort, low_end = _quickest(system, high, wanted, effort)
     refuse_endless_search(system, effort, f"the {wanted} modes of this interval take", FEWER)
@@ -186,13 +184,13 @@ def _quickest(
 def _cut(
     system: LinearSystem, low: float, high: float, below: dict[float, int]
 ) -> list[tuple[float, float]]:
-    """Cut [low, high) where exact counts leave `SLICE` modes or fewer in each slice.
+    """Cut [low, high) where exact counts leave `Limits.slice` modes or fewer in each slice.
 
     A cut in the middle of the volume f^3, as the number of waves grows; a cluster of equal
     frequencies that cannot be cut stays whole.
     """
     wanted = below[high] - below[low]
-    if wanted <= SLICE or high - low < NARROW * high:
+    if wanted <= system.limits.slice or high - low < NARROW * high:
         return [(low, high)] if wanted else []
     middle = float(np.cbrt((low**3 + high**3) / 2))
     below[middle] = count_below(system, middle)
@@ -215,7 +213,7 @@ def _slice(
 
 def _found(search: Search, low: float, high: float, wanted: int, of: int) -> ModeSet:
     """The modes with low <= f < high that a search finds, certified if they are `wanted`."""
-    missing = search.gather(
+    missing = search.search_until(
         wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
     )
     modes = search.modes(low, high, Choice("between", low=low, high=high), of)
@@ -225,7 +223,7 @@ def _found(search: Search, low: float, high: float, wanted: int, of: int) -> Mod
 
 def _zero_modes(system: LinearSystem, frequency: Floats) -> int:
     """How many of all frequencies, ascending, Hz, belong to modes that are no elastic ones."""
-    return int((frequency <= frequency_of(np.array([system.zero]))[0]).sum())
+    return int((frequency <= frequency_of(np.array([system.zero_threshold]))[0]).sum())
 
 
 def _lowest_by_slices(system: LinearSystem, count: int) -> ModeSet:

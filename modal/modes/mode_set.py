@@ -11,10 +11,9 @@ import numpy as np
 
 from modal.formats.hdf5 import get, open_h5, put
 from modal.formats.provenance import Provenance, new_product
-from modal.modes.observables import chi_z, participation_ratio
 from modal.packing.network import Network
 from modal.system.root_mass import RootMass
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
 
@@ -184,6 +183,36 @@ class ModeSet:
             ax.legend()
         ax.set(xlabel="frequency, kHz", ylabel=r"$\chi_z$", ylim=(-0.03, 1.06))
         return ax
+
+
+def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) -> Floats:
+    """Shape (k,): Eq. 2, the mean over particles of u_z^2 / |u|^2 (translations only).
+
+    With another `axis`, 0 or 1, the share along x or y, which tells S-waves as chi_z does P-waves.
+
+    Each particle's displacement is normalised by its own size, so that 1 means that every
+    particle moves along z only. The mean is over the particles that move: a particle at rest (below
+    1e-9 of the largest, such as the middle layer of an antisymmetric mode) has no direction.
+    """
+    u2 = np.abs(shape[:, particles, :3]) ** 2
+    total = u2.sum(axis=2)
+    floor = 1e-18 * total.max(axis=1, keepdims=True)
+    moving = total > floor
+    share = np.divide(u2[:, :, axis], total, out=np.zeros_like(total), where=moving)
+    return share.sum(axis=1) / np.maximum(moving.sum(axis=1), 1)
+
+
+def participation_ratio(shape: Array, root: RootMass) -> Floats:
+    """Shape (k,): share of the particles that take part in modes of shapes (k, n, 6).
+
+    (sum e)^2 / (n sum e^2), e each particle's kinetic energy, rotations included: 1 where all move
+    alike, 2/3 in a plane standing wave, 1/n where one moves alone (R. J. Bell and P. Dean, Discuss.
+    Faraday Soc. 50, 55, 1970). `root` is M^1/2.
+    """
+    count, n, _ = shape.shape
+    scaled = root.times(np.ascontiguousarray(shape.reshape(count, -1).T)).T
+    energy = (np.abs(scaled.reshape(count, n, 6)) ** 2).sum(axis=2)
+    return energy.sum(axis=1) ** 2 / (n * (energy**2).sum(axis=1))
 
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:

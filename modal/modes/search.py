@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet
+from modal.modes.observables import found_modes
 from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import Factor, SingularError, factorise
 from modal.solvers.lanczos import (
@@ -52,7 +52,7 @@ class Search:
         self.vector = np.empty((system.size, 0))
         self.solves = 0
 
-    def gather(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
+    def search_until(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
         """Search until `wanted` modes are found, or a round finds none that converges or counts.
 
         Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and gives bool (k,).
@@ -63,7 +63,7 @@ class Search:
         while going:
             known = len(self.square)
             ask = min(wanted - int(inside(self.square).sum()), self.held().free)
-            going = ask > 0 and self.ask(ask)
+            going = ask > 0 and self.run_round(ask)
             new = inside(self.square[known:])
             going &= not len(new) or bool(new.any())
         return wanted - int(inside(self.square).sum())
@@ -75,13 +75,13 @@ class Search:
         number of modes below (for -1: above) a frequency in Hz. The list is complete if it has as
         many modes beyond its last frequency; of several modes at that frequency it may have a part.
         The search ends early where a round finds none that converges. Returns how many modes are
-        missing, as `gather` does.
+        missing, as `search_until` does.
         """
-        missing = self.gather(count)
+        missing = self.search_until(count)
         while missing <= 0:
             self.release()
             last = direction * np.sort(direction * self.square)[count - 1]
-            edge = float(frequency_of(last)) * (1 - direction * self.system.blur(last))
+            edge = float(frequency_of(last)) * (1 - direction * self.system.count_uncertainty(last))
 
             def beyond(square: Floats, edge: float = edge) -> Bools:
                 return direction * frequency_of(square) < direction * edge
@@ -89,9 +89,9 @@ class Search:
             wanted = counted(edge)
             lacking = wanted - int(beyond(self.square).sum())
             if lacking <= count:
-                return self.gather(wanted, beyond)
+                return self.search_until(wanted, beyond)
             # Of a frequency so often degenerate a part is enough: the last mode will be another.
-            if not self.ask(count):
+            if not self.run_round(count):
                 return count
         return missing
 
@@ -99,7 +99,7 @@ class Search:
         """The modes that the next round must not find again: zero modes and those found before."""
         return Held(self.floppy.basis, self.vector)
 
-    def ask(self, count: int) -> bool:
+    def run_round(self, count: int) -> bool:
         """Search for `count` more modes; True if any converged.
 
         The factorisation is made at the first call and kept until `release`.
@@ -109,14 +109,14 @@ class Search:
             self.solver = self.factor.solver
         near = modes_nearest(self.factor.solve, self.system.size, count, self.sigma, self.held())
         self.solves += near.products
-        return self.keep(near)
+        return self.accept_converged(near)
 
     def factorised(self) -> Factor:
         """A factorisation of A - sigma."""
         shifted = self.system.shifted(self.sigma)
         return factorise(shifted, definite=self.definite, solver=self.system.solver)
 
-    def keep(self, near: Nearest) -> bool:
+    def accept_converged(self, near: Nearest) -> bool:
         """Add the converged modes to those found; True if there were any."""
         square = near.square[near.converged]
         vector = _columns(near.vector, np.flatnonzero(near.converged))
@@ -160,11 +160,11 @@ class SearchBelow(Search):
         self.low_end = low_end
         self.products = 0
 
-    def ask(self, count: int) -> bool:
+    def run_round(self, count: int) -> bool:
         """Search for `count` more modes; True if any converged."""
         near = modes_below(self.low_end, self.system.size, count, self.held())
         self.products += near.products
-        return self.keep(near)
+        return self.accept_converged(near)
 
     def description(self) -> str:
         """What it has spent."""
@@ -186,7 +186,7 @@ class SearchFromTop(Search):
         self.products = 0
         self.reach = 0.0
 
-    def ask(self, count: int) -> bool:
+    def run_round(self, count: int) -> bool:
         """Search for `count` more modes below those found; True if another round is worthwhile.
 
         Where products did not converge, the next round works about a shift above the highest mode.
@@ -196,7 +196,7 @@ class SearchFromTop(Search):
             self.reach = ABOVE * highest
             self.sigma = highest + self.reach
         if np.isfinite(self.sigma):
-            return super().ask(count)
+            return super().run_round(count)
         most = PRODUCTS + PRODUCTS_EACH * count
         if count == 1 and not len(self.square):
             operator = self.system.operator.renumbered()
@@ -211,7 +211,7 @@ class SearchFromTop(Search):
             highest = max(top.square.max(), self.square.max(initial=0.0))
             self.reach = max(highest - top.square.min(), ABOVE * highest)
             self.sigma = highest + self.reach
-        return self.keep(top) or np.isfinite(self.sigma)
+        return self.accept_converged(top) or np.isfinite(self.sigma)
 
     def look_again(self, count: int) -> int:
         """Find the `count` highest modes without an exact count; returns how many are missing.
@@ -219,10 +219,10 @@ class SearchFromTop(Search):
         Further rounds, each from another start block, follow until one finds nothing above the
         lowest of the `count` modes. That makes a missed mode unlikely; it proves nothing.
         """
-        missing = self.gather(count)
+        missing = self.search_until(count)
         while missing <= 0 and count > 1:
             known, lowest = len(self.square), np.sort(self.square)[-count]
-            if not self.ask(WIDTH_ABOVE) or self.square[known:].max(initial=0.0) <= lowest:
+            if not self.run_round(WIDTH_ABOVE) or self.square[known:].max(initial=0.0) <= lowest:
                 break
         return max(missing, 0)
 

@@ -13,8 +13,8 @@ from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from modal.modes.asked import check_count
-from modal.modes.from_vectors import found_modes
 from modal.modes.mode_set import Choice, ModeSet, certificate
+from modal.modes.observables import found_modes
 from modal.modes.zero_modes import by_structure
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import start_block
@@ -22,8 +22,6 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 
-WHOLE = 3000
-"""Degrees of freedom up to which all modes are found for the sake of some: in half a minute."""
 SHIFT = 1e-7
 """Shift below zero of the lowest modes, relative to A's largest diagonal entry."""
 FURTHER = 8
@@ -47,7 +45,10 @@ def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
 
 def at_zero(system: LinearSystem, square: Floats) -> dict[str, int]:
     """Of so many omega^2 how many are zero to round-off, and how many below."""
-    floppy, unstable = (abs(square) <= system.zero).sum(), (square < -system.zero).sum()
+    floppy, unstable = (
+        (abs(square) <= system.zero_threshold).sum(),
+        (square < -system.zero_threshold).sum(),
+    )
     return {"floppy_modes": int(floppy), "unstable_modes": int(unstable)}
 
 
@@ -84,7 +85,7 @@ def modes_at_an_end(system: LinearSystem, count: int, *, highest: bool) -> ModeS
         except ArpackError as error:
             raise InputError(f"{count} modes did not converge; ask for fewer") from error
         square, vector = real_spectrum(square, vector)
-        elastic = np.flatnonzero(square > system.zero)
+        elastic = np.flatnonzero(square > system.zero_threshold)
         if len(elastic) >= count:
             break
         ask *= 2

@@ -26,15 +26,13 @@ from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
 from modal.solvers.spectrum import dot, norm
 from modal.system.assembly import stiffness_matrix
-from modal.system.linear_system import SMALL, LinearSystem
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats, Ints
 
 NEW = 1e-8
 """A motion of which the modes known before leave less, of its square, is one of them."""
 HELD_BY = 3
 """Contacts that hold a sphere in all six directions."""
-LARGEST_PART = 100
-"""Spheres of a part whose null space is computed, dense; larger ones are cut into such pieces."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def by_structure(system: LinearSystem) -> FloppyModes:
 
 def _by_structure(system: LinearSystem) -> FloppyModes:
     """As `by_structure`. Only the contacts of loosely held particles are assembled as a matrix."""
-    network, size, dof, zero = system.network, system.size, system.dof, system.zero
+    network, size, dof, zero = system.network, system.size, system.dof, system.zero_threshold
     if not system.semidefinite:
         return _unmet(system)
     loose = ~keeping_contacts(network, HELD_BY)
@@ -125,7 +123,7 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
     place[members] = np.arange(len(members))
     local = _stiffness_among(system, members)
     loose_parts = _loose_parts(network, loose & touched)
-    for part in (piece for whole in loose_parts for piece in _pieces(whole)):
+    for part in (piece for whole in loose_parts for piece in _pieces(whole, system.limits.piece)):
         inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
         in_part[index] = True
         square, vector = eigh(local[inside][:, inside].toarray(), check_finite=False)
@@ -146,7 +144,7 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
         new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
-    whole = all(len(part) <= LARGEST_PART for part in loose_parts)
+    whole = all(len(part) <= system.limits.piece for part in loose_parts)
     return FloppyModes(
         basis,
         kinds["free_particles"],
@@ -159,7 +157,9 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
 
 def _unmet(system: LinearSystem) -> FloppyModes:
     """Motions whose rows of A are empty: of spheres without contacts, and spins without springs."""
-    unmet = np.flatnonzero(~(abs(system.assembled()).max(axis=1).toarray().ravel() > system.zero))
+    unmet = np.flatnonzero(
+        ~(abs(system.assembled()).max(axis=1).toarray().ravel() > system.zero_threshold)
+    )
     spinning = int(_touched(system.network)[unmet // system.dof].sum())
     basis = _unit_columns(unmet, system.size).tocsc()
     return FloppyModes(basis, len(unmet) - spinning, 0, 0, spinning, whole=False)
@@ -173,9 +173,9 @@ def _touched(network: Network) -> Bools:
     return touched
 
 
-def _pieces(part: Ints) -> list[Ints]:
-    """A loose part in pieces of neighbours, no more than `LARGEST_PART` spheres each."""
-    return np.array_split(part, -(-len(part) // LARGEST_PART))
+def _pieces(part: Ints, most: int) -> list[Ints]:
+    """A loose part in pieces of neighbours, no more than so many spheres each."""
+    return np.array_split(part, -(-len(part) // most))
 
 
 def _degrees_of_freedom(spheres: Ints, dof: int) -> Ints:
@@ -229,7 +229,7 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
     # To load the compiled loops takes longer than all else that is asked of a small packing.
-    product = system.scaled if system.size <= SMALL else system.operator
+    product = system.scaled if system.size <= system.limits.small else system.operator
     found = []
     # One motion after the other: of millions of spheres six fill the memory.
     for k in range(dof):
@@ -239,7 +239,7 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
             motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
         vector = system.root.times(motion.ravel())
         vector /= norm(vector)
-        if dot(vector, product @ vector) <= system.zero:
+        if dot(vector, product @ vector) <= system.zero_threshold:
             found.append(vector)
     return np.column_stack(found) if found else np.empty((system.size, 0))
 

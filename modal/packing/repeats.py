@@ -98,7 +98,7 @@ def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
     if _common(network) % prime:
         return None
     at_wall = np.unique(network.particle_i[network.particle_j == SOURCE_WALL])
-    if _rows_of_images(network, at_wall, axis, prime) is None:
+    if len(at_wall) and _rows_of_images(network, at_wall, axis, prime) is None:
         return None
     rows = _rows_of_images(network, np.arange(network.n_particles), axis, prime)
     if rows is None:

@@ -21,8 +21,8 @@ from modal.tools.progress import Minute
 SHARE = 0.25
 """Of the steps: where hundreds are needed, some tens may gain little before others gain more."""
 FLAT = 1e-7
-"""Cosine between a step and what resists it, below which the step is a motion without energy that
-round-off has put in. A mixture of modes has 2 / sqrt(ratio of their omega^2) or more."""
+"""Cosine between a step and the force against it, below which the step is a motion without energy
+that round-off has put in. A mixture of modes has 2 / sqrt(ratio of their omega^2) or more."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class Solution:
 
 
 def conjugate_gradients(
-    resist: Callable[[Floats], Floats],
-    ease: Callable[[Floats], Floats],
+    apply_stiffness: Callable[[Floats], Floats],
+    preconditioner: Callable[[Floats], Floats],
     load: Floats,
     allowed: Callable[[Floats], Floats],
     noise: Floats,
@@ -51,23 +51,23 @@ def conjugate_gradients(
 ) -> Solution:
     """Solve A x = b for the columns of `load` (size, k), A symmetric and never negative.
 
-    `resist` gives A x, `ease` a symmetric approximation of its inverse, both of (size, k) arrays.
-    `allowed` tells the squared error in the energy norm (k,), (x - x')^T A (x - x'), at which a
-    column is done, from the energy b^T x (k,) that it has come to. The error is measured over the
-    last `look_back` steps, 1 where `ease` is nearly the inverse, some tens where it is not, and
-    over the last `SHARE` of all steps where these are more. `noise` (k,): norm of what round-off
-    leaves of a load, below which a column is left alone. A may be singular where the load is in its
-    range: the motions without energy are then those that `ease` puts in. InputError where
-    `most_products` do not suffice.
+    `apply_stiffness` gives A x, `preconditioner` a symmetric approximation of its inverse, both of
+    (size, k) arrays. `allowed` tells the squared error in the energy norm (k,), (x - x')^T A
+    (x - x'), at which a column is done, from the energy b^T x (k,) that it has come to. The error
+    is measured over the last `look_back` steps, 1 where the preconditioner is nearly the inverse,
+    some tens where it is not, and over the last `SHARE` of all steps where these are more. `noise`
+    (k,): norm of what round-off leaves of a load, below which a column is left alone. A may be
+    singular where the load is in its range: the motions without energy are then those that the
+    preconditioner puts in. InputError where `most_products` do not suffice.
     """
     motion, rest = np.zeros_like(load), load.copy()
-    eased = ease(rest)
+    eased = preconditioner(rest)
     step = eased.copy()
     size = np.einsum("ik,ik->k", rest, eased)
     gains, energy = np.empty((most_products, load.shape[1])), np.zeros(load.shape[1])
     minute = Minute()
     for products in range(1, most_products + 1):
-        stretched = resist(step)
+        stretched = apply_stiffness(step)
         curvature = np.einsum("ik,ik->k", step, stretched)
         flat = FLAT * np.linalg.norm(step, axis=0) * np.linalg.norm(stretched, axis=0)
         moving = (curvature > flat) & (np.linalg.norm(rest, axis=0) > noise)
@@ -79,14 +79,14 @@ def conjugate_gradients(
         back = max(look_back, int(SHARE * products))
         error, bound = gains[max(products - back, 0) : products].sum(axis=0), allowed(energy)
         if products >= back and (error <= bound).all():
-            return Solution(motion, load - resist(motion), error, products + 1)
+            return Solution(motion, load - apply_stiffness(motion), error, products + 1)
         if minute.passed():
             worst = float((error / bound).max())
             minute.tell(
                 f"balance of springs: {products} products with K of at most {most_products}, "
                 f"squared error {worst:.1e} times what is asked"
             )
-        eased = ease(rest)
+        eased = preconditioner(rest)
         before, size = size, np.einsum("ik,ik->k", rest, eased)
         step *= np.where(before > 0, size / np.where(before > 0, before, 1), 0.0)
         step += eased

@@ -21,13 +21,36 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import LONGEST
 
-SMALL = 600
-"""Degrees of freedom up to which the dense spectrum costs less than anything else."""
 COUNTED = 1e-11
 """How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
 mostly it is a tenth of that. Modes so close to a frequency may be counted on either side of it."""
-BLUR = 1e-9, 0.25
+UNCERTAIN = 1e-9, 0.25
 """Limits of the relative distance from a listed frequency at which modes are counted instead."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Sizes from which on modes are sought in another way; the defaults suit any packing.
+
+    Degrees of freedom: up to `small` the dense spectrum costs less than anything else; up to
+    `dense` (1.7 GB, two minutes) it serves lists of a large part of all modes, one in `part`; up to
+    `unsymmetric` (half a minute) it does so for the sake of some modes where K is not symmetric.
+    `slice`: modes that one factorisation is asked for; wider intervals are cut by exact counts. Of
+    35,201 spheres their basis takes as much memory as two factors; 300 modes about a shift take 2.8
+    solves each, 600 take 2.4, and half of the factorisations. `piece`: spheres of a loose part
+    whose null space is computed, dense; larger ones are cut into such pieces. `shapes`: bytes of
+    mode shapes up to which they are kept, about 1,200 modes of 35,201 spheres. `together`: modes
+    that are measured together, which bounds the memory.
+    """
+
+    small: int = 600
+    dense: int = 6000
+    part: int = 4
+    unsymmetric: int = 3000
+    slice: int = 700
+    piece: int = 100
+    shapes: float = 2e9
+    together: int = 24
 
 
 @dataclass
@@ -37,7 +60,7 @@ class LinearSystem:
     `pre_stress` says which terms of the contact forces the stiffness has, as in
     `modal.system.contacts`; `dof` is the number of degrees of freedom of a particle, 6, or 3 with
     translations only; `solver` as in `of`; `shapes` says whether lists of modes keep their mode
-    shapes; a search whose estimated time exceeds `hours` is refused.
+    shapes; a search whose estimated time exceeds `hours` is refused; `limits` as in `Limits`.
     """
 
     network: Network
@@ -46,6 +69,7 @@ class LinearSystem:
     solver: str | None = None
     shapes: bool = True
     hours: float = LONGEST / 3600
+    limits: Limits = Limits()
 
     @classmethod
     def of(
@@ -58,6 +82,7 @@ class LinearSystem:
         solver: str | None = None,
         shapes: bool = True,
         hours: float = LONGEST / 3600,
+        limits: Limits = Limits(),  # noqa: B008
     ) -> LinearSystem:
         """The system of a network; with `translations_only` rotations are held at zero.
 
@@ -68,7 +93,9 @@ class LinearSystem:
             raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
         terms_of(pre_stress)
         network = with_sliding(network, sliding)
-        return cls(network, pre_stress, 3 if translations_only else 6, solver, shapes, hours)
+        return cls(
+            network, pre_stress, 3 if translations_only else 6, solver, shapes, hours, limits
+        )
 
     def cached(self, name: str, make: Callable[[], Made]) -> Made:
         """What does not depend on the solver, and is made once for all systems of a network."""
@@ -128,13 +155,13 @@ class LinearSystem:
         sizes = sp.csr_matrix((abs(A.data), A.indices, A.indptr), A.shape)
         return float((sizes @ np.ones(self.size)).max())
 
-    def blur(self, square: float) -> float:
+    def count_uncertainty(self, square: float) -> float:
         """Relative distance from a frequency within which an exact count is uncertain.
 
-        `square` is the omega^2 of the frequency, 1/s^2; the distance is within `BLUR`.
+        `square` is the omega^2 of the frequency, 1/s^2; the distance is within `UNCERTAIN`.
         """
         share = COUNTED * self.diagonal.max() / abs(square) if square else np.inf
-        return float(np.clip(share, *BLUR))
+        return float(np.clip(share, *UNCERTAIN))
 
     @property
     def resolution(self) -> float:
@@ -142,7 +169,7 @@ class LinearSystem:
         return float(np.finfo(float).eps * self.diagonal.max(initial=0.0))
 
     @property
-    def zero(self) -> float:
+    def zero_threshold(self) -> float:
         """The omega^2, 1/s^2, below which no factorisation tells a mode from one at zero."""
         return COUNTED * float(self.diagonal.max(initial=0.0))
 
@@ -158,7 +185,7 @@ class LinearSystem:
 
     @property
     def spectrum(self) -> Floats:
-        """Shape (size,): every omega^2 of a symmetric A, ascending; for networks up to `SMALL`."""
+        """Shape (size,): every omega^2 of a symmetric A, ascending; for small networks."""
 
         def make() -> Floats:
             return eigh(self.scaled.toarray(), eigvals_only=True)

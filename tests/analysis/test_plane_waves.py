@@ -203,7 +203,7 @@ def test_ioffe_regel_on_lines_of_known_width():
 
 def test_participation_ratio():
     """Plane standing waves 2/3, a motion of all alike 1, one sphere 1/n; a rotation counts too."""
-    from modal.modes.observables import participation_ratio
+    from modal.modes.mode_set import participation_ratio
     from modal.system.root_mass import RootMass
 
     n = 1000

@@ -16,7 +16,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS, available
 from modal.system.contacts import with_sliding
-from modal.system.linear_system import SMALL, LinearSystem, frequency_of
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 SHARES = 0.3, 0.45, 0.5
@@ -154,14 +154,12 @@ def test_a_long_chain_without_side_contacts():
 @pytest.mark.parametrize("way", ["slices", "a polynomial"])
 def test_long_lists_that_start_at_zero(monkeypatch, way):
     """Cut into slices, or lifted by a polynomial: what comes back at zero is no elastic mode."""
-    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
-    monkeypatch.setattr("modal.modes.lowest.MANY", 1)
+    limits = Limits(dense=0, part=1, slice=40 if way == "slices" else 700)
     zero, elastic = by_dense_solver(slippery(0.5))
-    if way == "slices":
-        monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
-    else:
+    if way != "slices":
         monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
-    system = LinearSystem.of(slippery(0.5), solver="superlu" if way == "slices" else None)
+    solver = "superlu" if way == "slices" else None
+    system = LinearSystem.of(slippery(0.5), solver=solver, limits=limits)
     if way == "slices":
         found = lowest.lowest_modes(system, 100)
         assert found.frequency == pytest.approx(elastic[:100], rel=1e-6)
@@ -179,7 +177,7 @@ def test_counts_just_above_zero_are_those_of_the_zero_modes(solver, layers):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     network = slippery(0.5, layers)
-    assert (LinearSystem.of(network).size <= SMALL) == (layers == 4)
+    assert (LinearSystem.of(network).size <= Limits().small) == (layers == 4)
     zero, _ = by_dense_solver(network)
     counts = modal.count_modes(network, [1e-9, 1e-6, 1e-3, 0.1, 1.0], solver=solver)
     assert counts.tolist() == [zero] * 5

@@ -10,7 +10,7 @@ import modal
 from modal.modes.counts import count_below
 from modal.packing import crystal as gallery
 from modal.solvers.factor import SOLVERS, available, factorise
-from modal.system.linear_system import SMALL, LinearSystem, frequency_of
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 
@@ -91,7 +91,7 @@ def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
 
     monkeypatch.setattr("modal.modes.counts.factorise", noted)
     system = LinearSystem.of(gallery.fcc(cells=(4, 4, 8)), solver=solver)
-    assert system.size > SMALL
+    assert system.size > system.limits.small
     assert count_below(system, 0.0) == count_below(system, -5e4) == 0
     assert count_below(system, 5e4) == int((frequency_of(dense_squares(system)) < 5e4).sum())
     assert made == [solver or ("pardiso" if available("pardiso") else "blocks")]

@@ -11,12 +11,13 @@ from modal.cli.main import main
 from modal.modes import search
 from modal.modes.collective import summary_at_zero
 from modal.modes.dense import all_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.packing.tiling import repeat
 from modal.solvers.factor import SOLVERS, available
-from modal.system.linear_system import SMALL, LinearSystem, frequency_of
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 
@@ -33,7 +34,7 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
     """The dense spectrum says how many there are; lists have the modes above."""
     network = unstable(cells)
     system = LinearSystem.of(network, solver=solver)
-    assert (system.size <= SMALL) == (cells[2] == 5)
+    assert (system.size <= system.limits.small) == (cells[2] == 5)
     square = np.linalg.eigvalsh(system.scaled.toarray())
     negative = int((square < -1e-11 * square[-1]).sum())
     assert negative > 0
@@ -74,8 +75,8 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
     first, last = exact[some], exact[some + 90]
     low = first if end != "high" else 0.999 * first
     high = last if end != "low" else 1.001 * last
-    monkeypatch.setattr("modal.modes.lowest.MANY", 1)
-    found = modal.eigenmodes(network, between=(low, high))
+    system = LinearSystem.of(network, limits=Limits(part=1))
+    found = modes_of(system, between=(low, high))
     assert found.certified and len(rounds) <= 8
     for margin, compare in ((1e-9, np.less_equal), (-1e-9, np.greater_equal)):
         inside = (exact >= low * (1 - margin)) & (exact < high * (1 + margin))
@@ -106,7 +107,7 @@ def test_the_threshold_of_zero_is_one(factor, cells):
     crystal = gallery.fcc(cells=cells)
     wall, system = crystal.with_wall, LinearSystem.of(crystal)
     # It slides as one body: omega^2 is the sum of the walls' springs over its mass.
-    soft = factor * system.zero
+    soft = factor * system.zero_threshold
     tangential = np.where(
         wall, soft * crystal.mass.sum() / wall.sum(), crystal.stiffness_tangential
     )

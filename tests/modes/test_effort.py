@@ -12,7 +12,7 @@ from modal.exchange.registry import read_packing
 from modal.modes import effort
 from modal.modes.counts import count_below
 from modal.modes.highest import highest_modes
-from modal.modes.lowest import SLICE, lowest_modes
+from modal.modes.lowest import lowest_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.packing.tiling import repeat
@@ -48,7 +48,7 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
         else:
             continue
         system = LinearSystem.of(network, solver="pardiso")
-        found = effort.near_a_shift(system, count, SLICE)
+        found = effort.near_a_shift(system, count)
         assert 1 / 2.5 < found.seconds / float(seconds) < 2.5
         assert 1 / 2.5 < found.bytes / (1e6 * float(megabytes)) < 2.5
         compared += 1

@@ -15,7 +15,7 @@ from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.solvers.factor import SOLVERS, SingularError, available, factorise
-from modal.system.linear_system import SMALL, LinearSystem, frequency_of
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 
@@ -55,7 +55,7 @@ def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
         pytest.skip("pypardiso is not installed")  # the count by layers takes minutes for them
     network, exact = columns(copies, step)
     system = LinearSystem.of(network)
-    assert system.size > SMALL and count <= system.size // 4
+    assert system.size > system.limits.small and count <= system.size // 4
     found = highest_modes(system, count)
     assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
     assert found.attributes["certified"] and found.attributes["missing"] == 0

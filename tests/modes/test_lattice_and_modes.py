@@ -11,7 +11,7 @@ import pytest
 from packings import kinematics, scaled
 from scipy.linalg import eigh_tridiagonal
 
-from modal.modes import dense, from_vectors
+from modal.modes import dense
 from modal.modes import highest as modes
 from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
@@ -20,7 +20,7 @@ from modal.packing.contact_law import Material, stiffness_normal
 from modal.solvers.lanczos import TOLERANCE
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.contacts import Contacts
-from modal.system.linear_system import LinearSystem, frequency_of
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.theory.fcc import FccLattice, dispersion
 from modal.tools.errors import InputError
 
@@ -106,15 +106,14 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     )
 
 
-def test_observables_do_not_depend_on_how_many_are_measured_together(monkeypatch):
+def test_observables_do_not_depend_on_how_many_are_measured_together():
     """144 modes at once or in parts of 7: the same, and residuals of dense modes are round-off."""
     network = gallery.fcc(cells=(2, 2, 6))
     # No symmetry: dense, all modes in one call.
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 3, 1.5))
     system = LinearSystem.of(network)
     whole = dense.all_modes(system)
-    monkeypatch.setattr(from_vectors, "TOGETHER", 7)
-    parts = dense.all_modes(system)
+    parts = dense.all_modes(LinearSystem.of(network, limits=Limits(together=7)))
     for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
         assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name
     own = (2 * np.pi * whole.frequency) ** 2

@@ -22,7 +22,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
-from modal.system.linear_system import LinearSystem, frequency_of
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
 
 def residual_promised(system: LinearSystem, found: ModeSet) -> np.ndarray:
@@ -46,11 +46,10 @@ def test_lowest_modes_by_every_factorisation(solver):
 
 
 @pytest.mark.parametrize("solver", [None, "superlu", "blocks"])
-def test_intervals_are_cut_and_complete(monkeypatch, solver):
+def test_intervals_are_cut_and_complete(solver):
     """Slices of at most 40 modes give the same list as the dense solver, each one once."""
-    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
-    monkeypatch.setattr("modal.modes.lowest.SLICE", 40)
-    system = LinearSystem.of(diluted(0.35, 5, layers=7), solver=solver)
+    limits = Limits(dense=0, slice=40)
+    system = LinearSystem.of(diluted(0.35, 5, layers=7), solver=solver, limits=limits)
     frequency = frequency_of(dense_squares(system))
     elastic = frequency[by_structure(system).total :]
     # Ends in the middle of gaps, away from the round-off of any frequency.
@@ -69,10 +68,9 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     Columns side by side have every frequency thirty times, more than a block is wide: the count
     asks for further rounds.
     """
-    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
     monkeypatch.delattr("modal.modes.search.factorise")
-    system = LinearSystem.of(network)
+    system = LinearSystem.of(network, limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
     high = elastic[gap : gap + 2].mean()
@@ -86,17 +84,16 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
 
 def test_what_a_polynomial_is_not_for(monkeypatch):
     """A named solver, a lower end inside, half of the spectrum, or no memory: a factor."""
-    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     dear, free = Effort(1e3, 0.0), Effort(0.0, 1e6)
     monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: dear)
     monkeypatch.setattr("modal.modes.lowest.below_an_edge", lambda *_: free)
-    network = diluted(0.35, 5, layers=7)
-    system = LinearSystem.of(network)
+    network, limits = diluted(0.35, 5, layers=7), Limits(dense=0)
+    system = LinearSystem.of(network, limits=limits)
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     middle = (elastic[1:] + elastic[:-1]) / 2
     low, high = middle[20], middle[60]
     factorised = [
-        modes_between(LinearSystem.of(network, solver="superlu"), 0.0, high),
+        modes_between(LinearSystem.of(network, solver="superlu", limits=limits), 0.0, high),
         modes_between(system, low, high),
         modes_between(system, 0.0, 0.6 * elastic[-1]),
     ]
@@ -140,10 +137,9 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
         asked.append(count)
         return modes_nearest(solve, size, min(count, 30), sigma, held)
 
-    monkeypatch.setattr("modal.modes.lowest.DENSE_LIMIT", 0)
     monkeypatch.setattr("modal.modes.search.factorise", noted)
     monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
-    system = LinearSystem.of(columns_side_by_side(100))
+    system = LinearSystem.of(columns_side_by_side(100), limits=Limits(dense=0))
     expected = frequency_of(dense_squares(system))[by_structure(system).total :]
     low, high = 0.999 * expected[150], 1.001 * expected[150]
     wanted = int(((expected >= low) & (expected < high)).sum())

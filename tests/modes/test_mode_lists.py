@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.modes import dense, from_vectors
+from modal.modes import dense
 from modal.modes import highest as modes
 from modal.modes import lowest as intervals
 from modal.modes.effort import Effort
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import (
     Choice,
     ModeSet,
@@ -19,11 +20,12 @@ from modal.modes.mode_set import (
     subset,
     write_modes,
 )
+from modal.modes.observables import measure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.solvers import lanczos
 from modal.system.assembly import mass_diagonal, stiffness_matrix
-from modal.system.linear_system import LinearSystem, frequency_of
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
@@ -40,55 +42,48 @@ def crystal_without_symmetry(layers: int) -> Network:
     )
 
 
-def asked(tmp_path, capsys, network: Network, *options: str) -> tuple[int, dict, ModeSet | None]:
-    """Exit status, JSON object and file of `python -m modal modes`."""
-    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
-    write_network(source, network)
-    status = main(["modes", str(source), "--json", *options, "-o", str(out)])
-    found = json.loads(capsys.readouterr().out)
-    return status, found, read_modes(out) if out.exists() else None
-
-
 @pytest.mark.parametrize("options", [("--below", "10"), ("--between", "1", "2")])
-@pytest.mark.parametrize("path", ["dense", "sparse"])
-def test_an_interval_without_modes_is_an_empty_certified_list(
-    tmp_path, capsys, monkeypatch, path, options
-):
-    """The lowest mode of 6 layers lies at kHz: below 10 Hz there is nothing, and that is known."""
-    if path == "sparse":
-        monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
-    status, found, written = asked(tmp_path, capsys, gallery.fcc(cells=(2, 2, 6)), *options)
-    assert status == 0
+@pytest.mark.parametrize("layers", [6, 30])
+def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, capsys, layers, options):
+    """The lowest mode lies at kHz: below 10 Hz there is nothing, dense and not."""
+    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    write_network(source, gallery.fcc(cells=(2, 2, layers)))
+    assert main(["modes", str(source), "--json", *options, "-o", str(out)]) == 0
+    found, written = json.loads(capsys.readouterr().out), read_modes(out)
     assert found["frequency_hz"] == [] and found["certified"] and found["missing"] == 0
     assert len(written.frequency) == 0 and written.attributes["certified"]
 
 
 SHAPES = {
-    "symmetry": (gallery.fcc(cells=(4, 4, 4)), ["--all"]),
-    "dense": (crystal_without_symmetry(14), ["--all"]),
-    "small": (crystal_without_symmetry(5), ["--lowest", "4"]),
-    "lowest": (crystal_without_symmetry(27), ["--lowest", "7"]),
-    "many lowest": (crystal_without_symmetry(27), ["--lowest", "200"]),
-    "highest": (crystal_without_symmetry(27), ["--highest", "5"]),
-    "dense interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
-    "sparse interval": (crystal_without_symmetry(27), ["--between", "5e3", "2e4"]),
-    "slices": (crystal_without_symmetry(27), ["--below", "2e4", "--solver", "superlu"]),
-    "low end": (crystal_without_symmetry(27), ["--below", "2e4"]),
-    "translations": (gallery.fcc(cells=(3, 3, 5)), ["--all", "--translations-only"]),
+    "symmetry": (gallery.fcc(cells=(4, 4, 4)), {"all": True}),
+    "dense": (crystal_without_symmetry(14), {"all": True}),
+    "small": (crystal_without_symmetry(5), {"lowest": 4}),
+    "lowest": (crystal_without_symmetry(27), {"lowest": 7}),
+    "many lowest": (crystal_without_symmetry(27), {"lowest": 200}),
+    "highest": (crystal_without_symmetry(27), {"highest": 5}),
+    "dense interval": (crystal_without_symmetry(27), {"between": (5e3, 2e4)}),
+    "sparse interval": (crystal_without_symmetry(27), {"between": (5e3, 2e4)}),
+    "slices": (crystal_without_symmetry(27), {"below": 2e4}),
+    "low end": (crystal_without_symmetry(27), {"below": 2e4}),
+    "translations": (gallery.fcc(cells=(3, 3, 5)), {"all": True}),
 }
 
 
 @pytest.mark.parametrize("path", SHAPES)
-def test_mode_shapes_are_in_the_file(tmp_path, capsys, monkeypatch, path):
+def test_mode_shapes_are_in_the_file(tmp_path, path):
     """Every path writes shapes that are orthonormal with M and solve K phi = omega^2 M phi."""
-    if path in ("sparse interval", "slices", "low end"):
-        monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
-    if path == "slices":
-        monkeypatch.setattr(intervals, "SLICE", 10)
-    network, options = SHAPES[path]
-    status, found, written = asked(tmp_path, capsys, network, *options)
-    assert status == 0
-    count = len(found["frequency_hz"])
+    limits = Limits(dense=0 if path in ("sparse interval", "slices", "low end") else 6000,
+                    slice=10 if path == "slices" else 700)  # fmt: skip
+    network, question = SHAPES[path]
+    system = LinearSystem.of(
+        network,
+        translations_only=path == "translations",
+        solver="superlu" if path == "slices" else None,
+        limits=limits,
+    )
+    write_modes(tmp_path / "x.modes.h5", modes_of(system, **question))
+    written = read_modes(tmp_path / "x.modes.h5")
+    count = len(written.frequency)
     assert count > 3 and written.mode_shape.shape == (count, network.n_particles, 6)
     dof = 3 if path == "translations" else 6
     mass = mass_diagonal(network, translations_only=dof == 3)
@@ -102,20 +97,14 @@ def test_mode_shapes_are_in_the_file(tmp_path, capsys, monkeypatch, path):
     assert (misfit <= 1e-5 * square + 1e-12 * square.max() * len(mass)).all()
 
 
-def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path, capsys, monkeypatch):
+def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path):
     """216 modes of 36 spheres take 373 kB: one byte less allowed, they stay out and it is said."""
-    network = gallery.fcc(cells=(3, 3, 4))
-    monkeypatch.setattr(from_vectors, "LARGEST_SHAPES", 8 * 216**2 - 1)
-    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
-    write_network(source, network)
-    assert main(["modes", str(source), "--all", "-o", str(out)]) == 0
-    said = [line for line in capsys.readouterr().err.splitlines() if "shapes" in line]
-    assert len(said) == 1 and "fewer" in said[0]
-    written = read_modes(out)
+    system = LinearSystem.of(gallery.fcc(cells=(3, 3, 4)), limits=Limits(shapes=8 * 216**2 - 1))
+    write_modes(tmp_path / "x.modes.h5", modes_of(system, all=True))
+    written = read_modes(tmp_path / "x.modes.h5")
     assert written.mode_shape is None and "fewer" in written.attributes["shapes_left_out"]
-    assert read_z_shapes(out) is None
-    assert main(["modes", str(source), "--lowest", "5", "-o", str(out)]) == 0
-    assert read_modes(out).mode_shape.shape == (5, 36, 6)
+    assert read_z_shapes(tmp_path / "x.modes.h5") is None
+    assert modes_of(system, lowest=5).mode_shape.shape == (5, 36, 6)
 
 
 def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
@@ -196,7 +185,6 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
         monkeypatch.setattr(f"modal.modes.search.{search.__name__}", short)
     lifted = Effort(0.0 if path == "low end" else 1e9, 0.0)
     monkeypatch.setattr(intervals, "below_an_edge", lambda *_: lifted)
-    monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
     middle = (frequency[11] + frequency[12]) / 2
     options = ["--lowest", "12"] if path == "lowest" else ["--below", repr(float(middle))]
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
@@ -219,17 +207,16 @@ def test_residuals_are_relative_to_each_mode_s_own_omega_squared():
     angle = 1e-3
     mixed = np.cos(angle) * vector[:, :1] + np.sin(angle) * vector[:, -1:]
     rayleigh = np.cos(angle) ** 2 * square[0] + np.sin(angle) ** 2 * square[-1]
-    found = from_vectors.measure(system, np.array([rayleigh]), mixed, None)
+    found = measure(system, np.array([rayleigh]), mixed, None)
     expected = np.sin(angle) * np.cos(angle) * (square[-1] - square[0]) / rayleigh
     assert found.residual[0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("make", ["dense", "symmetry", "lowest", "highest", "interval"])
-def test_every_producer_gives_the_same_residual(monkeypatch, make):
+def test_every_producer_gives_the_same_residual(make):
     """Recomputed from the shapes with the matrix, in units of the mode's own omega^2."""
     network = gallery.fcc(cells=(3, 3, 14)) if make == "symmetry" else crystal_without_symmetry(27)
-    system = LinearSystem.of(network)
-    monkeypatch.setattr(intervals, "DENSE_LIMIT", 0)
+    system = LinearSystem.of(network, limits=Limits(dense=0))
     found = {
         "dense": lambda: dense.all_modes(system),
         "symmetry": lambda: dense.all_modes(system),

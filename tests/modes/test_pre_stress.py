@@ -9,11 +9,11 @@ import pytest
 
 import modal
 from modal.__main__ import main
-from modal.modes import eigenmodes as questions
+from modal.modes.eigenmodes import modes_of
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
-from modal.system.linear_system import LinearSystem, frequency_of
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
 PACKINGS = {
@@ -51,9 +51,10 @@ def exact_to(frequency: np.ndarray, name: str) -> np.ndarray:
 @pytest.mark.parametrize("whole", [True, False])
 @pytest.mark.parametrize("pre_stress", ["normal", "full"])
 @pytest.mark.parametrize("name", PACKINGS)
-def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, whole, monkeypatch):
+def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, whole):
     """The lowest 20, the highest 5, an interval; without a certificate where K is not symmetric."""
-    monkeypatch.setattr(questions, "WHOLE", questions.WHOLE if whole else 0)
+    limits = Limits() if whole else Limits(unsymmetric=0)
+    system = LinearSystem.of(packing(name), pre_stress=pre_stress, limits=limits)
     elastic, zero, unstable = spectrum(name, pre_stress)
     middle = elastic[30] * (1 + 1e-5), elastic[60] * (1 - 1e-5)
     inside = (elastic > middle[0]) & (elastic < middle[1])
@@ -62,7 +63,7 @@ def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, wh
         ({"highest": 5}, elastic[-5:]),
         ({"between": middle}, elastic[inside]),
     ):
-        found = modal.eigenmodes(packing(name), pre_stress=pre_stress, **question)
+        found = modes_of(system, **question)
         assert (abs(found.frequency / expected - 1) <= exact_to(expected, name)).all()
         assert found.certified == (pre_stress == "normal" or whole or "between" in question)
         if found.certified:

@@ -11,7 +11,7 @@ from modal.modes.dense import all_modes
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.system.contacts import with_sliding
-from modal.system.linear_system import LinearSystem
+from modal.system.linear_system import Limits, LinearSystem
 
 
 def zero_modes(system: LinearSystem) -> int:
@@ -34,12 +34,11 @@ def test_floppy_modes_of_a_diluted_crystal(share, seed):
     assert sum(by_structure(system).by_kind().values()) == by_structure(system).total
 
 
-def test_parts_too_large_for_a_dense_null_space_count_as_held(monkeypatch):
+def test_parts_too_large_for_a_dense_null_space_count_as_held():
     """What is left is a part of the zero modes, still exact; the counts tell how many there are."""
     network = diluted(0.5, 1)
     everything = by_structure(LinearSystem.of(network))
-    monkeypatch.setattr("modal.modes.zero_modes.LARGEST_PART", 1)
-    system = LinearSystem.of(diluted(0.5, 1))
+    system = LinearSystem.of(diluted(0.5, 1), limits=Limits(piece=1))
     assert 0 < by_structure(system).hinged < everything.hinged
     assert by_structure(system).free_particles == everything.free_particles
     basis, scale = by_structure(system).basis, system.scaled.diagonal().max()
