@@ -41,7 +41,7 @@ class Script:
     """What counts of the commands, and the printed stresses by step.
 
     `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
-    its group; `refused` says why of each fix that a network has nothing for, `groups` whom the
+    its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
     walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials;
     `changed` is the last step that was printed before the law or a wall changed, `since` are those
     printed after it.

@@ -76,8 +76,11 @@ def read(
         return of_pairs(a, b) if a >= 0 else law_of_wall(walls, a, said)
 
     models = {tuple(words) for _, _, *words in script.pair}
-    body, more = column_of_bodies(script, bodies is not None)
+    body, more, whole = column_of_bodies(script, bodies is not None)
     spheres = spheres_of(frame, units, typed=len(models) > 1, body=body)
+    if whole and spheres.body is not None and (spheres.body < 1).any():
+        do = "make single spheres no part of its group"
+        raise InputError(f"{path}: a {body} of 0, which is one more body to fix rigid; {do}")
     cell = cell_of(frame, units, planes_of(walls))
     check_spheres(spheres, cell, str(path))
     for name in script.walls:
@@ -108,15 +111,16 @@ def typed_pair(line: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     return (words[0],), [("*", "*", *words[1:])]
 
 
-def column_of_bodies(script: Script, told: bool) -> tuple[str, list[str]]:
-    """The column of the dump that numbers the rigid bodies, if there are any; what is assumed.
+def column_of_bodies(script: Script, told: bool) -> tuple[str, list[str], bool]:
+    """The column of the dump that numbers the rigid bodies, or none, and what is assumed.
 
-    `told` says that their masses are in a file of their own.
+    Last, whether 0 is a number as all others are: of fix rigid for all spheres. `told` says that
+    their masses are in a file of their own.
     """
     if not script.bodies:
         if told:
             raise InputError("--bodies: no fix rigid is known; give the log that has it (--log)")
-        return "", []
+        return "", [], False
     if len(script.bodies) > 1:
         raise InputError(
             f"{script.said}: several fix rigid; give all bodies one fix and one column"
@@ -136,7 +140,8 @@ def column_of_bodies(script: Script, told: bool) -> tuple[str, list[str]]:
             f"{script.said}: fix {name} rigid has masses of its own (infile); give those of this "
             "step, as write_restart writes them (--bodies FILE.rigid)"
         )
-    return column, [f"spheres of one {column} are a rigid body (fix {name}), 0 is none"]
+    whole = script.groups[name] == "all"
+    return column, [f"spheres of one {column} are a rigid body (fix {name}), 0 is none"], whole
 
 
 def read_bodies(path: str | Path, units: Units) -> Bodies:

@@ -99,6 +99,11 @@ class Carried:
     @classmethod
     def of(cls, network: Network, terms: tuple[str, ...]) -> Carried:
         """What these terms need of a network; InputError where it does not know it."""
+        if terms and network.inertia_tensor is not None:
+            raise InputError(
+                "pre-stress of bodies that are no spheres: carried forces turn with the spheres in "
+                "contact, whose centres a network of bodies does not have; take 'none'"
+            )
         law = GROWTH in terms or ARMS in terms
         purpose = "pre-stress 'law' (of imported packings; there is 'full')"
         if not law:

@@ -12,12 +12,14 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import packings
 import pytest
 from places import ROOT
+from scipy.spatial.transform import Rotation
 
 from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import import_packing
@@ -37,12 +39,15 @@ INCLUDE = ROOT / "examples" / "lammps" / "write_contacts.lmp"
 STEP, MOVED = 2e-8, 1e-10
 """Time step, s, and how far a sphere is moved, m."""
 GLASS = "hertz/material 6e10 0 0.2 tangential"
+ROLLS = "rolling sds 3e6 0 3 twisting marshall"
 LAWS = {
     "mindlin/force": ("granular", f"{GLASS} mindlin/force NULL 0 3"),
     "mindlin": ("granular", f"{GLASS} mindlin NULL 0 3"),
     "hooke": ("granular", "hooke 4e6 0 tangential linear_history 3e6 0 3"),
     "gran/hertz/history": ("gran/hertz/history 4.2e10 3.6e10 0 0 3 0", ""),
     "friction 0": ("gran/hooke/history 4e6 NULL 0 NULL 0 0", ""),
+    "sds": ("granular", f"{GLASS} mindlin/force NULL 0 3 rolling sds 2e6 0 3 twisting sds 0.2 0 3"),
+    "marshall": ("granular", f"hooke 4e6 0 tangential linear_history 3e6 0 3 {ROLLS}"),
 }
 """Name: pair_style with its arguments, and coefficients."""
 SAME = f"granular hertz {4 / 3 * 6e10 / (2 * (1 - 0.2**2))!r} 0"
@@ -53,6 +58,8 @@ WALLS = {
     "hooke": "granular hooke 4e6 0 tangential linear_history 3e6 0 3",
     "gran/hertz/history": "hertz/history 4.2e10 3.6e10 1e-9 0 3 0",
     "friction 0": "hooke/history 4e6 NULL 1e-9 NULL 0 0",
+    "sds": f"{SAME} tangential mindlin/force 5e10 0 3 rolling sds 1e6 0 3 twisting sds 0.1 0 3",
+    "marshall": f"granular hooke 4e6 0 tangential linear_history 3e6 0 3 {ROLLS}",
 }
 """Laws of the walls. A damping of 0 there is NaN in LAMMPS of 2025 (0 / 0). Not hertz/material:
 LAMMPS of 2021 makes it 1 + nu stiffer at walls."""
@@ -91,7 +98,11 @@ def run(folder: Path, script: str) -> None:
 
 
 def script_of(network: Network, law: str) -> str:
-    """Read a packing, follow it for 200 steps so that contacts shear, stop, and write it."""
+    """Read a packing, follow it for 200 steps so that contacts shear, stop, and write it.
+
+    With a law that resists rolling for none: the moments that are carried then turn with the
+    contacts, of which a network knows nothing.
+    """
     style, coefficients = LAWS[law]
     periodic = bool(network.cell_periodic[2])
     walls = ""
@@ -111,7 +122,7 @@ neigh_modify delay 0 every 1 check yes
 timestep {STEP!r}
 fix nve all nve/sphere
 {walls}
-run 200
+run {0 if "rolling" in coefficients else 200}
 unfix nve
 velocity all set 0 0 0
 set group all omega 0 0 0
@@ -208,16 +219,100 @@ def test_stress_and_stiffness_are_those_of_lammps(tmp_path, law, periodic_z):
     # Rotations as arcs of 1 mm.
     arc = np.tile([1.0] * 3 + [1e3] * 3, 60)
 
-    def error(terms: tuple[str, ...]) -> float:
-        have = assembled(network, Contacts.of(network, terms).tangent())[:, own].toarray()
+    def error(terms: tuple[str, ...], of: Network = network) -> float:
+        have = assembled(of, Contacts.of(of, terms).tangent())[:, own].toarray()
         off, size = ((arc[:, None] * a * arc[own]) for a in (have - wanted, wanted))
         return float(np.linalg.norm(off) / np.linalg.norm(size))
 
     whole = error(TANGENTS["law"])
     assert whole < 1e-4
+    for name in ("stiffness_rolling", "stiffness_twisting"):
+        stiffness = getattr(network, name)
+        assert (stiffness is None) == ("rolling" not in LAWS[law][1])
+        if stiffness is not None:  # and each of these, which may not be off by a hundredth
+            other = replace(network, **{name: 1.01 * stiffness})
+            assert error(TANGENTS["law"], other) > 2 * whole, name
     # Each term of this law counts: without it the error is larger.
     for term in told["terms_of_the_law_over_springs"]:
         assert error(tuple(other for other in TANGENTS["law"] if other != term)) > 2 * whole, term
+
+
+BODIES = """compute b all rigid/local r mol mass x y z quatw quati quatj quatk inertiax inertiay &
+inertiaz
+dump b all local 1 bodies c_b[*]
+dump_modify b format float %.17g
+run 0
+"""
+
+
+def test_rigid_bodies_are_those_of_lammps(tmp_path):
+    """Fifteen dumbbells of touching spheres among thirty free ones, periodic.
+
+    Mass, centre and tensor (moments and axes) as `fix rigid/small` has them; the stiffness from
+    differences of LAMMPS' forces and torques after the members were moved one by one. What carried
+    forces do is taken off these, as the test above has it for spheres.
+    """
+    made = packings.polydisperse(True, n=60)
+    data_file(made, tmp_path / "start.data")
+    body = np.zeros(60, int)
+    numbered = "fix mol all property/atom mol ghost yes\nset group all mol 0\n"
+    for i, j, shift in zip(made.particle_i, made.partner, made.cell_shift, strict=True):
+        if body[i] == body[j] == 0 and body.max() < 15:
+            body[[i, j]] = body.max() + 1
+            numbered += f"set atom {j + 1} image {' '.join(map(str, shift))}\n"
+    numbered += "".join(f"set atom {k + 1} mol {b}\n" for k, b in enumerate(body))
+    numbered += "neigh_modify exclude molecule/intra all\n"
+    script = script_of(made, "hooke").replace("run 200", f"{numbered}run 0")
+    script = script.replace("sphere\n", "sphere\natom_modify map array\n", 1)
+    script = script.replace("vel yes", "vel yes cutoff 8e-3")
+    at_rest = script.replace(
+        "unfix nve\n", "unfix nve\ngroup clumps molecule > 0\nfix r clumps rigid/small molecule\n"
+    )
+    at_rest = at_rest.replace("include", "variable bodies string mol\ninclude")
+    run(tmp_path, at_rest + BODIES)
+    found = imported(tmp_path)
+    network, number = found.network, np.unique(body)[1:]
+    assert network.n_particles == 45 and "mol are a rigid body" in found.told["assumed"][0]
+    theirs = np.loadtxt((tmp_path / "bodies").read_text().splitlines()[9:])
+    theirs = theirs[np.argsort(theirs[:, 0])]
+    first = [np.flatnonzero(body == b)[0] for b in number]
+    at = np.searchsorted(np.sort(np.concatenate([first, np.flatnonzero(body == 0)])), first)
+    axes = Rotation.from_quat(theirs[:, [6, 7, 8, 5]]).as_matrix()
+    tensor = axes @ (theirs[:, 9:, None] * axes.transpose(0, 2, 1))
+    apart = network.position[at] - theirs[:, 2:5]
+    apart -= np.round(apart / made.cell_size) * made.cell_size
+    np.testing.assert_allclose(network.mass[at], theirs[:, 1], rtol=1e-12)
+    assert abs(apart).max() < 1e-15
+    # LAMMPS turns its axes in steps that leave some 1e-8 of a moment.
+    size = np.trace(tensor, axis1=1, axis2=2).min()
+    np.testing.assert_allclose(network.inertia_tensor[at], tensor, rtol=0, atol=1e-7 * size)
+
+    spheres = np.flatnonzero(np.isin(body, number[:5]))
+    run(tmp_path, script + moved(spheres))
+    alone = imported(tmp_path).network
+    columns = np.concatenate([6 * k + np.arange(6) for k in spheres])
+    law, springs = (
+        assembled(alone, Contacts.of(alone, terms).tangent())[:, columns].toarray()
+        for terms in (TANGENTS["law"], ())
+    )
+    measured = differences(tmp_path / "forces", spheres) - law + springs
+
+    index = np.unique(np.where(body > 0, body, -1 - np.arange(60)), return_inverse=True)[1]
+    index = np.argsort(np.argsort([np.flatnonzero(index == k)[0] for k in range(45)]))[index]
+    period = made.cell_size
+    arm = alone.position - network.position[index]
+    arm -= np.round(arm / period) * period
+    J = np.zeros((360, 270))
+    for k, (b, a) in enumerate(zip(index, arm, strict=True)):
+        J[6 * k : 6 * k + 6, 6 * b : 6 * b + 6] = np.eye(6)
+        J[6 * k : 6 * k + 3, 6 * b + 3 : 6 * b + 6] = np.cross(np.eye(3), a).T
+    own = np.concatenate([6 * b + np.arange(6) for b in np.unique(index[spheres])])
+    wanted = J.T @ measured @ J[np.ix_(columns, own)]
+    have = assembled(network, Contacts.of(network).tangent())[:, own].toarray()
+    arc = np.tile([1.0] * 3 + [1e3] * 3, 45)
+    off, size = (arc[:, None] * each * arc[own] for each in (have - wanted, wanted))
+    # Round-off of forces, as above: 1e-12 N over 1e-10 m of stiffnesses of 1e6 N/m.
+    assert np.linalg.norm(off) < 1e-7 * np.linalg.norm(size)
 
 
 VARIABLES = """variable none string ""

@@ -13,6 +13,8 @@ from program_files import refused
 
 import modal
 from modal.exchange.registry import import_packing
+from modal.system.assembly import stiffness_matrix
+from modal.tools.errors import InputError
 
 FILE = "out.network.h5"
 
@@ -322,3 +324,54 @@ def test_contacts_that_are_not_listed_are_counted(tmp_path, capsys):
     contacts.write_text("\n".join([*lines[:3], str(count), *lines[4:-3]]) + "\n")
     told = program_files.imported(capsys, *given)
     assert any(line.startswith("3 contacts that overlap are not") for line in told["remarks"])
+
+
+def paired(folder: Path) -> tuple[Path, Path]:
+    """Spheres of a periodic packing, two and two of which have a number in mol; a log."""
+    atoms, _, log = program_files.lammps(program_files.packing(True), folder)
+    lines = atoms.read_text().splitlines()
+    lines[8] += " mol"
+    # Ids of members lie beside each other; the centres of these pairs, less than half a cell.
+    lines[9:] = [f"{line} {0 if int(line.split()[0]) > 2 else 1}" for line in lines[9:]]
+    atoms.write_text("\n".join(lines) + "\n")
+    log.write_text(log.read_text() + "fix r clumps rigid molecule\n")
+    return atoms, log
+
+
+def test_masses_of_rigid_bodies_may_be_told(tmp_path):
+    """In the format of `fix rigid ... infile`, in place of those of the members."""
+    atoms, log = paired(tmp_path)
+    plain = modal.read(atoms, log=log)
+    assert plain.n_particles == 59
+    told = tmp_path / "r.rigid"
+    place = " ".join(map(repr, plain.position[0].tolist()))
+    told.write_text(f"# bodies\n1\n1 2e-5 {place} 1e-11 2e-11 2.5e-11 1e-12 2e-12 3e-12 0 0 0\n")
+    found = modal.read(atoms, log=log, bodies=told)
+    assert found.mass[0] == 2e-5 != plain.mass[0]
+    wanted = [[1e-11, 1e-12, 2e-12], [1e-12, 2e-11, 3e-12], [2e-12, 3e-12, 2.5e-11]]
+    np.testing.assert_array_equal(found.inertia_tensor[0], wanted)
+    np.testing.assert_array_equal(found.mass[1:], plain.mass[1:])
+    told.write_text(told.read_text().replace("1 2e-5", "2 2e-5"))
+    with pytest.raises(InputError, match="some bodies have no mass and tensor"):
+        modal.read(atoms, log=log, bodies=told)
+    with pytest.raises(InputError, match="pre-stress of bodies that are no spheres"):
+        stiffness_matrix(found, pre_stress="normal")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("rigid molecule", "rigid single", "fix r rigid single: which spheres are one body is not"),
+        ("rigid molecule", "rigid molecule infile r.txt", r"masses of its own \(infile\); give"),
+        ("rigid molecule", "rigid molecule\nfix s clumps rigid molecule", "several fix rigid"),
+        ("rigid molecule", "rigid custom i_body", "x.atoms, line 9, .* no column i_body among"),
+        ("r clumps", "r all", "a mol of 0, which is one more body to fix rigid; make single"),
+    ],
+)
+def test_bodies_that_a_dump_does_not_tell_are_refused(tmp_path, old, new, said):
+    atoms, log = paired(tmp_path)
+    log.write_text(log.read_text().replace(old, new))
+    with pytest.raises(InputError, match=said):
+        modal.read(atoms, log=log)
+    with pytest.raises(InputError, match="--bodies: no fix rigid is known; give the log"):
+        modal.read(atoms, pair=program_files.PAIR, bodies=log)
