@@ -42,7 +42,7 @@ TESTS = {
     "packing/checks": "consistency bodies",
     "packing/columns": "consistency tiling operator bodies",
     "packing/plausibility": "plausibility",
-    "exchange/mercury_names": "mercury",
+    "exchange/mercury_restart": "mercury",
     "dem/motion": "dynamics",
     "modes/collective": "edges_of_lists collective_modes zero_modes",
     "modes/search": "edges_of_lists mode_lists highest_modes lowest_modes",
