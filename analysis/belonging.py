@@ -79,6 +79,7 @@ def kind_of(path: str | Path) -> str:
     with open_h5(path) as file:
         schema = _text(file.attrs.get("schema", ""))
         slid = schema == SIGNALS and _text(file.attrs.get("direction", "z")) != "z"
+        other = file.attrs.get("schema_version") == 2 and schema == SIGNALS
         by_yade = _text(file.attrs.get("producer", "")) == "yade"
         with complete(path):
             choice = Choice.of_attributes(dict(file.attrs)) if schema == MODES else Choice("all")
@@ -89,6 +90,8 @@ def kind_of(path: str | Path) -> str:
         if choice.kind == "highest":
             return "highest.modes"
         return "band.modes" if choice.low > 0 else "modes"
+    if other:
+        raise InputError(f"{path}: not a wave from wall to wall; a report reads no other")
     if slid:
         return "shear_yade.signals" if by_yade else "shear.signals"
     if schema not in KIND_OF:

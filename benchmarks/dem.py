@@ -20,7 +20,6 @@ from benchmarks.harness.yade import Yade, in_yades_order
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.state import affine_velocity
-from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
 from modal.waves.source import AMPLITUDE, Pulse
@@ -77,14 +76,16 @@ def errors(signals: Signals, lattice: LayerLattice) -> dict[str, float]:
 
 def linear_twin(network: Network, signals: Signals, pre_stress: str) -> Signals:
     """The linear leapfrog with the step, the pulse and the records of a run."""
-    return leapfrog(
+    step = signals.time_step
+    interval = step * round(float(signals.time[1]) / step)
+    return propagate(
         network,
-        float(signals.time[-1]),
-        signals.time_step,
+        interval * (len(signals.time) - 1),
+        interval=interval,
+        time_step=step,
         motion=Pulse(signals.amplitude, signals.input_frequency),
-        every=round(float(signals.time[1]) / signals.time_step),
         pre_stress=pre_stress,
-    )
+    ).signals
 
 
 class Crystal:

@@ -21,7 +21,6 @@ from benchmarks.harness.packing import step_and_records
 from benchmarks.harness.report import Page, Rows
 from benchmarks.harness.yade import Yade
 from modal.packing.network import Network, read_network, write_network
-from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 
 TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
@@ -42,13 +41,9 @@ def chebyshev_task(path: str, duration: float, tolerance: float) -> Callable[[],
 def leapfrog_task(path: str, duration: float, time_step: float, every: int) -> Callable[[], int]:
     """Task: the linear leapfrog; returns its steps."""
     network = read_network(path)
-    leapfrog(network, 10 * time_step, time_step)  # compiles the loop
-
-    def action() -> int:
-        leapfrog(network, duration, time_step, every=every)
-        return round(duration / time_step) + 1
-
-    return action
+    setting = {"interval": every * time_step, "time_step": time_step}
+    propagate(network, setting["interval"], **setting)  # compiles the loop
+    return lambda: propagate(network, duration, **setting).products
 
 
 def chebyshev_rows(network: Network, path: Path, quick: bool, duration: float) -> Rows:
@@ -78,8 +73,9 @@ def leapfrog_rows(
         setting = {"duration": duration, "time_step": step, "every": every}
         times = 1 if quick else 3
         spent = measured("benchmarks.wave:leapfrog_task", times=times, path=str(path), **setting)
-        found = leapfrog(network, **setting)
-        exact = propagate(network, duration, interval=step * every, tolerance=dem.REFERENCE).signals
+        interval = step * every
+        found = propagate(network, duration, interval=interval, time_step=step).signals
+        exact = propagate(network, duration, interval=interval, tolerance=dem.REFERENCE).signals
         rows.append(
             {
                 "method": "linear, leapfrog",

@@ -17,6 +17,8 @@ from modal.system.assembly import block
 from modal.system.contacts import Contacts, terms_of
 from modal.system.imposed import WallMoves, put_on
 from modal.system.linear_system import LinearSystem
+from modal.waves.propagate import propagate
+from modal.waves.signals import Signals
 
 YOUNG, POISSON = 60e9, 0.2
 
@@ -286,6 +288,14 @@ def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none
     whole[~pair, 6:] = 0
     whole[~pair, :, 6:] = 0
     return whole
+
+
+def stepped(
+    network: Network, duration: float, step: float, *, every: int = 1, **settings
+) -> Signals:
+    """The signals of a wave by leapfrog, recorded at each `every`-th time step, s."""
+    how = {"interval": every * step, "time_step": step, **settings}
+    return propagate(network, duration, **how).signals
 
 
 def kinematics(network: Network) -> np.ndarray:

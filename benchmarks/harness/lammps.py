@@ -13,7 +13,7 @@ from benchmarks.harness.packing import step_and_records
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.contact_law import GLASS
 from modal.packing.network import Network
-from modal.waves.leapfrog import leapfrog
+from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
 from modal.waves.source import INPUT_FREQUENCY, Pulse
 
@@ -68,5 +68,11 @@ class Lammps:
         blocks = (self.folder / "scene.dump").read_text().split("ITEM: TIMESTEP\n")[1:]
         z = np.array([[row.split()[1] for row in b.splitlines()[8:]] for b in blocks], float)
         moved = (z - z[0])[:, np.argsort(np.argsort(chain))]  # dumped in the order of the ids
-        same = leapfrog(self.network, duration, step, motion=Pulse(amplitude), every=every)
+        same = propagate(
+            self.network,
+            duration,
+            interval=every * step,
+            time_step=step,
+            motion=Pulse(amplitude),
+        ).signals
         return replace(same, chain_displacement=moved[: len(same.time)]), spent

@@ -26,10 +26,8 @@ from modal.modes.mode_set import read_modes
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
-from modal.waves.plane_file import SCHEMA as PLANE
-from modal.waves.plane_file import read_plane_wave
-from modal.waves.plane_source import PlaneWave
-from modal.waves.signals import DIRECTIONS, Signals, read_signals
+from modal.waves.recording import TORSION
+from modal.waves.signals import DIRECTIONS, PLANE, read_signals
 from modal.waves.signals import SCHEMA as WAVE
 
 
@@ -39,7 +37,7 @@ def add(commands: Any) -> None:
     command = network_command(
         commands, "export", text, "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
     )
-    command.add_argument("product", nargs="?", help="*.modes.h5, *.signals.h5 or *.plane.h5")
+    command.add_argument("product", nargs="?", help="*.modes.h5 or *.signals.h5")
     command.add_argument(
         "--modes", type=int, nargs="+", metavar="K", help="which modes, from 1 (default all)"
     )
@@ -92,15 +90,15 @@ def _of_product(
     if schema in (WAVE, PLANE):
         if options.modes:
             raise InputError("--modes: the file has a wave; give *.modes.h5")
-        signals: Signals | PlaneWave = (read_signals if schema == WAVE else read_plane_wave)(
-            options.product
-        )
+        signals = read_signals(options.product, of_any_source=True)
         moved = signals.particle_displacement
         if moved is None:
             raise InputError(
                 f"{options.product}: without the motion of every sphere; make it again with "
                 "wave --particles"
             )
+        if signals.direction == TORSION:
+            raise InputError(f"{options.product}: of torsion, turns alone; no picture shows them")
         axis = DIRECTIONS.index(signals.direction)
         return {}, wave_frames(signals.time, moved, axis, options.frames or 50)
     modes = read_modes(options.product)

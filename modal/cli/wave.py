@@ -1,38 +1,30 @@
-"""The command `wave`: signals of a wave in the linear network, from a wall or from a plane."""
+"""The command `wave`: signals of a wave in the linear network, from a wall, a plane or a sphere."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from modal.cli.options import add_output, add_skip_current, network_command, say, typed
 from modal.cli.reading import add_springs, packing_of
 from modal.exchange.sample import is_sample
-from modal.formats.hdf5 import open_h5, sha256
-from modal.packing.network import Network
+from modal.formats.hdf5 import sha256
 from modal.packing.sample import read_sample
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
-from modal.waves.leapfrog import leapfrog, steps_between_records
 from modal.waves.nonlinear import ACCURACY, propagate_nonlinear
-from modal.waves.plane_file import SCHEMA as PLANE
-from modal.waves.plane_file import read_plane_wave, write_plane_wave
-from modal.waves.plane_source import PlaneWave, propagate_from_plane
 from modal.waves.propagate import propagate
-from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
+from modal.waves.recording import COMPONENT
+from modal.waves.signals import read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
+from modal.waves.sources import Plane, Point, Source, Wall
 
 NOISY = 0.01
 """Motion without a wave, over the wave's, from which on it is remarked on."""
 
-
-def read_product(path: str | Path) -> Signals | PlaneWave:
-    """What the command has written: signals, or a wave from a plane."""
-    with open_h5(path) as file:
-        plane = file.attrs.get("schema") == PLANE
-    return read_plane_wave(path) if plane else read_signals(path)
+read_product = partial(read_signals, of_any_source=True)
 
 
 def add(commands: Any) -> None:
@@ -66,7 +58,7 @@ def add(commands: Any) -> None:
         help="of the source wall (default pulse)",
     )  # fmt: skip
     given.add_argument(
-        "--motion-file", metavar="FILE", help="the wall's motion as a table of two columns: s, m"
+        "--motion-file", metavar="FILE", help="the source's motion as a table of two columns: s, m"
     )
     command.add_argument(
         "--cycles", type=int, default=1, metavar="N", help="of a pulse (default 1)"
@@ -81,12 +73,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--tolerance", type=float, metavar="T", default=1e-9, help="relative error (default 1e-9)"
     )
-    command.add_argument(
-        "--direction",
-        choices=DIRECTIONS,
-        default="z",
-        help="of the wall's motion: z (default), or x or y for S-waves",
-    )
+    add_source(command)
     command.add_argument(
         "--particles", action="store_true", help="record every sphere: to watch it, or for ParaView"
     )
@@ -95,15 +82,10 @@ def add(commands: Any) -> None:
         help="of the contacts, over the critical: normal, tangential (default 0 0)",
     )  # fmt: skip
     command.add_argument(
-        "--method", choices=("chebyshev", "leapfrog"), default="chebyshev",
-        help="exact in time (chebyshev, default), or in steps as DEM programs (leapfrog)",
+        "--time-step", type=float, metavar="S",
+        help="in steps as DEM programs, by leapfrog (default: exact in time)",
     )  # fmt: skip
-    command.add_argument("--time-step", type=float, metavar="S", help="of the leapfrog")
     command.add_argument(
-        "--plane", type=float, metavar="Z",
-        help="of a cell without walls: the contacts across the plane at this height, m, open",
-    )  # fmt: skip
-    command.add_argument_group("advanced").add_argument(
         "--nonlinear", action="store_true",
         help="contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3",
     )  # fmt: skip
@@ -111,13 +93,39 @@ def add(commands: Any) -> None:
         "--accuracy", type=float, metavar="T",
         help=f"of --nonlinear: error of the time step over the largest motion (default {ACCURACY})",
     )  # fmt: skip
-    command.add_argument(
+    command.add_argument_group("advanced").add_argument(
         "--whole", action="store_true",
         help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
     )  # fmt: skip
     add_springs(command)
-    add_output(command, "write *.signals.h5, with --plane *.plane.h5")
+    add_output(command, "write *.signals.h5")
     add_skip_current(command)
+
+
+def add_source(command: argparse.ArgumentParser) -> None:
+    """The options that say what moves, and along which direction."""
+    command.add_argument(
+        "--direction",
+        choices=list(COMPONENT),
+        default="z",
+        help="of the source's motion: z (default), x or y for S-waves, or torsion about z",
+    )
+    source = command.add_mutually_exclusive_group()
+    source.add_argument(
+        "--plane", type=float, metavar="Z",
+        help="in the place of the source wall the contacts across this height, m, open",
+    )  # fmt: skip
+    source.add_argument(
+        "--point", type=int, metavar="K",
+        help="in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it",
+    )  # fmt: skip
+
+
+def source_of(options: argparse.Namespace) -> Source:
+    """What the options of `add_source` say."""
+    if options.plane is not None:
+        return Plane(options.plane)
+    return Wall() if options.point is None else Point(options.point)
 
 
 def _motion(options: argparse.Namespace) -> Motion:
@@ -148,63 +156,48 @@ def _motion(options: argparse.Namespace) -> Motion:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """The wave that the source wall sends, and how exact it is."""
+    """The wave that the source sends, and how exact it is."""
     if options.nonlinear:
         return _nonlinear(options)
     if options.accuracy is not None:
         raise InputError("--accuracy is of --nonlinear; the linear wave takes --tolerance")
     network = packing_of(options, waves=True)
-    if options.plane is not None:
-        return _from_plane(options, network)
-    if network.cell_periodic[2]:
-        raise InputError(
-            f"{options.network}: periodic along z, no wall sends a wave; give --plane Z, the "
-            "height of a plane that opens"
-        )
-    settings = {
-        "motion": _motion(options),
-        "pre_stress": options.pre_stress,
-        "particles": options.particles,
-        "direction": options.direction,
-        "network_sha256": sha256(options.network),
-    }
-    time_step = options.time_step
-    if options.method == "leapfrog":
-        if time_step is None:
-            raise InputError("--method leapfrog needs --time-step; give it in s")
-        if options.damping:
-            raise InputError("--damping and --method leapfrog: take one of them")
-        every = steps_between_records(options.interval, time_step)
-        signals = leapfrog(network, options.duration, time_step, every=every, **settings)
-        accuracy = {"time_step_s": time_step}
-    else:
-        if time_step is not None:
-            raise InputError("--time-step is for --method leapfrog; chebyshev takes --tolerance")
-        damping = ContactDamping(*options.damping) if options.damping else None
-        wave = propagate(
-            network,
-            options.duration,
-            interval=options.interval,
-            tolerance=options.tolerance,
-            damping=damping,
-            whole=options.whole,
-            **settings,
-        )
-        signals = wave.signals
-        accuracy = {"products_with_k": wave.products, "truncation": wave.truncation}
-        if wave.repeats > 1:
-            accuracy["computed_one_of_equal_parts"] = wave.repeats
+    wave = propagate(
+        network,
+        options.duration,
+        source=source_of(options),
+        motion=_motion(options),
+        interval=options.interval,
+        tolerance=options.tolerance,
+        pre_stress=options.pre_stress,
+        particles=options.particles,
+        direction=options.direction,
+        damping=ContactDamping(*options.damping) if options.damping else None,
+        time_step=options.time_step,
+        whole=options.whole,
+        network_sha256=sha256(options.network),
+    )
+    signals, accuracy = wave.signals, {"truncation": wave.truncation}
+    if options.time_step is not None:
+        accuracy = {"time_step_s": options.time_step}
+    if wave.repeats > 1:
+        accuracy["computed_one_of_equal_parts"] = wave.repeats
     if options.output:
         write_signals(options.output, signals, options.made)
-        say(
-            f"velocities and low-pass frequency: python -m analysis compare {options.network} "
-            f"{options.output} -o DIR"
-        )
+        if signals.from_wall_to_wall:
+            say(
+                "velocities, low-pass frequency, attenuation: python -m analysis measure "
+                f"{options.network} {options.output}"
+            )
+    moved = signals.chain_displacement
+    if not moved.size and signals.layer_displacement is not None:
+        moved = signals.layer_displacement
     return {
         "particles_of_the_chain": len(signals.chain_particle),
         "times": len(signals.time),
+        "products_with_k": wave.products,
         **accuracy,
-        "largest_displacement_m": float(abs(signals.chain_displacement).max()),
+        "largest_displacement_m": float(abs(moved).max()),
         "degrees_of_freedom": 6 * network.n_particles,
     }
 
@@ -218,7 +211,7 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
         )
     for option, usual in (
         *(("pre_stress", "none"), ("sliding", "elastic"), ("damping", None), ("plane", None)),
-        *(("method", "chebyshev"), ("tolerance", 1e-9), ("whole", False)),
+        *(("point", None), ("tolerance", 1e-9), ("whole", False)),
     ):
         if getattr(options, option) != usual:
             raise InputError(f"{typed(option)} with --nonlinear: take one of them")
@@ -260,36 +253,4 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
         "energy_gap": balance.gap if balance else math.nan,
         "dissipated_share": float(wave.energy[-1, 3] / wave.energy[:, 0].max()),
         "degrees_of_freedom": 6 * len(sample.position),
-    }
-
-
-def _from_plane(options: argparse.Namespace, network: Network) -> dict[str, Any]:
-    """The two waves of a plane inside a cell; InputError for what only walls have."""
-    for option, usual in (
-        ("pre_stress", "none"),
-        ("damping", None),
-        ("method", "chebyshev"),
-        ("time_step", None),
-    ):
-        if getattr(options, option) != usual:
-            raise InputError(f"{typed(option)} with --plane: take one of them")
-    wave = propagate_from_plane(
-        network,
-        options.duration,
-        options.plane,
-        direction=options.direction,
-        motion=_motion(options),
-        interval=options.interval,
-        tolerance=options.tolerance,
-    )
-    if options.output:
-        digest = sha256(options.network)
-        write_plane_wave(options.output, wave, digest, options.made, particles=options.particles)
-    return {
-        "layers": len(wave.layer_position),
-        "times": len(wave.time),
-        "products_with_k": wave.products,
-        "truncation": wave.truncation,
-        "largest_displacement_m": float(abs(wave.layer_displacement).max()),
-        "degrees_of_freedom": 6 * network.n_particles,
     }

@@ -70,13 +70,16 @@ class WallTurns:
 
     def on(self, network: Network) -> Floats:
         """Shape (1, m, 9)."""
-        axis = np.array([0.0, 0.0, 1.0])
-        middle = np.array([*network.cell_size[:2] / 2, 0.0])
-        at = network.position[network.particle_i] + network.lever_i
         motion = np.zeros((1, network.n_contacts, 9))
-        motion[0, :, :3] = np.cross(axis, at - middle)
-        motion[0, :, 6:] = axis
+        motion[0, :, :3] = _turned(network, network.position[network.particle_i] + network.lever_i)
+        motion[0, :, 8] = 1
         return motion
+
+
+def _turned(network: Network, place: Floats) -> Floats:
+    """Shape (k, 3): how places (k, 3), m, move by a turn of one about the middle of the cell."""
+    x, y = (place[:, :2] - network.cell_size[:2] / 2).T
+    return np.column_stack([-y, x, 0 * x])
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,32 @@ class PlaneOpens:
         """Shape (1, m, 9)."""
         motion = np.zeros((1, network.n_contacts, 9))
         motion[0, :, self.axis] = -crossings(network, self.height)
+        return motion
+
+
+@dataclass(frozen=True)
+class PlaneTurns:
+    """What lies above a plane at `height`, m, turns by one radian against what lies below.
+
+    About the line along z through the middle of the cell.
+    """
+
+    height: float
+    count: int = 1
+
+    def touches(self, network: Network) -> Bools:
+        """Contacts that cross the plane, or an image of it."""
+        return crossings(network, self.height) != 0
+
+    def on(self, network: Network) -> Floats:
+        """Shape (1, m, 9)."""
+        crossed = -crossings(network, self.height)
+        upper = network.position[network.particle_i]
+        upper = np.where(crossed[:, None] < 0, upper + network.branch, upper)
+        motion = np.zeros((1, network.n_contacts, 9))
+        motion[0, :, :3] = crossed[:, None] * _turned(network, upper)
+        motion[0, :, 5] = np.where(crossed > 0, -crossed, 0)
+        motion[0, :, 8] = np.where(crossed < 0, crossed, 0)
         return motion
 
 

@@ -1,4 +1,4 @@
-"""The linear system M u'' + K u = 0 of a packing, which modes, waves and moduli are asked of."""
+"""The linear system M u'' + C u' + K u = 0 of a packing: modes, waves, moduli are asked of it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS
 from modal.system.assembly import own_blocks, stiffness_matrix
 from modal.system.contacts import SYMMETRIC, terms_of, with_sliding
+from modal.system.damping import ContactDamping
+from modal.system.imposed import Coupling, Imposed, put_on
 from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Floats
@@ -61,6 +63,7 @@ class LinearSystem:
     `modal.system.contacts`; `dof` is the number of degrees of freedom of a particle, 6, or 3 with
     translations only; `solver` as in `of`; `shapes` says whether lists of modes keep their mode
     shapes; a search whose estimated time exceeds `hours` is refused; `limits` as in `Limits`.
+    `damping` of the contacts is known to waves and responses alone.
     """
 
     network: Network
@@ -70,6 +73,7 @@ class LinearSystem:
     shapes: bool = True
     hours: float = LONGEST / 3600
     limits: Limits = Limits()
+    damping: ContactDamping | None = None
 
     @classmethod
     def of(
@@ -83,6 +87,7 @@ class LinearSystem:
         shapes: bool = True,
         hours: float = LONGEST / 3600,
         limits: Limits = Limits(),  # noqa: B008
+        damping: ContactDamping | None = None,
     ) -> LinearSystem:
         """The system of a network; with `translations_only` rotations are held at zero.
 
@@ -93,9 +98,8 @@ class LinearSystem:
             raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
         terms_of(pre_stress)
         network = with_sliding(network, sliding)
-        return cls(
-            network, pre_stress, 3 if translations_only else 6, solver, shapes, hours, limits
-        )
+        dof = 3 if translations_only else 6
+        return cls(network, pre_stress, dof, solver, shapes, hours, limits, damping)
 
     def cached(self, name: str, make: Callable[[], Made]) -> Made:
         """What does not depend on the solver, and is made once for all systems of a network."""
@@ -182,6 +186,20 @@ class LinearSystem:
             mass_scaled=True,
             pre_stress=self.pre_stress,
         )
+
+    @cached_property
+    def dashpots(self) -> LinearSystem | None:
+        """The system whose K is the C of this one; None where the contacts are elastic."""
+        if self.damping is None or self.damping.none:
+            return None
+        return LinearSystem(self.damping.dashpots(self.network), dof=self.dof)
+
+    def put_on(self, imposed: Imposed) -> Coupling:
+        """How motions from outside, put on the contacts, and the bodies act on each other.
+
+        In N and N m per metre or radian, six rows a body, as K u is; not mass-scaled.
+        """
+        return put_on(self.network, terms_of(self.pre_stress), imposed)
 
     @property
     def spectrum(self) -> Floats:

@@ -78,13 +78,13 @@ class ContactOperator(LinearOperator):
             other._unturning = self._unturning[other.order]
         return other
 
-    def inward(self, u: Floats) -> Floats:
+    def inward(self, u: Array) -> Array:
         """Motions (dof n,) or (dof n, k) of the particles, numbered as by the operator."""
         if self.order is None:
             return u
         return u.reshape(len(self.order), self.dof, -1)[self.order].reshape(u.shape)
 
-    def outward(self, u: Floats) -> Floats:
+    def outward(self, u: Array) -> Array:
         """The inverse of `inward`."""
         if self.order is None:
             return u

@@ -29,7 +29,9 @@ ROUNDING = np.finfo(float).eps
 class Observer(Protocol):
     """What records of a motion are made: `count` numbers, each linear in M^1/2 u."""
 
-    count: int
+    @property
+    def count(self) -> int:
+        """How many."""
 
     def observe(self, u: Floats, out: Floats) -> None:
         """Write the numbers (count,) of the motion u (6n,) into `out`."""

@@ -1,92 +1,178 @@
-"""What a wave is computed with: the springs, the push of the source wall, and the receivers.
+"""A linear system between a source and receivers: what an integrator is given.
 
-Of a packing that repeats itself sideways (`modal.packing.repeats`) one part is enough: the wall
-pushes all parts alike, and the receivers read each sphere from the one of the part that moves as it
-does. That is exact for parts that are equal. Parts that differ by round-off are replaced by equal
-ones, which changes a wave little: with C the contacts' strains times the roots of their
-stiffnesses, in mass-scaled motions, A = C^T C, and y = (C v, v') follows (C v)' = C v',
-v'' = -C^T (C v) + the push. Both right-hand sides conserve |y|, the root of twice the energy, so
-that after a time t the two waves differ by |C - C'| t of the largest |y| at most; and
-|C - C'| <= `Repeats.difference` omega_bound, whose square bounds all omega^2.
+Of v = M^1/2 u, with d(t) the source's motion,
+
+    v'' + D v' + A v = push d(t) + drag d'(t),
+
+where push and drag are what springs and dashpots do for a unit displacement and a unit velocity of
+the source. What is recorded is linear in v, forces on walls also in v', d and d'.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+import scipy.sparse as sp
 
-from modal.packing.network import Network
-from modal.packing.repeats import lateral_repeats
+from modal.packing.network import RECEIVER_WALL
+from modal.system.imposed import Imposed, WallMoves, WallTurns
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
-from modal.system.root_mass import RootMass
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Array, Floats
+from modal.tools.errors import InputError
+from modal.waves.one_part import Part, moved, one_part
 from modal.waves.receivers import Receivers
+from modal.waves.recording import COMPONENT, TORSION
+from modal.waves.sources import Source
 
 
-def bound_of_omega(network: Network) -> float:
-    """A bound of all omega of the springs, 1/s; two to three times the highest.
-
-    A contact stores at most twice what it would for the motion of either sphere alone; and what a
-    sphere's contacts store is at most the sum over its six unit motions, of mass-scaled length 1.
-    """
-    kn, kt = network.stiffness_normal, network.stiffness_tangential
-    share = np.zeros(network.n_particles)
-    for end, lever, chosen in (
-        (network.particle_i, network.lever_i, slice(None)),
-        (network.particle_j, network.lever_j, ~network.with_wall),
-    ):
-        at, across = end[chosen], np.cross(lever, network.normal)[chosen]
-        turning = 2 * kt[chosen] * (lever[chosen] ** 2).sum(axis=1)
-        turning += (kn - kt)[chosen] * (across**2).sum(axis=1)
-        pushing = (kn + 2 * kt)[chosen]
-        own = pushing / network.mass[at] + turning / network.inertia[at]
-        share += np.bincount(at, own, len(share))
-    return float(np.sqrt(2 * share.max()))
-
-
+@dataclass(frozen=True)
 class Driven:
-    """A network that its source wall moves, in terms of mass-scaled motions M^1/2 u.
+    """Operators, source and receivers in the numbering of the operators' bodies.
 
-    `operator` is A; `start()` the force (6n,) for a unit displacement of the wall; `receivers` read
-    what is recorded from motions of the operator's spheres. All of the network is computed where
-    `whole`, else one of its lateral repeats, `repeats` of them, if in the time `duration`, s, that
-    changes the motion by at most `tolerance` of the largest: by `difference`, at most, which is 0
-    for all of it. Other arguments as of `Receivers`.
+    `springs` is A, `dashpots` D or None; push, drag (size,). `rows` (count, size) read v, the first
+    `walls` of them forces, N, or torques, N m; `viscous` (walls, size) read what v' adds to these;
+    `held`, `held_viscous` (walls,): what d and d' add. The first force is that which holds the
+    source, of one that moves; the last that on the receiver wall, where there is one. `part` says
+    which bodies of the packing these are.
     """
 
-    def __init__(
-        self,
-        network: Network,
+    springs: ContactOperator
+    dashpots: ContactOperator | None
+    push: Floats
+    drag: Floats
+    rows: sp.csr_matrix
+    viscous: sp.csr_matrix
+    held: Floats
+    held_viscous: Floats
+    area: float
+    part: Part
+
+    @classmethod
+    def of(
+        cls,
+        system: LinearSystem,
+        source: Source,
+        receivers: Receivers,
         duration: float,
         tolerance: float,
         *,
-        pre_stress: str = "none",
-        particles: bool = False,
-        direction: str = "z",
         whole: bool = False,
-    ) -> None:
-        self.receivers = Receivers(
-            network,
-            pre_stress=pre_stress,
-            particles=particles,
-            direction=direction,
-        )
-        part, self.repeats, self.difference = network, 1, 0.0
-        first: Ints | slice = slice(None)
-        found = None if whole else lateral_repeats(network, pre_stress=pre_stress != "none")
-        if found is not None and found.count > 1:
-            difference = found.difference * bound_of_omega(found.part) * duration
-            if difference <= tolerance:
-                part, first, self.repeats = found.part, found.first, found.count
-                self.difference = difference
-                self.receivers.move_as(found.member)
-        self.operator = ContactOperator(part, mass_scaled=True, pre_stress=pre_stress).renumbered()
-        if self.operator.order is not None:
-            number = np.empty_like(self.operator.order)
-            number[self.operator.order] = np.arange(len(number))
-            self.receivers.move_as(number)
-        self._first, self._part = first, part
+    ) -> Driven:
+        """The system with its source and receivers, or one of its equal parts unless `whole`.
 
-    def start(self) -> Floats:
-        """The mass-scaled force of the wall (6n,) per metre of its motion, made anew each time."""
-        push = self.receivers.source.reshape(-1, 6)[self._first].ravel()
-        return self.operator.inward(RootMass.of(self._part).over(push))
+        One will do where it changes the motion, for `duration`, s, by no more than `tolerance` of
+        the largest (`modal.waves.one_part`). InputError where the source moves nothing.
+        """
+        direction, network = receivers.direction, system.network
+        own = source.imposed(network, direction)
+        if whole or not source.alike:
+            every = np.arange(network.n_particles)
+            part = Part(system, every, every)
+        else:
+            part = one_part(system, duration, tolerance)
+        springs = part.system.operator.renumbered()
+        dashpots = None if system.dashpots is None else system.dashpots.operator
+        if dashpots is not None and springs.order is not None:
+            dashpots = dashpots.renumbered()
+        beyond: Imposed | None = None
+        if receivers.walls and direction == TORSION:
+            beyond = WallTurns(RECEIVER_WALL)
+        elif receivers.walls:
+            beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction])
+        # What holds the source against the bodies, and what these do to the wall beyond.
+        walls = [(wall, way) for wall, way in ((own, -1.0), (beyond, 1.0)) if wall is not None]
+        push, held, pulls = _coupled(system, walls, own)
+        push += source.load(network, direction)
+        if not push.any():
+            raise InputError(
+                f"the source, {source.name}, moves nothing along {direction}: its contacts have no "
+                f"{'normal' if direction == 'z' else 'tangential'} stiffness"
+            )
+        drag, held_viscous, viscous = np.zeros_like(push), np.zeros(len(walls)), pulls * 0
+        if system.dashpots is not None:
+            drag, held_viscous, viscous = _coupled(system.dashpots, walls, own)
+        root = part.system.root
+        number = part.member
+        if springs.order is not None:
+            place = np.empty_like(springs.order)
+            place[springs.order] = np.arange(len(place))
+            number = place[number]
+
+        def inward(force: Floats) -> Floats:
+            return springs.inward(root.over(force.reshape(-1, 6)[part.first].ravel()))
+
+        def reading(rows: sp.csr_matrix) -> sp.csr_matrix:
+            rows = (rows @ system.root.inverse()).tocsr()
+            columns = moved(rows.indices, number)
+            shape = rows.shape[0], springs.shape[0]
+            found = sp.csr_matrix((rows.data, columns, rows.indptr), shape)
+            found.sum_duplicates()
+            return found
+
+        return cls(
+            springs,
+            dashpots,
+            inward(push),
+            inward(drag),
+            reading(sp.vstack([pulls, receivers.rows], format="csr")),
+            reading(viscous),
+            held,
+            held_viscous,
+            network.area,
+            part,
+        )
+
+    @property
+    def count(self) -> int:
+        """How many numbers are recorded."""
+        return int(self.rows.shape[0])
+
+    @property
+    def walls(self) -> int:
+        """How many of them are forces."""
+        return len(self.held)
+
+    def observe(self, v: Floats, out: Floats) -> None:
+        """Write the row (count,) of the motion v = M^1/2 u (size,) into `out`."""
+        out[:] = self.rows @ v
+
+    def reach(self) -> Floats:
+        """Shape (walls + 1,): lengths of the rows, of each force and the longest of all others."""
+        length = np.sqrt(np.asarray(self.rows.multiply(self.rows).sum(axis=1)).ravel())
+        return np.append(length[: self.walls], length[self.walls :].max())
+
+    def recorded(self, record: Array, displacement: Floats) -> Array:
+        """A record (k, count) with what the source's `displacement` (k,) adds to the forces."""
+        record[:, : self.walls] += displacement[:, None] * self.held
+        return record
+
+    def stresses(self, record: Array) -> dict[str, Any]:
+        """Forces of a complete record (k, count) over the area; empty where there is none."""
+        none = np.empty(0)
+        own, beyond = self.held.any(), self.walls > self.held.any()
+        return {
+            "source_stress": record[:, 0] / self.area if own else none,
+            "receiver_stress": record[:, self.walls - 1] / self.area if beyond else none,
+        }
+
+    def largest(self, record: Array, displacement: Floats) -> Floats:
+        """Shape (walls + 1,): forces and motions at most in a record (k, count)."""
+        forces = record[:, : self.walls] + displacement[:, None] * self.held
+        return np.append(abs(forces).max(axis=0), abs(record[:, self.walls :]).max())
+
+
+def _coupled(
+    system: LinearSystem, walls: list[tuple[Imposed, float]], own: Imposed | None
+) -> tuple[Floats, Floats, sp.csr_matrix]:
+    """Push of the source (6n,), what holds it (walls,), and what the bodies do to walls, sparse."""
+    push, held = np.zeros(6 * system.network.n_particles), np.zeros(len(walls))
+    pulls = [sp.csr_matrix((0, len(push)))]
+    for k, (wall, way) in enumerate(walls):
+        coupling = system.put_on(wall)
+        if wall is own:
+            push, held[k] = coupling.push[:, 0], coupling.held[0, 0]
+        pulls.append(sp.csr_matrix(way * coupling.pull[:, 0]))
+    return push, held, sp.vstack(pulls, format="csr")

@@ -8,110 +8,96 @@ at d(k dt), velocities half a step ahead, u_(k+1) = u_k + dt v_(k+1/2).
 
 from __future__ import annotations
 
-import time as clock
+from dataclasses import dataclass
 
 import numpy as np
 
-from modal.packing.network import Network
 from modal.solvers.spectrum import GrowthError, bound_of_spectrum, dot
-from modal.system.operator import ContactOperator
-from modal.system.root_mass import RootMass
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
-from modal.waves.receivers import Receivers
-from modal.waves.signals import Signals
-from modal.waves.source import Motion, Pulse
+from modal.waves.driven import Driven
+from modal.waves.integrators import Seen, refuse_dashpots
+from modal.waves.signals import record_times
+from modal.waves.source import Motion
 
 LOOK = 50
 """Steps between two looks at the energy."""
 EXCESS = 1.5
-"""Largest velocity over what the wall's work allows; above 1 because of round-off, and because the
-full tangent is not symmetric and conserves energy only nearly."""
+"""Largest velocity over what the source's work allows; above 1 because of round-off, and because
+the full tangent is not symmetric and conserves energy only nearly."""
 
 
-def leapfrog(
-    network: Network,
-    duration: float,
-    time_step: float,
-    *,
-    motion: Motion | None = None,
-    every: int = 1,
-    pre_stress: str = "none",
-    particles: bool = False,
-    direction: str = "z",
-    network_sha256: str = "",
-) -> Signals:
-    """The wave by leapfrog; its signals are recorded at every `every`-th step.
+@dataclass(frozen=True)
+class Leapfrog:
+    """The scheme of DEM programs, with their time step, s; it knows no dashpots.
 
-    `duration` and `time_step` in s; `motion` of the source wall, by default the pulse of the study;
-    `pre_stress` as in `modal.system.contacts`; `particles` records every particle;
-    `direction`, x, y or z, is that of the wall and of all that is recorded;
-    `network_sha256` is noted in the signals. InputError where the time step exceeds the stability
-    limit 2 / omega_max. GrowthError where the network is unstable: its velocities then exceed what
-    the work of the wall allows.
+    Records are whole numbers of steps apart.
     """
-    if not (0 < time_step <= duration < np.inf and every >= 1):
-        raise InputError("the time step must be positive and no longer than the duration")
-    started = clock.perf_counter()
-    motion = motion or Pulse()
-    receivers = Receivers(
-        network,
-        pre_stress=pre_stress,
-        particles=particles,
-        direction=direction,
-    )
-    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
-    top, _ = bound_of_spectrum(operator)
-    limit = 2 / np.sqrt(top) if top > 0 else np.inf
-    if not time_step < limit:
-        raise InputError(
-            f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = {limit:.4g} s; "
-            "take a smaller one"
+
+    time_step: float
+
+    def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
+        """The record, of an error that is not known.
+
+        InputError where the time step exceeds the stability limit 2 / omega_max. GrowthError where
+        the network is unstable: its velocities then exceed what the source's work allows.
+        """
+        refuse_dashpots(driven, "the leapfrog's steps")
+        step, operator = self.time_step, driven.springs
+        every = _steps_between_records(interval, step)
+        top, _ = bound_of_spectrum(operator)
+        limit = 2 / np.sqrt(top) if top > 0 else np.inf
+        if not step < limit:
+            raise InputError(
+                f"time step {step:g} s: the scheme is stable up to 2 / omega_max = {limit:.4g} s; "
+                "take a smaller one"
+            )
+        refuse_endless(
+            f"a wave of {duration:g} s in steps of {step:g} s",
+            operator,
+            products=duration / step,
+            bytes_needed=8 * duration / step * (3 + driven.count / every),
+            remedy="take a shorter duration",
         )
-    refuse_endless(
-        f"a wave of {duration:g} s in steps of {time_step:g} s",
-        operator,
-        products=duration / time_step,
-        bytes_needed=8 * duration / time_step * (3 + receivers.count / every),
-        remedy="take a shorter duration",
-    )
-    push = RootMass.of(network).over(receivers.source)
-    steps = round(duration / time_step)
-    wall = motion.displacement(time_step * np.arange(-1, steps + 2, dtype=float))
-    work = 0.0
-    u, velocity, force = (np.zeros(operator.shape[0]) for _ in range(3))
-    rows = np.empty((steps // every + 1, receivers.count))
-    for k in progress(steps + 1, "leapfrog"):
-        if k % every == 0:
-            receivers.observe(u, rows[k // every])
-        before, now, after = wall[k : k + 3]
-        work += (after - before) / 2 * receivers.source_force(u, now)
-        np.multiply(push, now, out=force)
-        operator.accumulate(u, force, -1.0)
-        force *= time_step
-        velocity += force
-        if k % LOOK == LOOK - 1 or k == steps:
-            kinetic = 0.5 * dot(velocity, velocity)
-            stretch = np.sqrt(receivers.source_stiffness / 8) * abs(after - now)
-            if not kinetic <= EXCESS**2 * _most_kinetic(work, time_step / limit, stretch):
-                raise GrowthError(velocity, k + 1)
-        np.multiply(velocity, time_step, out=force)
-        u += force
-    return receivers.signals(
-        time_step * every * np.arange(len(rows), dtype=float),
-        rows,
-        motion,
-        time_step=time_step,
-        run_time=clock.perf_counter() - started,
-        network_sha256=network_sha256,
-    )
+        times = record_times(duration, interval)
+        steps = every * (len(times) - 1)
+        moved = motion.displacement(step * np.arange(-1, steps + 2, dtype=float))
+        # The force that holds a source which moves; one that pushes needs none.
+        holds = driven.rows[0] if driven.held.any() else None
+        work, stiffness = 0.0, float(driven.held.max(initial=0.0))
+        u, velocity, force = (np.zeros(operator.shape[0]) for _ in range(3))
+        record = np.empty((len(times), driven.count))
+        for k in progress(steps + 1, "leapfrog"):
+            if k % every == 0:
+                driven.observe(u, record[k // every])
+            before, now, after = moved[k : k + 3]
+            np.multiply(driven.push, now, out=force)
+            if holds is None:
+                work += step / 2 * dot(force, velocity)
+            else:
+                work += (after - before) / 2 * float((stiffness * now + holds @ u)[0])
+            pushed = force.copy() if holds is None else None
+            operator.accumulate(u, force, -1.0)
+            force *= step
+            velocity += force
+            if pushed is not None:
+                work += step / 2 * dot(pushed, velocity)
+            if k % LOOK == LOOK - 1 or k == steps:
+                kinetic = 0.5 * dot(velocity, velocity)
+                stretch = np.sqrt(stiffness / 8) * abs(after - now)
+                if not kinetic <= EXCESS**2 * _most_kinetic(work, step / limit, stretch):
+                    raise GrowthError(velocity, k + 1)
+            np.multiply(velocity, step, out=force)
+            u += force
+        whole = driven.recorded(record, motion.displacement(times))
+        return Seen(times, whole, steps + 1, np.nan)
 
 
-def steps_between_records(interval: float, time_step: float) -> int:
+def _steps_between_records(interval: float, time_step: float) -> int:
     """Steps from record to record; InputError where the interval, s, is no multiple of a step."""
-    if not (0 < time_step < np.inf and 0 < interval < np.inf):
-        raise InputError("time step and interval must be positive; give them in s")
+    if not 0 < time_step < np.inf:
+        raise InputError("the time step must be positive; give it in s")
     every = max(1, round(interval / time_step))
     if abs(every * time_step / interval - 1) > 1e-9:
         raise InputError(

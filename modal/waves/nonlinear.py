@@ -21,8 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.dem.motion import Dynamics
-from modal.packing.chain import wall_to_wall_chain
-from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
 from modal.solvers.spectrum import bound_of_spectrum
@@ -33,7 +31,9 @@ from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
-from modal.waves.signals import DIRECTIONS, Signals, record_times
+from modal.waves.receivers import Receivers
+from modal.waves.recording import DIRECTIONS
+from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion, Pulse
 
 ACCURACY = 1e-3
@@ -182,9 +182,9 @@ class _Wave:
     ) -> None:
         self.sample, self.network = sample, sample.network()
         self.motion, self.direction, self.interval = motion, direction, interval
-        self.axis, self.particles = DIRECTIONS.index(direction), particles
+        self.axis = DIRECTIONS.index(direction)
         self.time = record_times(duration, interval)
-        self.chain, self.layers = wall_to_wall_chain(self.network), Layers(self.network)
+        self.receivers = Receivers(self.network, direction, particles=particles)
         self._operator = ContactOperator(self.network, mass_scaled=True)
         top, _ = bound_of_spectrum(self._operator)
         self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
@@ -215,9 +215,10 @@ class _Wave:
     def run(self, every: int, *, driven: bool = True) -> _Run:
         """One run of `every` steps from record to record; at rest the wall where not `driven`."""
         started, sample, nt = clock.perf_counter(), self.sample, len(self.time)
+        axis = self.axis
         dt, steps = self.interval / every, every * (nt - 1)
-        spheres = len(sample.position) if self.particles else 0
-        count = len(self.chain) + len(self.layers.position) + spheres
+        rows = self.receivers.rows[:, axis::6].tocsr()  # of displacements along the direction alone
+        count = rows.shape[0]
         refuse_endless(
             f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
             self._operator,
@@ -227,7 +228,7 @@ class _Wave:
         )
         moving = Dynamics(sample, books=True)
         contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
-        start, axis = sample.position[:, self.axis], self.axis
+        start = sample.position[:, axis]
         contact_count, look = self.network.n_contacts, max(1, nt // LOOKS)
         wall = self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
         wall = wall if driven else np.zeros(steps + 1)
@@ -239,7 +240,7 @@ class _Wave:
         for k in progress(steps + 1, "wave" if driven else "noise"):
             row, recorded = k // every, k % every == 0
             if recorded:
-                run.moved[row] = self._seen(contacts.position[:, axis] - start)
+                run.moved[row] = rows @ (contacts.position[:, axis] - start)
                 before = moving.velocity.copy()
             moving.place_source(wall[k] * np.eye(3)[axis])
             moving.step(dt)
@@ -265,37 +266,22 @@ class _Wave:
             raise InputError("the wave is not finite: take a smaller amplitude")
         return run
 
-    def _seen(self, moved: Floats) -> Floats:
-        """What is recorded of the displacements (n,)."""
-        seen = moved[self.chain], self.layers.means(moved)
-        return np.concatenate([*seen, moved] if self.particles else seen)
-
     def signals(self, run: _Run, every: int, network_sha256: str) -> Signals:
         """The run in the form of the linear wave."""
         area = self.network.area
         static, sign = run.on_walls[0], np.array([-1.0, 1.0])
         stress = sign * (run.on_walls - static) / area
         dt = self.interval / every
-        c, nl = len(self.chain), len(self.layers.position)
-        return Signals(
-            time=self.time,
-            chain_particle=self.chain,
-            chain_position=self.network.position[self.chain, 2],
-            chain_displacement=run.moved[:, :c],
-            source_displacement=self.motion.displacement(self.time),
+        return self.receivers.signals(
+            self.time,
+            run.moved,
+            self.motion,
             source_stress=stress[:, 0],
             receiver_stress=stress[:, 1],
             producer="nonlinear",
-            case=str(self.network.study.get("case", "")),
-            amplitude=self.motion.amplitude,
-            input_frequency=self.motion.frequency,
             time_step=dt,
             run_time=run.seconds,
             network_sha256=network_sha256,
-            direction=self.direction,
-            layer_position=self.layers.position,
-            layer_displacement=run.moved[:, c : c + nl],
-            particle_displacement=run.moved[:, c + nl :] if self.particles else None,
             balance=self._balance(run, dt),
         )
 

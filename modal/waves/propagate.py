@@ -1,18 +1,8 @@
-"""The linear wave without time stepping: one Chebyshev recurrence on the source pattern.
-
-With v = M^1/2 u and A = M^-1/2 K M^-1/2 the source wall's motion d(t) drives v'' + A v = c d(t), c
-the scaled force on the particles for a unit displacement of the wall. Hence v(t) = y(A, t) c, where
-y(omega^2, t) answers y'' + omega^2 y = d(t) from rest (`modal.waves.source`). As a function of x =
-2 omega^2 / omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster
-than any power beyond order omega_max t / 2. One pass of T_k(X) c serves all times, and of every
-T_k(X) c only the recorded rows are kept. The expansion holds in the complex plane too, so a tangent
-that is not quite symmetric needs nothing else.
-"""
+"""The linear wave through a packing: source, system, integrator and receivers put together."""
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -20,27 +10,23 @@ import numpy as np
 
 from modal.packing.network import Network
 from modal.packing.sample import Sample
-from modal.system.contacts import with_sliding
 from modal.system.damping import ContactDamping
-from modal.system.operator import ContactOperator
+from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
-from modal.tools.arrays import Floats
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
-from modal.tools.workload import refuse_endless
-from modal.waves.chebyshev import Observer, summed
-from modal.waves.damped import propagate_damped
 from modal.waves.driven import Driven
+from modal.waves.integrators import Chebyshev, Integrator
+from modal.waves.leapfrog import Leapfrog
 from modal.waves.nonlinear import NonlinearWave, propagate_nonlinear
-from modal.waves.signals import Signals, record_times
+from modal.waves.receivers import Receivers
+from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
-from modal.waves.weights import Expansion, orders_of
+from modal.waves.sources import Source, Wall
+from modal.waves.taylor import Taylor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-EXPANSION_COPIES = 4
-"""Arrays of orders times times that `Expansion` holds at once."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,7 +34,8 @@ class LinearWave:
     """Result of `propagate`: signals, number of products with K, and the bound of the error.
 
     `truncation` is relative to the largest recorded displacement, and to the largest stress on
-    either wall. It was computed in one of so many `repeats` of which the packing consists sideways.
+    either wall; NaN of an integrator that does not know it. It was computed in one of so many
+    `repeats` of which the packing consists sideways.
     """
 
     signals: Signals
@@ -57,10 +44,10 @@ class LinearWave:
     repeats: int = 1
 
     def __repr__(self) -> str:
-        peak = quantity(float(abs(self.signals.receiver_stress).max()), "Pa")
+        found = abs(self.signals.receiver_stress).max(initial=0.0)
         return (
-            f"<LinearWave: {self.signals!r}, {peak} at most on the receiver wall, {self.products} "
-            f"products with K>"
+            f"<LinearWave: {self.signals!r}, {quantity(float(found), 'Pa')} at most on the "
+            f"receiver wall, {self.products} products with K>"
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -84,6 +71,7 @@ def propagate(
     duration: float,
     *,
     nonlinear: bool = False,
+    source: Source | None = None,
     motion: Motion | None = None,
     interval: float = 1e-6,
     tolerance: float = 1e-9,
@@ -92,43 +80,56 @@ def propagate(
     particles: bool = False,
     direction: str = "z",
     damping: ContactDamping | None = None,
+    integrator: Integrator | None = None,
     whole: bool = False,
     network_sha256: str = "",
-    accuracy: float | None = None,
     time_step: float | None = None,
+    accuracy: float | None = None,
     friction: float | None = None,
 ) -> LinearWave | NonlinearWave:
-    """The wave that a small motion of the source wall sends through a packing.
+    """The wave that a small motion of a source sends through a packing.
 
     The contacts' springs stay what they are (linear). There is no time-step error: at all recorded
     times displacements are off by `tolerance` of the largest recorded one at most, stresses by that
     of the largest on either wall; the result's `truncation` bounds both, and is above `tolerance`
     only where round-off leaves more. Its `signals` have displacements, m, of a chain of
     particles from wall to wall and of layers, and stresses on both walls, Pa: `time` (nt,),
-    `chain_displacement` (nt, nc), `receiver_stress` (nt,). The wall moves along `direction`, and
-    all is recorded along it: "z" sends P-waves, "x" and "y" send S-waves.
+    `chain_displacement` (nt, nc), `receiver_stress` (nt,).
 
-    `duration` and recording `interval` in s; `motion` of the source wall, by default the pulse of
-    the study. `pre_stress` as in `modal.system.contacts`, `sliding` as of `modal.eigenmodes`;
-    `particles` records every particle; `network_sha256` is noted in the signals. `damping` gives
-    the contacts dashpots (`modal.system.damping`), which takes some ten times as many products.
-    A packing of equal parts side by side, as a crystal, is computed in one of them where that is
-    exact to the `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it.
+    `source` is one of `modal.waves.sources`: the source wall (default), a plane inside the packing
+    that opens, or one sphere that is pushed. It moves along `direction`, and all is recorded along
+    it: "z" sends P-waves, "x" and "y" send S-waves, "torsion" turns about z. `motion` is that of
+    the source, m (N of a force), by default the pulse of the study.
+
+    `duration` and recording `interval` in s; `pre_stress` as in `modal.system.contacts`, `sliding`
+    as of `modal.eigenmodes`; `particles` records every particle; `network_sha256` is noted in the
+    signals. `damping` gives the contacts dashpots (`modal.system.damping`), which takes some ten
+    times as many products. A `time_step`, s, makes it go by leapfrog, with the error of DEM
+    programs; without, the `integrator` is exact in time, with dashpots and without. A packing of
+    equal parts side by side, as a crystal, is computed in one of them where that is exact to the
+    `tolerance` too (`modal.waves.one_part`), unless `whole` asks for all of it.
+
     With `nonlinear` contacts follow their law instead: they harden, slide, open and close, and the
-    wave is of any size (`modal.waves.nonlinear`, which alone has `accuracy`, `time_step` and, of a
-    network, `friction`).
-    InputError for impossible arguments, for a network without stiffness, and where the run would
-    take more than a day or the memory; GrowthError where K has negative directions.
+    wave is of any size (`modal.waves.nonlinear`, which alone has `accuracy` and, of a network,
+    `friction`). InputError for impossible
+    arguments, for a network without stiffness, and where the run would take more than a day or the
+    memory; GrowthError where K has negative directions.
 
     >>> import modal
     >>> wave = propagate(modal.fcc(cells=(1, 1, 30)), duration=5e-5)
     >>> wave.signals.chain_displacement.shape
     (51, 30)
+    >>> from modal.waves.sources import Plane
+    >>> endless = modal.fcc(cells=(1, 1, 40), periodic_z=True)
+    >>> shear = propagate(endless, 2e-5, source=Plane(endless.length / 2), direction="x")
+    >>> shear.signals.layer_displacement.shape
+    (21, 28)
     """
-    own: dict[str, Any] = {"accuracy": accuracy, "time_step": time_step, "friction": friction}
+    own: dict[str, Any] = {"accuracy": accuracy, "friction": friction}
     own = {name: value for name, value in own.items() if value is not None}
     linear = {"tolerance": tolerance != 1e-9, "pre_stress": pre_stress != "none", "whole": whole}
     linear |= {"sliding": sliding != "elastic", "damping": damping is not None}
+    linear |= {"source": source is not None, "integrator": integrator is not None}
     for name in (name for name, given in linear.items() if given) if nonlinear else own:
         kind = "linear" if nonlinear else "non-linear"
         raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
@@ -141,6 +142,7 @@ def propagate(
             particles=particles,
             direction=direction,
             network_sha256=network_sha256,
+            time_step=time_step,
             **own,
         )
     if isinstance(network, Sample):
@@ -151,81 +153,26 @@ def propagate(
             "the tolerance between 0 and 1"
         )
     started = clock.perf_counter()
-    network = with_sliding(network, sliding)
-    motion = motion or Pulse()
-    if damping is not None and not damping.none:
-        if pre_stress != "none":
-            raise InputError(f"pre-stress {pre_stress!r} with damping: take none")
-        damped, products = propagate_damped(
-            network,
-            duration,
-            damping,
-            motion,
-            interval=interval,
-            tolerance=tolerance,
-            particles=particles,
-            direction=direction,
-            network_sha256=network_sha256,
-        )
-        return LinearWave(damped, products, tolerance)
-    driven = Driven(
-        network,
-        duration,
-        tolerance,
-        pre_stress=pre_stress,
-        particles=particles,
-        direction=direction,
-        whole=whole,
-    )
-    receivers = driven.receivers
-    time, recorded, products, truncation = carried(
-        driven.operator, driven.start, receivers, motion, duration, interval, tolerance
-    )
+    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
+    source, motion = source or Wall(), motion or Pulse()
+    receivers = Receivers(system.network, direction, particles=particles)
+    driven = Driven.of(system, source, receivers, duration, tolerance, whole=whole)
+    if time_step is not None:
+        integrator = Leapfrog(time_step)
+    elif integrator is None:
+        integrator = Taylor(tolerance) if driven.dashpots is not None else Chebyshev(tolerance)
+    seen = integrator.carry(driven, motion, duration, interval)
     signals = receivers.signals(
-        time,
-        recorded,
+        seen.time,
+        seen.record[:, driven.walls :],
         motion,
-        time_step=interval,
+        **driven.stresses(seen.record),
+        source=source.name,
+        source_height=source.height_in(network),
+        producer="linear",
+        time_step=integrator.time_step or interval,
         run_time=clock.perf_counter() - started,
         network_sha256=network_sha256,
     )
-    return LinearWave(signals, products, truncation + driven.difference, driven.repeats)
-
-
-def carried(
-    operator: ContactOperator,
-    start: Callable[[], Floats],
-    receivers: Observer,
-    motion: Motion,
-    duration: float,
-    interval: float,
-    tolerance: float,
-) -> tuple[Floats, Floats, int, float]:
-    """Times (nt,), what is recorded at them (nt, count), products with K, and the truncation.
-
-    `start` makes the mass-scaled force (6n,) on the particles for a unit displacement of the
-    source, which goes by `motion`; the other arguments are those of `propagate`.
-    """
-
-    def series_for(top: float) -> Expansion:
-        orders, times = orders_of(top, duration), duration / interval + 1
-        numbers = EXPANSION_COPIES * orders * times + (orders + times) * receivers.count
-        refuse_endless(
-            f"a wave of {duration:g} s, recorded every {interval:g} s,",
-            operator,
-            products=orders / 1.1,
-            bytes_needed=8 * numbers,
-            remedy="take a shorter duration or a longer interval",
-        )
-        return Expansion(motion, record_times(duration, interval), top)
-
-    def largest(series: Expansion, record: Floats) -> Floats:
-        found = receivers.largest(record, motion.displacement(series.time))
-        # A wave that has not come to the receiver wall yet: its stress counts beside the source's.
-        found[:-1] = found[:-1].max(initial=0.0)
-        return found
-
-    series, record, products, error = summed(
-        operator, start, receivers, series_for, largest, tolerance
-    )
-    return series.time, record, products, error
+    error = seen.error + driven.part.difference
+    return LinearWave(signals, seen.products, error, driven.part.count)

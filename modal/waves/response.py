@@ -1,60 +1,75 @@
-"""Frequency response from source wall to chain and receiver wall, and the gain factor.
+"""Frequency response of a packing to a source, and the gain factor from wall to wall.
 
 At omega, with a damping gamma that sets the resolution, the motion per unit motion of the source
-wall is (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.propagate`: the
+is (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.driven`: the
 transform of the impulse response under the window exp(-gamma t). With z = 2 s / omega_max^2 - 1 and
 w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it too:
 
     1 / (z - x) = 4 / (w - 1/w) * (1/2 + sum_k w^-k T_k(x)).
 
 About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies, and half as many more
-make sure of it (`modal.waves.chebyshev`). Of viscous contacts the response is that at real
-frequencies (`modal.waves.damped_response`). The format
-"granular-frequency-response", version 1, is defined here.
+make sure of it (`modal.waves.chebyshev`). With dashpots a resonance has a width of its own, and no
+window is needed: at real frequencies (A - i omega D - omega^2) v = push - i omega drag is solved
+for each by one complex factorisation; neither moments of K nor a wave serve, since a mode that is
+slow decays slowest. The format "granular-frequency-response" is defined here, its columns in
+`modal.waves.recording`.
 """
 
 from __future__ import annotations
 
+import time as clock
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 
-from modal.formats.hdf5 import complete, get, open_h5, put
-from modal.formats.provenance import Provenance, new_product
+from modal.formats.hdf5 import complete
+from modal.formats.provenance import Provenance
 from modal.packing.network import Network
+from modal.solvers.factor import factorise
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.contacts import with_sliding
 from modal.system.damping import ContactDamping
-from modal.system.operator import ContactOperator
+from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Complex, Floats, Ints
 from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
+from modal.tools.progress import progress
 from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import summed
-from modal.waves.damped_response import REMEDY, damped_rows
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
+from modal.waves.recording import SAID, UNSAID, Format
+from modal.waves.sources import Source, Wall
 from modal.waves.weights import CHUNK, Resolvent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "granular-frequency-response"
-VERSION = 1
+FORMAT = Format(
+    SCHEMA,
+    {
+        "attributes": SAID | {"resolution": float, "damping": np.ravel},
+        "defaults": UNSAID | {"damping": np.empty(0)},
+    },
+    over_time=False,
+)
+REMEDY = "take fewer frequencies, or a smaller packing"
 
 
 @dataclass(repr=False)
 class Response:
-    """Transfer functions per unit motion of the source wall, time dependence exp(-i omega t).
+    """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
     frequency (nf,) Hz; source_stress, receiver_stress (nf,) complex, Pa/m, compression positive;
     chain_displacement (nf, nc) and layer_displacement (nf, nl) complex, m/m; `resolution` Hz, the
     full width at half height of a single resonance in power; `products` with K; `direction` of the
-    wall and of all motions and stresses. With `damping` of the contacts resonances have their own
-    widths, `resolution` is 0 and there are no products.
+    source and of all motions and stresses; `source` and what is empty without walls as of
+    `modal.waves.signals.Signals`. With `damping` of the contacts resonances have their own widths,
+    `resolution` is 0 and there are no products.
     """
 
     frequency: Floats
@@ -67,6 +82,8 @@ class Response:
     resolution: float
     products: int
     direction: str = "z"
+    source: str = "wall"
+    source_height: Floats | None = None
     damping: ContactDamping | None = None
 
     def __repr__(self) -> str:
@@ -74,10 +91,18 @@ class Response:
         width = f"resolution {quantity(self.resolution, 'Hz')}"
         if self.damping:
             width = f"damping {self.damping.normal:g} {self.damping.tangential:g}"
-        return (
-            f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, gain up to "
-            f"{self.gain.max():.4g}>"
-        )
+        return f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, {self._most}>"
+
+    @property
+    def from_wall_to_wall(self) -> bool:
+        """Whether there is a stress on the source and on a receiver wall."""
+        return bool(len(self.receiver_stress) and len(self.source_stress))
+
+    @property
+    def _most(self) -> str:
+        if self.from_wall_to_wall:
+            return f"gain up to {self.gain.max():.4g}"
+        return f"layers move up to {abs(self.layer_displacement).max():.4g} times the source"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the gain factor over frequency; returns the Axes."""
@@ -88,7 +113,12 @@ class Response:
 
     @property
     def gain(self) -> Floats:
-        """Shape (nf,): receiver stress over source stress (Otsubo et al. 2017, Fig. 19)."""
+        """Shape (nf,): receiver stress over source stress (Otsubo et al. 2017, Fig. 19).
+
+        InputError where there are no two walls.
+        """
+        if not self.from_wall_to_wall:
+            raise InputError("a gain is from wall to wall; this response has no stress on both")
         return abs(self.receiver_stress) / abs(self.source_stress)
 
     def gain_maxima(self) -> Floats:
@@ -107,6 +137,7 @@ class Response:
 def frequency_response(
     network: Network,
     *,
+    source: Source | None = None,
     highest: float | None = None,
     resolution: float = 1e3,
     tolerance: float = 1e-5,
@@ -115,23 +146,23 @@ def frequency_response(
     direction: str = "z",
     damping: ContactDamping | None = None,
 ) -> Response:
-    """What a steady motion of the source wall does at each frequency: motions, stresses, gain.
+    """What a steady motion of a source does at each frequency: motions, stresses, gain.
 
     Frequencies from a quarter of a `resolution` to `highest`, Hz (the top of the spectrum where it
     is None), four to a resolution, which is the width that damping gives a resonance. The result
     has `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig. 19), and complex
-    motions and stresses per metre of the wall's motion. `tolerance` bounds what the expansion
+    motions and stresses per metre of the source's motion. `tolerance` bounds what the expansion
     leaves out of each record: of the motions, the stress on the source and that on the receiver
     wall, relative to the largest of each at any of the frequencies. Where a stress is small, as at
-    an antiresonance, it and the gain are off by more of their own. `pre_stress` as in
-    `modal.system.contacts`, `sliding` as of `modal.eigenmodes`; `direction` of the wall's
-    motion, x or y for S-waves.
+    an antiresonance, it and the gain are off by more of their own. `source` and `direction` as of
+    `modal.propagate`: the source wall by default, along z; `pre_stress` as in
+    `modal.system.contacts`, `sliding` as of `modal.eigenmodes`.
 
     With `damping` (`modal.system.damping`) the contacts have dashpots and the response is that
     at real frequencies, which are as close as said, by a factorisation for each of them.
 
-    InputError for packings without walls or stiffness, and where it would take more than a day or
-    the memory; GrowthError where K has negative directions.
+    InputError for packings without stiffness, for a source that they do not have, and where it
+    would take more than a day or the memory; GrowthError where K has negative directions.
 
     >>> import modal
     >>> gain = frequency_response(modal.fcc(cells=(1, 1, 30)), highest=2e4)
@@ -140,54 +171,31 @@ def frequency_response(
     """
     if not (0 < resolution < np.inf and 0 < tolerance < 1):
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
-    network = with_sliding(network, sliding)
-    if damping is not None and not damping.none:
-        if pre_stress != "none":
-            raise InputError(f"pre-stress {pre_stress!r} with damping: take none")
-        own = Receivers(network, direction=direction)
-        top, _ = bound_of_spectrum(ContactOperator(network, mass_scaled=True))
-        end = _end(top, highest, resolution)
-        refuse_above(
-            0.0,
-            64.0 * end / resolution * own.count,
-            f"a damped response at {4 * end / resolution:.2g} frequencies takes",
-            REMEDY,
-        )
-        frequency = np.arange(resolution / 4, end, resolution / 4)
-        found = damped_rows(network, damping, own, frequency)
-        return _response(own, frequency, found, resolution=0.0, products=0, damping=damping)
+    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
+    source, receivers = source or Wall(), Receivers(system.network, direction)
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
     # The window leaves of a wave what comes within 1 / gamma.
-    driven = Driven(network, 1 / gamma, tolerance, pre_stress=pre_stress, direction=direction)
-    receivers = driven.receivers
-
-    def series_for(top: float) -> Resolvent:
-        end = _end(top, highest, resolution)
-        orders = 1.5 * float(np.sqrt(top)) / (2 * gamma) * float(np.log(1 / tolerance))
-        frequencies = 4 * end / resolution
-        numbers = (orders + 4 * frequencies) * receivers.count + 4 * CHUNK * orders
-        refuse_endless(
-            f"a response with a resolution of {resolution:g} Hz",
-            driven.operator,
-            products=orders,
-            bytes_needed=8 * numbers,
-            remedy="take a coarser resolution or a lower highest frequency",
-        )
-        return Resolvent(np.arange(resolution / 4, end, resolution / 4), gamma, top)
-
-    def largest(series: Resolvent, record: Complex) -> Floats:
-        return receivers.largest(record, np.ones(len(series.frequency)))
-
-    series, record, products, error = summed(
-        driven.operator, driven.start, receivers, series_for, largest, tolerance
+    driven = Driven.of(system, source, receivers, 1 / gamma, tolerance)
+    products = 0
+    if driven.dashpots is not None:
+        end = _end(bound_of_spectrum(driven.springs)[0], highest, resolution)
+        _refuse_many(4 * end / resolution, 0.0, driven)
+        frequency = np.arange(resolution / 4, end, resolution / 4)
+        record, resolution = _damped(system, driven, frequency), 0.0
+    else:
+        frequency, record, products = _windowed(driven, highest, resolution, tolerance)
+    columns = receivers.columns(record[:, driven.walls :])
+    return Response(
+        frequency=frequency,
+        **driven.stresses(record),
+        **{name: value for name, value in columns.items() if name != "particle_displacement"},
+        resolution=resolution,
+        products=products,
+        source=source.name,
+        source_height=source.height_in(network),
+        damping=None if resolution else damping,
     )
-    if error > tolerance:
-        raise InputError(
-            f"round-off is up to {error:.1g} of a record: so little comes through within the "
-            f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance"
-        )
-    return _response(receivers, series.frequency, record, resolution=resolution, products=products)
 
 
 def _end(top: float, highest: float | None, resolution: float) -> float:
@@ -198,30 +206,69 @@ def _end(top: float, highest: float | None, resolution: float) -> float:
     return end
 
 
-def _response(
-    receivers: Receivers,
-    frequency: Floats,
-    rows: Complex,
-    *,
-    resolution: float,
-    products: int,
-    damping: ContactDamping | None = None,
-) -> Response:
-    """The response of the rows (nf, receivers.count) that are observed at the frequencies."""
-    c, nl = 2 + len(receivers.chain), len(receivers.layers.position)
-    return Response(
-        frequency=frequency,
-        source_stress=(receivers.source_stiffness - rows[:, 0]) / receivers.area,
-        receiver_stress=rows[:, 1] / receivers.area,
-        chain_particle=receivers.chain,
-        chain_displacement=rows[:, 2:c],
-        layer_position=receivers.layers.position,
-        layer_displacement=rows[:, c : c + nl],
-        resolution=resolution,
-        products=products,
-        direction=receivers.direction,
-        damping=damping,
+def _windowed(
+    driven: Driven, highest: float | None, resolution: float, tolerance: float
+) -> tuple[Floats, Complex, int]:
+    """Frequencies (nf,), Hz, what is recorded at them (nf, count), and products with K."""
+    gamma = np.pi * resolution
+
+    def series_for(top: float) -> Resolvent:
+        end = _end(top, highest, resolution)
+        orders = 1.5 * float(np.sqrt(top)) / (2 * gamma) * float(np.log(1 / tolerance))
+        numbers = (orders + 16 * end / resolution) * driven.count + 4 * CHUNK * orders
+        refuse_endless(
+            f"a response with a resolution of {resolution:g} Hz",
+            driven.springs,
+            products=orders,
+            bytes_needed=8 * numbers,
+            remedy="take a coarser resolution or a lower highest frequency",
+        )
+        return Resolvent(np.arange(resolution / 4, end, resolution / 4), gamma, top)
+
+    def largest(series: Resolvent, record: Complex) -> Floats:
+        return driven.largest(record, np.ones(len(series.frequency)))
+
+    series, record, products, error = summed(
+        driven.springs, driven.push.copy, driven, series_for, largest, tolerance
     )
+    if error > tolerance:
+        raise InputError(
+            f"round-off is up to {error:.1g} of a record: so little comes through within the "
+            f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance"
+        )
+    return series.frequency, driven.recorded(record, np.ones(len(record))), products
+
+
+def _refuse_many(frequencies: float, seconds: float, driven: Driven) -> None:
+    """InputError where they would take more than the memory, or at so many `seconds` than a day."""
+    task = f"a damped response at {frequencies:.2g} frequencies takes"
+    refuse_above(seconds * frequencies, 16.0 * frequencies * driven.count, task, REMEDY)
+
+
+def _damped(system: LinearSystem, driven: Driven, frequency: Floats) -> Complex:
+    """Shape (nf, count): what is recorded at the frequencies (nf,), Hz, above 0.
+
+    InputError where the factorisations would take more than the memory or more than a day.
+    """
+    assert system.dashpots is not None
+    A, C = system.assembled(), system.dashpots.assembled()
+    identity = sp.identity(system.size, format="csr")
+    record: Complex = np.empty((len(frequency), driven.count), complex)
+    spring, walls = driven.springs, driven.walls
+    started = clock.perf_counter()
+    for k in progress(len(frequency), "response"):
+        omega = 2 * np.pi * frequency[k]
+        matrix = (A - omega**2 * identity - 1j * omega * C).tocsr()
+        factor = factorise(matrix, symmetric=system.symmetric, remedy=REMEDY)
+        v = spring.inward(factor.solve(spring.outward(driven.push - 1j * omega * driven.drag)))
+        factor.release()
+        record[k] = driven.rows @ v
+        record[k, :walls] -= 1j * omega * (driven.viscous @ v + driven.held_viscous)
+        if k == 0:
+            _refuse_many(len(frequency), clock.perf_counter() - started, driven)
+    if not np.isfinite(record).all():
+        raise InputError(f"the damped response is not finite at a frequency of its own; {REMEDY}")
+    return driven.recorded(record, np.ones(len(record)))
 
 
 def write_response(
@@ -230,54 +277,21 @@ def write_response(
     network_sha256: str = "",
     made: Provenance | None = None,
 ) -> None:
-    """Write the response atomically; complex numbers as a last axis of real and imaginary part."""
-    with new_product(path, SCHEMA, VERSION, made) as file:
-        file.attrs["network_sha256"] = network_sha256
-        file.attrs.update(resolution=response.resolution, direction=response.direction)
-        if response.damping:
-            file.attrs["damping"] = [response.damping.normal, response.damping.tangential]
-        put(file, "frequency", response.frequency, "Hz")
-        put(file, "gain", response.gain, "1")
-        put(file, "chain/particle", response.chain_particle.astype(np.int32), "1")
-        put(file, "layers/position", response.layer_position, "m")
-        for name, values, units in (
-            ("source/stress", response.source_stress, "Pa/m"),
-            ("receiver/stress", response.receiver_stress, "Pa/m"),
-            ("chain/displacement", response.chain_displacement, "m/m"),
-            ("layers/displacement", response.layer_displacement, "m/m"),
-        ):
-            put(file, name, np.stack([values.real, values.imag], axis=-1), units)
+    """Write the response atomically."""
+    ratios = response.damping
+    more = {
+        "network_sha256": network_sha256,
+        "gain": response.gain if response.from_wall_to_wall else None,
+        "damping": [ratios.normal, ratios.tangential] if ratios else [],
+    }
+    FORMAT.write(path, vars(response) | more, made)
 
 
 def read_response(path: str | Path) -> Response:
     """What `write_response` has written, `products` unknown (0); InputError for anything wrong."""
-    with open_h5(path, SCHEMA, VERSION) as file:
-        frequency = get(file, "frequency", "f", (None,))
-        particle = get(file, "chain/particle", "i", (None,))
-        layer = get(file, "layers/position", "f", (None,))
-        complexes = {}
-        for name, columns in (
-            ("source/stress", ()),
-            ("receiver/stress", ()),
-            ("chain/displacement", particle.shape),
-            ("layers/displacement", layer.shape),
-        ):
-            parts = get(file, name, "f", (*frequency.shape, *columns, 2))
-            complexes[name.replace("layers", "layer").replace("/", "_")] = (
-                parts[..., 0] + 1j * parts[..., 1]
-            )
-        with complete(path):
-            resolution = float(file.attrs["resolution"])
-            direction = str(file.attrs.get("direction", "z"))
-            ratios = file.attrs.get("damping")
-            damping = None if ratios is None else ContactDamping(*map(float, ratios))
-    return Response(
-        frequency=frequency,
-        chain_particle=particle,
-        layer_position=layer,
-        resolution=resolution,
-        products=0,
-        direction=direction,
-        damping=damping,
-        **complexes,
-    )
+    said = FORMAT.read(path)
+    with complete(path):
+        ratios = tuple(map(float, said["damping"]))
+        said["damping"] = ContactDamping(*ratios) if ratios else None
+    del said["gain"], said["network_sha256"]
+    return Response(products=0, **said)

@@ -1,6 +1,7 @@
 """Wave signals: what a run, by DEM or by the linear operator, has recorded; its file format.
 
-This module is the one definition of the format "granular-wave-signals", version 1.
+This module and `modal.waves.recording`, which has the columns, define the format
+"granular-wave-signals": version 1 from wall to wall, version 2 also of what else can send a wave.
 """
 
 from __future__ import annotations
@@ -11,34 +12,39 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.formats.hdf5 import complete, get, open_h5, put
-from modal.formats.provenance import Provenance, new_product
+from modal.formats.hdf5 import complete, open_h5
+from modal.formats.product import Product
+from modal.formats.provenance import Provenance
 from modal.tools.arrays import Floats, Ints
 from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
+from modal.waves.recording import DIRECTIONS as DIRECTIONS
+from modal.waves.recording import SAID, TORSION, UNSAID, Format, without_walls
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "granular-wave-signals"
-VERSION = 1
-_DATASETS = {
-    "time": ("time", "f", ("nt",), "s"),
-    "chain_particle": ("chain/particle", "i", ("nc",), "1"),
-    "chain_position": ("chain/position", "f", ("nc",), "m"),
-    "chain_displacement": ("chain/displacement", "f", ("nt", "nc"), "m"),
-    "source_displacement": ("source/displacement", "f", ("nt",), "m"),
-    "source_stress": ("source/stress", "f", ("nt",), "Pa"),
-    "receiver_stress": ("receiver/stress", "f", ("nt",), "Pa"),
-    "layer_position": ("layers/position", "f", ("nl",), "m"),
-    "layer_displacement": ("layers/displacement", "f", ("nt", "nl"), "m"),
-    "particle_displacement": ("particles/displacement", "f", ("nt", "n"), "m"),
+PLANE = "granular-plane-wave"
+"""The schema, version 1, of a wave from a plane in files of before."""
+FURTHER: dict[str, Any] = {
+    "attributes": SAID
+    | {"producer": str, "case": str}
+    | dict.fromkeys(("amplitude", "input_frequency", "time_step", "run_time"), float),
+    "defaults": UNSAID,
+    "groups": ("balance",),
 }
-"""Field: dataset, kind, shape, units."""
-DIRECTIONS = ("x", "y", "z")
-"""Along which the source wall may move: z sends P-waves, x and y send S-waves."""
-_OPTIONAL = {"layer_position", "layer_displacement", "particle_displacement"}
+FORMAT = Format(SCHEMA, FURTHER, over_time=True)
+_OF_PLANE = (
+    *("time", "source_displacement", "particle_displacement"),
+    *("layer_position", "layer_displacement"),
+)
+PLANE_FORMAT = Product(
+    PLANE,
+    {name: FORMAT.columns[name] for name in _OF_PLANE},
+    {"height": float, "direction": str, "network_sha256": str},
+)
 
 
 @dataclass(repr=False)
@@ -49,12 +55,15 @@ class Signals:
     centres at the start, m; chain_displacement (nt, nc), m; source_displacement (nt,) m;
     source_stress, receiver_stress (nt,) Pa, change from the static value, positive as the walls
     push: the source along `direction`, which for z is compression. All displacements, and both
-    stresses, are along `direction`, in which the source wall moves.
+    stresses, are along `direction`, in which the source moves.
     amplitude is A of u = A (1 - cos 2 pi f t), m; time_step, run_time in seconds (run_time is
-    the wall-clock time that the run took). Optional, None where not recorded: layer_position (nl,)
-    and layer_displacement (nt, nl), means over slabs as in `modal.packing.layers`, m; and
-    particle_displacement (nt, n) of every particle of the network, m; balance is the
-    energy of a DEM run.
+    the wall-clock time that the run took). `source` is "wall", or says what else was moved, at
+    `source_height` (1,), m; `source_stress` is then what holds it, over the area, or empty where a
+    force is given. `receiver_stress` and the chain are empty in a cell without walls. Of torsion
+    displacements are turns about z, rad, and stresses torques over the area, N/m. Optional, None
+    where not recorded: layer_position (nl,) and layer_displacement (nt, nl), means over slabs as in
+    `modal.packing.layers`, m; and particle_displacement (nt, n) of every particle of the network,
+    m; balance is the energy of a DEM run.
     """
 
     time: Floats
@@ -72,6 +81,8 @@ class Signals:
     run_time: float
     network_sha256: str
     direction: str = "z"
+    source: str = "wall"
+    source_height: Floats | None = None
     layer_position: Floats | None = None
     layer_displacement: Floats | None = None
     particle_displacement: Floats | None = None
@@ -82,6 +93,12 @@ class Signals:
             f"<Signals: {len(self.time)} times up to {quantity(float(self.time[-1]), 's')}, "
             f"{len(self.chain_particle)} particles of the chain, by {self.producer}>"
         )
+
+    @property
+    def from_wall_to_wall(self) -> bool:
+        """Whether a wall sent it along x, y or z, and a chain leads to another one."""
+        whole = min(map(len, (self.chain_particle, self.source_stress, self.receiver_stress)))
+        return whole > 0 and self.source == "wall" and self.direction != TORSION
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the displacement over time and distance from the source; returns the Axes.
@@ -104,7 +121,9 @@ class Signals:
             shading="nearest",
             rasterized=True,
         )
-        ax.figure.colorbar(image, ax=ax, label=rf"$u_{self.direction}$, nm")
+        twisted = self.direction == TORSION
+        label = r"$\theta_z$, nrad" if twisted else rf"$u_{self.direction}$, nm"
+        ax.figure.colorbar(image, ax=ax, label=label)
         ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
         return ax
 
@@ -125,62 +144,56 @@ def source_pulse(time: Floats, amplitude: float, frequency: float, cycles: int =
     return np.where(inside, 2 * amplitude * np.sin(np.pi * frequency * time) ** 2, 0.0)
 
 
-_ATTRIBUTES = {
-    "producer": str,
-    "case": str,
-    "amplitude": float,
-    "input_frequency": float,
-    "time_step": float,
-    "run_time": float,
-    "network_sha256": str,
-}
-
-
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
     """Write the signals atomically, and what they were made from."""
-    with new_product(path, SCHEMA, VERSION, made) as file:
-        for name, convert in _ATTRIBUTES.items():
-            file.attrs[name] = convert(getattr(signals, name))
-        file.attrs["direction"] = signals.direction
-        for name, (dataset, kind, _, units) in _DATASETS.items():
-            value = getattr(signals, name)
-            if value is None and name in _OPTIONAL:
-                continue
-            data = np.asarray(value).astype(np.float64 if kind == "f" else np.int32)
-            put(file, dataset, data, units)
-        if signals.balance:
-            file.create_group("balance").attrs.update(signals.balance.attributes())
+    balance = signals.balance.attributes() if signals.balance else {}
+    FORMAT.write(path, vars(signals) | {"balance": balance}, made)
 
 
-def read_signals(path: str | Path) -> Signals:
-    """Read and validate signals; raises InputError with one line for anything wrong."""
-    with open_h5(path, SCHEMA, VERSION) as file:
-        lengths: dict[str, int] = {}
-        columns: dict[str, Any] = {}
-        for name, (dataset, kind, shape, _) in _DATASETS.items():
-            if name in _OPTIONAL and dataset not in file:
-                continue
-            column = get(file, dataset, kind, tuple(lengths.get(length) for length in shape))
-            lengths.update(zip(shape, column.shape, strict=True))
-            if not np.isfinite(column).all():
-                raise InputError(f"{path}: {dataset} is not finite; the run failed, make it again")
-            columns[name] = column
-        with complete(path):
-            for name, convert in _ATTRIBUTES.items():
-                columns[name] = convert(file.attrs[name])
-            # Files of earlier versions are of P-waves and do not say so.
-            columns["direction"] = str(file.attrs.get("direction", "z"))
-            said = file["balance"].attrs if "balance" in file else {}
-            balance = EnergyBalance.of_attributes(said)
-    signals = Signals(**columns, balance=balance)
+def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
+    """Read and validate signals; InputError with one line for anything wrong.
+
+    They are of a wave that goes from wall to wall along x, y or z, unless those `of_any_source` are
+    asked for; those of a plane in files of before then, too.
+    """
+    with open_h5(path) as file:
+        plane = of_any_source and file.attrs.get("schema") == PLANE
+    signals = _of_plane(PLANE_FORMAT.read(path)) if plane else Signals(**_read(path))
+    if not (signals.from_wall_to_wall or of_any_source):
+        raise InputError(f"{path}: not of a wave from wall to wall; only `export` shows it")
     _validate(signals, str(path))
     return signals
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    said = FORMAT.read(path)
+    with complete(path):
+        said["balance"] = EnergyBalance.of_attributes(said["balance"])
+    return said
+
+
+def _of_plane(said: dict[str, Any]) -> Signals:
+    """What a file of before says of a wave from a plane; the rest is taken from its columns."""
+    height, time = said.pop("height"), said["time"]
+    return Signals(
+        **said,
+        **without_walls(len(time)),
+        source=f"plane at {height:g} m",
+        source_height=np.array([height]),
+        producer="linear",
+        case="",
+        amplitude=float(np.ptp(said["source_displacement"])) / 2,
+        input_frequency=1 / float(time[-1]),
+        time_step=float(time[-1]) / (len(time) - 1),
+        run_time=0.0,
+    )
 
 
 def _validate(signals: Signals, name: str) -> None:
     """Refuse signals that no run records; all estimators rely on evenly spaced times."""
     time = signals.time
-    if len(time) < 2 or len(signals.chain_particle) == 0:
+    chain = signals.chain_particle
+    if len(time) < 2 or (len(chain) == 0 and signals.layer_position is None):
         raise InputError(f"{name}: fewer than two times or no chain; record more")
     step = np.diff(time)
     even = (abs(step - step.mean()) < 1e-3 * step.mean()).all()
@@ -189,12 +202,8 @@ def _validate(signals: Signals, name: str) -> None:
             f"{name}: the times, from {time[0]:g} s on, are not evenly spaced from 0 on, where the "
             "source begins to move; record them so"
         )
-    if (signals.chain_particle < 0).any() or len(set(signals.chain_particle.tolist())) < len(
-        signals.chain_particle
-    ):
+    if (chain < 0).any() or len(set(chain.tolist())) < len(chain):
         raise InputError(f"{name}: chain/particle has a negative or a repeated index; mend it")
-    if signals.direction not in DIRECTIONS:
-        raise InputError(f"{name}: direction {signals.direction!r} is none of x, y, z; mend it")
     numbers = (signals.input_frequency, signals.time_step)
     if not (np.isfinite([*numbers, signals.amplitude]).all() and min(numbers) > 0):
         raise InputError(f"{name}: input_frequency and time_step must be positive; mend them")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import stepped
 
 from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
@@ -12,7 +13,6 @@ from analysis.case_files import OTHER_WAVES
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
-from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals, write_signals
 from modal.waves.source import Pulse, chirp, step
@@ -23,7 +23,7 @@ QUADRATIC, DRIFT = 0.1, 1e-6
 
 def made_up_run(amplitude: float, slip: float = 0.0) -> Signals:
     """The linear wave, plus a quadratic term, a constant drift, and what "slip" adds."""
-    run = leapfrog(
+    run = stepped(
         NETWORK, 6e-5, 1e-7, motion=Pulse(1.0), every=5, pre_stress="full", particles=True
     )
     size = abs(run.particle_displacement).max()
@@ -65,7 +65,7 @@ def test_causes_are_told_apart():
 def test_a_tenth_and_half_the_step_are_told_apart():
     """The quadratic term is a tenth as large; the step's error is that of the linear scheme."""
     run = made_up_run(1.0)
-    finer = leapfrog(NETWORK, 6e-5, 5e-8, motion=Pulse(1.0), pre_stress="full", particles=True)
+    finer = stepped(NETWORK, 6e-5, 5e-8, motion=Pulse(1.0), pre_stress="full", particles=True)
     shape = finer.particle_displacement
     quadratic = QUADRATIC * shape**2 / abs(shape).max()
     finer = replace(
@@ -90,7 +90,7 @@ def test_a_tenth_and_half_the_step_are_told_apart():
 
 def test_a_run_without_particles_is_compared_by_its_chain_and_layers():
     """The same figures of chain and layers, and none of particles, at a fraction of the memory."""
-    run = leapfrog(NETWORK, 6e-5, 1e-7, motion=Pulse(1.0), every=5, pre_stress="full")
+    run = stepped(NETWORK, 6e-5, 1e-7, motion=Pulse(1.0), every=5, pre_stress="full")
     assert run.particle_displacement is None and run.layer_displacement is not None
     row = split_by_cause(Agreement(NETWORK, replace(run, amplitude=1.0)))[0]
     assert row.chain == pytest.approx(0, abs=1e-12) and row.layers == pytest.approx(0, abs=1e-12)

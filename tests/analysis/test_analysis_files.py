@@ -9,7 +9,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import frictionless
+from packings import frictionless, stepped
 
 from analysis.__main__ import main
 from analysis.belonging import cases_of, cases_of_files, kind_of
@@ -25,7 +25,6 @@ from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.packing.sample import sample_of_network, write_sample
 from modal.tools.errors import InputError
-from modal.waves.leapfrog import leapfrog
 from modal.waves.signals import write_signals
 from modal.waves.source import Pulse
 
@@ -45,7 +44,7 @@ def folder(tmp_path_factory):
     write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
     packing = replace(frictionless(), study={})
     write_network(folder / "heap.h5", packing)
-    run = leapfrog(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
+    run = stepped(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
     digest = sha256(folder / "heap.h5")
     run = replace(run, producer="other DEM", network_sha256=digest)
     write_signals(folder / "heap.signals.h5", run)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import stepped
 from shear_lattice import ShearLattice
 
 import modal
@@ -19,7 +20,6 @@ from modal.elasticity.moduli_file import write_moduli
 from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.leapfrog import leapfrog
 from modal.waves.response import frequency_response, write_response
 from modal.waves.signals import write_signals
 
@@ -106,7 +106,7 @@ def test_study_has_a_section_where_the_products_are(made):
 def test_agreement_of_a_run_whose_wall_slides(made):
     """The linear wave beside it slides along the same direction."""
     network = modal.fcc(cells=(1, 1, 30))
-    run = leapfrog(network, 1e-4, 1e-7, every=5, direction="x", particles=True)
+    run = stepped(network, 1e-4, 1e-7, every=5, direction="x", particles=True)
     pair = Agreement(network, replace(run, producer="yade", time_step=1e-7))
     found, linear = pair.measured(pair.run), pair.linear("none")
     assert relative(found.chain, linear.chain) < 1e-9

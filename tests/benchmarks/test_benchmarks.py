@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from packings import stepped
 
 from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import contact_loop, dem, density, modes, preparation, scaling, wave
@@ -29,7 +30,6 @@ from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.system.packed import PackedContacts
 from modal.tools.errors import InputError
-from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
 
@@ -206,7 +206,7 @@ def test_dispersion_error_of_the_time_step_has_order_two():
     network = in_yades_order(gallery.fcc(cells=(2, 2, 30)))
     chain = LayerLattice.of_network(network)
     found = [
-        dem.errors(leapfrog(network, 6e-5, step, every=round(4e-7 / step)), chain)
+        dem.errors(stepped(network, 6e-5, step, every=round(4e-7 / step)), chain)
         for step in (2e-7, 1e-7)
     ]
     # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
@@ -221,7 +221,7 @@ def test_pre_stress_shifts_the_velocity_and_springs_do_not():
     inner = network.particle_j >= 0
     lateral = np.median(network.force_normal[inner]) / (2 * network.radius[0])
     expected = lateral / chain.stiffness
-    run = leapfrog(network, 6e-5, 2e-8, every=20, motion=Pulse())
+    run = stepped(network, 6e-5, 2e-8, every=20, motion=Pulse())
     found = {}
     for kind in ("none", "full"):
         twin = dem.linear_twin(network, run, kind)

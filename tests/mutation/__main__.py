@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 TESTS = {
     "system/contacts": "bodies stiffness operator tangent law_waves linear_wave",
-    "system/imposed": "bodies statics linear_wave shear_waves plane_source moduli",
+    "system/imposed": "bodies statics linear_wave shear_waves plane_source sources moduli",
     "system/root_mass": "bodies operator linear_wave",
     "system/assembly": "stiffness operator tangent counts lowest_modes zero_modes",
     "system/operator": "operator bodies linear_wave density",

@@ -11,7 +11,7 @@ import modal
 from modal.__main__ import main
 from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal
-from modal.waves.plane_source import propagate_from_plane
+from modal.waves.sources import Plane
 
 SLAB = polydisperse(n=40)
 """One contact in five slides."""
@@ -72,8 +72,9 @@ def test_slipping_springs_by_a_dense_oracle(slow_K):
     # Round-off of two dense solvers in omega^2.
     assert (2 * np.pi * found) ** 2 == pytest.approx(square, abs=1e-11 * square[-1])
     assert modal.count_modes(CELL, 1e5, sliding="slip") == (square < (2e5 * np.pi) ** 2).sum()
+    plane = {"source": Plane(CELL.length / 2), "direction": "x", "particles": True}
     waves = [
-        propagate_from_plane(net, 2e-5, CELL.length / 2, direction="x", sliding=sliding)
+        modal.propagate(net, 2e-5, sliding=sliding, **plane).signals
         for net, sliding in ((CELL, "slip"), (without_kt(CELL), "elastic"))
     ]
     assert np.array_equal(*(wave.particle_displacement for wave in waves))

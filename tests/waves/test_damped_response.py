@@ -15,7 +15,6 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
-from modal.tools.errors import InputError
 from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
 
@@ -134,11 +133,8 @@ def test_command_file_and_mistakes(tmp_path, capsys):
     assert read_response(product).damping is None
     for wrong, words in (
         ([*command, "-0.1", "0"], "takes energy"),
-        ([*command, "0.1", "0", "--pre-stress", "full"], "with damping"),
         ([*command, "0.1", "0", "--resolution", "1e-12"], "fewer frequencies"),
     ):
         assert main(wrong) == 2
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1
-    with pytest.raises(InputError, match="pre-stress 'normal' with damping"):
-        modal.frequency_response(network, damping=DAMPING, pre_stress="normal")

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from packings import scaled, wall_pattern
+from packings import scaled, stepped, wall_pattern
 from places import SHEARED
 
 from modal.__main__ import main
@@ -22,7 +22,6 @@ from modal.tools import workload
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
 from modal.waves.chebyshev import Recurrence
-from modal.waves.leapfrog import leapfrog
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals, source_pulse
@@ -213,7 +212,7 @@ def test_leapfrog_approaches_the_exact_wave_at_second_order():
     network = gallery.fcc(cells=(2, 2, 12))
     errors = []
     for step in (1e-7, 5e-8):
-        slow = leapfrog(network, 1e-4, step, every=round(1e-6 / step))
+        slow = stepped(network, 1e-4, step, every=round(1e-6 / step))
         exact = propagate(network, 1e-4).signals
         assert slow.time == pytest.approx(exact.time, abs=1e-15)
         difference = slow.chain_displacement - exact.chain_displacement
@@ -223,7 +222,7 @@ def test_leapfrog_approaches_the_exact_wave_at_second_order():
         assert lag < 3 * errors[-1]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
     with pytest.raises(InputError, match="stable up to"):
-        leapfrog(network, 1e-4, 2e-6)
+        stepped(network, 1e-4, 2e-6)
 
 
 def squeezed(times: float) -> Network:
@@ -241,9 +240,9 @@ def test_step_limit_is_that_of_the_tangent_in_use():
         limits.append(2 / np.sqrt(np.linalg.eigvalsh(operator @ np.eye(operator.shape[0]))[-1]))
     assert limits[1] < 0.9 * limits[0]
     step = (limits[0] + limits[1]) / 2
-    leapfrog(network, 1e-4, step)
+    stepped(network, 1e-4, step)
     with pytest.raises(InputError, match="stable up to"):
-        leapfrog(network, 1e-4, step, pre_stress="normal")
+        stepped(network, 1e-4, step, pre_stress="normal")
 
 
 @pytest.mark.parametrize("pre_stress", ["normal", "full"])
@@ -254,7 +253,7 @@ def test_unstable_network_is_refused_by_both(pre_stress):
     lowest = np.linalg.eigvals(operator @ np.eye(operator.shape[0])).real.min()
     # It grows by more than exp(10) in the time asked for.
     assert np.sqrt(-lowest) * 3e-4 > 10
-    for simulate in (propagate, partial(leapfrog, time_step=1e-7)):
+    for simulate in (propagate, partial(stepped, step=1e-7)):
         with pytest.raises(InputError, match="unstable"):
             simulate(network, 3e-4, pre_stress=pre_stress)
 
@@ -271,7 +270,7 @@ def test_stable_leapfrog_is_not_refused(share, corners):
         rng = np.random.default_rng(corners)
         at, value = np.sort(rng.uniform(1e-6, 9e-5, corners)), rng.standard_normal(corners)
         motion = SampledMotion(np.append(0, at), 1e-9 * np.append(0, value))
-    found = leapfrog(network, 3e-4, step, motion=motion)
+    found = stepped(network, 3e-4, step, motion=motion)
     assert np.isfinite(found.chain_displacement).all()
 
 
@@ -283,7 +282,7 @@ def test_full_tangent_of_a_packing_with_friction_though_not_symmetric():
     normal = propagate(network, 1e-4, interval=2e-6, pre_stress="normal", particles=True)
     errors = []
     for step in (1e-7, 5e-8):
-        slow = leapfrog(network, 1e-4, step, every=round(2e-6 / step), **settings)
+        slow = stepped(network, 1e-4, step, every=round(2e-6 / step), **settings)
         difference = slow.particle_displacement - exact
         errors.append(np.linalg.norm(difference) / np.linalg.norm(exact))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
@@ -302,7 +301,7 @@ def test_wave_on_the_command_line(tmp_path, capsys):
     assert signals.producer == "linear"
     assert signals.chain_displacement.shape == (51, 6)
     assert signals.particle_displacement is None
-    assert main([*base, "--method", "leapfrog", "--time-step", "5e-8", "--particles"]) == 0
+    assert main([*base, "--time-step", "5e-8", "--particles"]) == 0
     slow = read_signals(out)
     assert slow.particle_displacement.shape == (51, 24)
     difference = np.linalg.norm(slow.chain_displacement - signals.chain_displacement)
@@ -312,12 +311,9 @@ def test_wave_on_the_command_line(tmp_path, capsys):
     assert main([*base, "--motion-file", str(wall)]) == 0
     assert read_signals(out).source_displacement[-1] == 1e-9
     capsys.readouterr()
-    leap = ["--method", "leapfrog", "--time-step"]
+    leap = ["--time-step"]
     for wrong in (
         ["--duration", "-1"],
-        ["--method", "leapfrog"],
-        ["--time-step", "1e-8"],
-        ["--time-step", "0"],
         ["--interval", "0"],
         ["--interval", "-1e-6"],
         ["--interval", "nan"],
@@ -335,7 +331,7 @@ def test_wave_on_the_command_line(tmp_path, capsys):
 def test_leapfrog_records_at_the_interval_asked_for(tmp_path, capsys):
     path, out = tmp_path / "a.network.h5", tmp_path / "a.signals.h5"
     write_network(path, gallery.fcc(cells=(2, 2, 6)))
-    leap = ["wave", str(path), "--duration", "6e-5", "--method", "leapfrog", "-o", str(out)]
+    leap = ["wave", str(path), "--duration", "6e-5", "-o", str(out)]
     assert main([*leap, "--time-step", "3e-7", "--interval", "1.2e-6"]) == 0
     assert np.diff(read_signals(out).time) == pytest.approx(1.2e-6, rel=1e-9)
     capsys.readouterr()
@@ -348,7 +344,7 @@ def test_long_wave_is_refused_before_it_starts(monkeypatch):
     """1,000 s of 2,000 spheres, by either method; 10 s for their memory alone."""
     network = gallery.fcc(cells=(4, 4, 125))
     assert network.n_particles == 2000
-    for simulate in (propagate, partial(leapfrog, time_step=1e-7, every=10)):
+    for simulate in (propagate, partial(stepped, step=1e-7, every=10)):
         with pytest.raises(InputError, match="products with K, .* (days|h|min) here, and .* [TG]B"):
             simulate(network, 1e3)
     monkeypatch.setattr(workload, "LONGEST", np.inf)

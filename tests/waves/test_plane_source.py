@@ -17,11 +17,15 @@ from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.imposed import crossings
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.plane_file import read_plane_wave, write_plane_wave
-from modal.waves.plane_source import propagate_from_plane
+from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
+from modal.waves.sources import Plane
 
 CRYSTAL, LAYERS = FccLattice(1e5), 40
+
+
+def from_plane(network, duration, height, **settings):
+    return modal.propagate(network, duration, source=Plane(height), particles=True, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +37,7 @@ def crystal():
 def test_p_wave_against_a_ring_of_layers(crystal, above):
     """m u_j'' = C (u_j+1 - 2 u_j + u_j-1); C d(t) pushes the two layers of one spring apart."""
     height = (above + 1) * CRYSTAL.layer_distance if above < LAYERS - 1 else 0.0
-    found = propagate_from_plane(crystal, 1.2e-4, height, tolerance=1e-12)
+    found = from_plane(crystal, 1.2e-4, height, tolerance=1e-12).signals
     ring = 2 * np.eye(LAYERS) - np.roll(np.eye(LAYERS), 1, 0) - np.roll(np.eye(LAYERS), -1, 0)
     square, shape = eigh(ring * CRYSTAL.C / CRYSTAL.mass)
     push = np.zeros(LAYERS)
@@ -43,8 +47,8 @@ def test_p_wave_against_a_ring_of_layers(crystal, above):
     omega[0] = omega[1] * 1e-4  # the layers as a whole, which nothing pushes
     exact = (force * driven_by_pulse(found.time, omega, 1e5)) @ shape.T
     assert found.particle_displacement == pytest.approx(exact, abs=1e-9 * abs(exact).max())
-    rough = propagate_from_plane(crystal, 1.2e-4, height, tolerance=1e-3)
-    off = abs(rough.particle_displacement - exact).max()
+    rough = from_plane(crystal, 1.2e-4, height, tolerance=1e-3)
+    off = abs(rough.signals.particle_displacement - exact).max()
     assert 0 < off <= rough.truncation * abs(exact).max() and rough.truncation <= 1e-3
     # Two equal waves, up and down; the mass as a whole stays where it is.
     up = np.roll(found.particle_displacement, -above - 1, axis=1)
@@ -59,9 +63,9 @@ def test_wave_in_the_crystal_is_the_sum_of_its_bloch_waves(direction):
     and both are turned the same way. Nothing of the network enters but where its spheres are.
     """
     network, axis = modal.fcc(cells=(2, 2, 24), periodic_z=True), "xyz".index(direction)
-    found = propagate_from_plane(
+    found = from_plane(
         network, 1.2e-4, network.length / 2, direction=direction, tolerance=1e-12
-    )
+    ).signals
     up = CRYSTAL.neighbours()[CRYSTAL.neighbours()[:, 2] > 0.1]
     assert len(up) == 4
     along = up * up[:, axis : axis + 1]
@@ -92,7 +96,7 @@ def test_s_wave_comes_later_by_the_velocities_of_the_moduli(crystal):
     v = moduli.velocities((0, 0, 1))
     way = (LAYERS // 2 - 4) * CRYSTAL.layer_distance
     for direction, speed in (("z", v[0]), ("x", v[1])):
-        found = propagate_from_plane(crystal, 1.2e-4, crystal.length / 2, direction=direction)
+        found = from_plane(crystal, 1.2e-4, crystal.length / 2, direction=direction).signals
         at = np.argmin(abs(found.layer_position - crystal.length / 2 - way))
         peak = found.time[np.argmax(found.layer_displacement[:, at])]
         distance = found.layer_position[at] - crystal.length / 2
@@ -104,7 +108,7 @@ def test_momentum_stays_zero_in_a_random_cell():
     """Whatever opens, inner forces push nothing as a whole; contacts cross whole planes."""
     cell = polydisperse(periodic_z=True)
     for direction in "xyz":
-        found = propagate_from_plane(cell, 2e-5, 0.3 * cell.length, direction=direction)
+        found = from_plane(cell, 2e-5, 0.3 * cell.length, direction=direction).signals
         drift = found.particle_displacement @ cell.mass / cell.mass.sum()
         assert abs(drift).max() < 1e-9 * abs(found.particle_displacement).max()
     # The sum of rises over all planes is that of the branches.
@@ -132,7 +136,7 @@ def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
         push[i] -= [*force, *np.cross(cell.lever_i[c], force)]
         push[j] += [*force, *np.cross(cell.lever_j[c], force)]
     square, shape = eigh(stiffness_matrix(cell).toarray(), np.diag(mass_diagonal(cell)))
-    found = propagate_from_plane(cell, 2e-5, height, direction=direction)
+    found = from_plane(cell, 2e-5, height, direction=direction).signals
     motion = (shape.T @ push.ravel())[:, None] * Pulse().response(square.clip(0), found.time)
     wanted = (shape[axis::6] @ motion).T
     assert found.particle_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
@@ -140,59 +144,62 @@ def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
 
 def test_command_and_file(crystal, tmp_path, capsys):
     """The same digits; a file without every sphere; a cell without walls says what to give."""
-    path, product = tmp_path / "c.network.h5", tmp_path / "c.plane.h5"
+    path, product = tmp_path / "c.network.h5", tmp_path / "c.signals.h5"
     write_network(path, crystal)
     middle = crystal.length / 2
     asked = ["wave", str(path), "--plane", repr(middle), "--direction", "x", "--duration", "4e-5"]
     assert main([*asked, "-o", str(product), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    own = propagate_from_plane(crystal, 4e-5, middle, direction="x")
-    read = read_plane_wave(product)
-    assert read.layer_displacement == pytest.approx(own.layer_displacement, abs=0)
-    assert read.particle_displacement is None and read.height == middle
-    assert said["products_with_k"] == own.products == read.products
-    assert said["truncation"] == own.truncation == read.truncation < 1e-9
-    assert "PlaneWave along x" in repr(read) and read.plot().get_ylabel() == "z, mm"
+    own = from_plane(crystal, 4e-5, middle, direction="x")
+    read = read_signals(product, of_any_source=True)
+    assert (read.layer_displacement == own.signals.layer_displacement).all()
+    assert (read.source_stress == own.signals.source_stress).all()
+    assert read.particle_displacement is None and read.source_height == [middle]
+    assert (said["products_with_k"], said["truncation"]) == (own.products, own.truncation)
+    assert own.truncation < 1e-9 and "plane at" in read.source
+    assert not len(read.chain_particle) and not len(read.receiver_stress)
+    assert read.plot().get_ylabel() == "z, mm"
+    with pytest.raises(InputError, match="not of a wave from wall to wall"):
+        read_signals(product)
     assert main([*asked, "-o", str(product), "--particles", "--skip-current"]) == 0
-    assert (read_plane_wave(product).particle_displacement == own.particle_displacement).all()
+    every = read_signals(product, of_any_source=True).particle_displacement
+    assert (every == own.signals.particle_displacement).all()
     capsys.readouterr()
     assert main([*asked, "-o", str(product), "--particles", "--skip-current"]) == 0
     assert "current" in capsys.readouterr().out
     assert main(["export", str(path), str(product), "-o", str(tmp_path / "wave.xyz")]) == 0
     capsys.readouterr()
-    slab = tmp_path / "slab.network.h5"
-    write_network(slab, modal.fcc(cells=(1, 1, 10)))
     for wrong, words in (
-        (["wave", str(path)], "give --plane"),
-        (["wave", str(slab), "--plane", "0.001"], "not periodic along z"),
+        (["wave", str(path)], "--plane"),
         (["wave", str(path), "--plane", "99"], "outside the cell"),
-        ([*asked, "--damping", "0.1", "0"], "--damping with --plane"),
-        ([*asked, "--method", "leapfrog"], "--method with --plane"),
-        ([*asked, "--pre-stress", "normal"], "--pre-stress with --plane"),
-        (["report", str(path), str(product)], "of no product that a report reads"),
+        (["wave", str(path), "--plane", "nan"], "outside the cell"),
+        (["wave", str(path), "--point", "-1"], "the packing has 0 to"),
+        (["wave", str(path), "--plane", "0", "--direction", "torsion"], "free sides"),
+        (["response", str(path), "--highest", "1e4"], "--plane"),
+        (["report", str(path), str(product)], "reads no other"),
     ):
         command = analysis_main if wrong[0] == "report" else main
         assert command(wrong) == 2
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1
-    write_plane_wave(product, own)
-    with h5py.File(product, "r+") as file:
+
+
+def test_file_of_before_is_read(crystal, tmp_path):
+    """Schema and attributes of "granular-plane-wave", version 1, as it was written."""
+    own = from_plane(crystal, 2e-5, 0.01).signals
+    path = tmp_path / "old.plane.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs.update(schema="granular-plane-wave", schema_version=1, direction="z")
+        file.attrs.update(height=0.01, products=7, truncation=1e-10, network_sha256="ab")
+        file["time"], file["source/displacement"] = own.time, own.source_displacement
+        file["layers/position"] = own.layer_position
+        file["layers/displacement"] = own.layer_displacement
+    read = read_signals(path, of_any_source=True)
+    assert (read.layer_displacement == own.layer_displacement).all()
+    assert read.source == "plane at 0.01 m" and read.network_sha256 == "ab"
+    with pytest.raises(InputError, match="schema"):
+        read_signals(path)
+    with h5py.File(path, "r+") as file:
         del file.attrs["height"]
     with pytest.raises(InputError, match="incomplete"):
-        read_plane_wave(product)
-
-
-def test_sources_outside_are_refused(crystal):
-    slab = modal.fcc(cells=(1, 1, 10))
-    for wrong, words in (
-        (lambda: propagate_from_plane(crystal, 1e-5, 2 * crystal.length), "outside the cell"),
-        (lambda: propagate_from_plane(crystal, 1e-5, np.nan), "outside the cell"),
-        (lambda: propagate_from_plane(slab, 1e-5, 1e-3), "not periodic along z"),
-        (lambda: propagate_from_plane(crystal, 1e-5, 0.0, direction="u"), "choose x, y or z"),
-        (lambda: propagate_from_plane(crystal, -1.0, 0.0), "must be positive"),
-    ):
-        with pytest.raises(InputError, match=words):
-            wrong()
-    found = propagate_from_plane(crystal, 1e-5, 0.0)
-    assert "PlaneWave along z" in repr(found)
-    assert found.plot().get_ylabel() == "z, mm"
+        read_signals(path, of_any_source=True)

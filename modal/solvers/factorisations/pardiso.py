@@ -45,7 +45,7 @@ def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: boo
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     if np.iscomplexobj(matrix):
-        return _complex(matrix)
+        return _complex(matrix, symmetric)
     given = _with_diagonal(matrix, symmetric)
     solver = PyPardisoSolver(mtype=(2 if definite else -2) if symmetric else 11)
     for parameter, value in (SYMMETRIC if symmetric else UNSYMMETRIC).items():
@@ -77,13 +77,15 @@ def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: boo
     return Factor(solve, certain(negative, solve, matrix) if whole else None, NAME, release)
 
 
-def _complex(matrix: sp.csr_matrix) -> Factor:
-    """Factor of a complex symmetric matrix, by its real form."""
+def _complex(matrix: sp.csr_matrix, symmetric: bool) -> Factor:
+    """Factor of a complex matrix, by its real form, which is symmetric where the matrix is."""
     size, W, T = matrix.shape[0], matrix.real, matrix.imag
-    factor = _factorise(sp.bmat([[W, -T], [-T, -W]], format="csr"), False, True, True)
+    way = -1 if symmetric else 1
+    both_parts = sp.bmat([[W, -T], [way * T, way * W]], format="csr")
+    factor = _factorise(both_parts, False, symmetric, True)
 
     def solve(rhs: Array) -> Complex:
-        both = factor.solve(np.concatenate([rhs.real, -rhs.imag]))
+        both = factor.solve(np.concatenate([rhs.real, way * rhs.imag]))
         return both[:size] + 1j * both[size:]
 
     return replace(factor, solve=solve, negative=None)

@@ -12,7 +12,7 @@ from modal.packing.network import write_network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem
-from modal.waves.driven import Driven, bound_of_omega
+from modal.waves.one_part import bound_of_omega, one_part
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals
@@ -55,8 +55,8 @@ def test_parts_that_differ_change_the_wave_by_less_than_is_said():
     rng = np.random.default_rng(3)
     noisy = TILED.stiffness_normal * (1 + 2e-11 * rng.uniform(-1, 1, TILED.n_contacts))
     network = replace(TILED, stiffness_normal=noisy)
-    driven = Driven(network, DURATION, 1e-6)
-    assert driven.repeats == 3 and 1e-10 < driven.difference < 1e-7
+    driven = one_part(LinearSystem.of(network), DURATION, 1e-6)
+    assert driven.count == 3 and 1e-10 < driven.difference < 1e-7
     one = propagate(network, DURATION, tolerance=driven.difference, particles=True)
     assert one.repeats == 3 and one.truncation > driven.difference
     exact = propagate(network, DURATION, tolerance=1e-14, particles=True)

@@ -1,0 +1,150 @@
+"""What a wave starts from: the source wall, a plane inside the packing, or one sphere.
+
+A source moves, or pushes, along the direction of the wave: x, y, z, or by turning about the line
+along z through the middle of the cell, which sends torsion. How it moves in time is a `Motion`
+(`modal.waves.source`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from modal.packing.network import SOURCE_WALL, Network
+from modal.system.imposed import Imposed, PlaneOpens, PlaneTurns, WallMoves, WallTurns
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+from modal.waves.recording import COMPONENT, TORSION
+
+
+@runtime_checkable
+class Source(Protocol):
+    """Where a packing is moved, or pushed, from outside."""
+
+    @property
+    def name(self) -> str:
+        """In words: wall, plane at 0.01 m, sphere 12."""
+
+    def height_in(self, network: Network) -> Floats | None:
+        """Shape (1,), m: where it lies inside the packing; None of its wall."""
+
+    @property
+    def alike(self) -> bool:
+        """Whether equal parts of a packing side by side are moved alike."""
+
+    def imposed(self, network: Network, direction: str) -> Imposed | None:
+        """The motion that it puts on the contacts; None of a source that pushes."""
+
+    def load(self, network: Network, direction: str) -> Floats:
+        """Shape (6n,): the unit force, N, or torque, N m, of a source that pushes."""
+
+
+class _Moves:
+    """A source that moves contacts."""
+
+    alike = True
+
+    def load(self, network: Network, direction: str) -> Floats:
+        """No force of its own."""
+        return np.zeros(6 * network.n_particles)
+
+
+@dataclass(frozen=True)
+class Wall(_Moves):
+    """The source wall, at the lower end of the packing.
+
+    >>> Wall()
+    Wall()
+    """
+
+    name = "wall"
+
+    def height_in(self, network: Network) -> None:
+        """None."""
+
+    def imposed(self, network: Network, direction: str) -> Imposed:
+        """The wall's unit motion; InputError where there is no such wall."""
+        if network.cell_periodic[2]:
+            raise InputError(
+                "the packing is periodic along z: no wall sends a wave; take a plane that opens "
+                "(--plane Z), or a sphere that is pushed (--point K)"
+            )
+        _refuse_torsion_of_periods(network, direction)
+        if direction == TORSION:
+            return WallTurns(SOURCE_WALL)
+        return WallMoves(SOURCE_WALL, COMPONENT[direction])
+
+
+@dataclass(frozen=True)
+class Plane(_Moves):
+    """All contacts across the plane at `height`, m, open: above it one way, below it the other.
+
+    Nothing is pushed as a whole, and two equal waves leave the plane, up and down.
+    """
+
+    height: float
+
+    @property
+    def name(self) -> str:
+        """With its height."""
+        return f"plane at {self.height:g} m"
+
+    def height_in(self, network: Network) -> Floats:
+        """Its height."""
+        return np.array([self.height])
+
+    def imposed(self, network: Network, direction: str) -> Imposed:
+        """The unit opening; InputError for a plane outside the cell."""
+        low, high = network.wall_position
+        if not low <= self.height <= high:
+            raise InputError(
+                f"a source at {self.height:g} m lies outside the cell, which reaches from {low:g} "
+                f"to {high:g} m"
+            )
+        _refuse_torsion_of_periods(network, direction)
+        if direction == TORSION:
+            return PlaneTurns(self.height)
+        return PlaneOpens(self.height, COMPONENT[direction])
+
+
+@dataclass(frozen=True)
+class Point:
+    """One sphere, by its index, that a force pushes, or a torque about z turns.
+
+    Its motion in time is that force in N, or torque in N m.
+    """
+
+    particle: int
+    alike = False
+
+    @property
+    def name(self) -> str:
+        """With its index."""
+        return f"sphere {self.particle}"
+
+    def height_in(self, network: Network) -> Floats:
+        """That of the sphere."""
+        return network.position[[self.particle], 2]
+
+    def imposed(self, network: Network, direction: str) -> None:
+        """None: it pushes."""
+
+    def load(self, network: Network, direction: str) -> Floats:
+        """Shape (6n,); InputError for a sphere that the packing does not have."""
+        if not 0 <= self.particle < network.n_particles:
+            raise InputError(
+                f"sphere {self.particle}: the packing has 0 to {network.n_particles - 1}"
+            )
+        load = np.zeros(6 * network.n_particles)
+        load[6 * self.particle + COMPONENT[direction]] = 1
+        return load
+
+
+def _refuse_torsion_of_periods(network: Network, direction: str) -> None:
+    if direction == TORSION and network.cell_periodic[:2].any():
+        raise InputError(
+            "a packing that is periodic sideways cannot be twisted; take one with free sides, or a "
+            "sphere as the source"
+        )

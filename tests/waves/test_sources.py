@@ -1,0 +1,308 @@
+"""Sources, systems and integrators in all combinations against dense matrices; reciprocity.
+
+What a source does is told here from rigid motions: a wall, or all that lies above a plane, moves or
+turns as one body, and the contacts across push back.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from packings import polydisperse, sheared
+from scipy.linalg import expm
+
+import modal
+from modal.__main__ import main
+from modal.packing.layers import Layers
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
+from modal.system.assembly import block, stiffness_matrix
+from modal.system.contacts import Contacts, terms_of
+from modal.system.damping import ContactDamping
+from modal.tools.errors import InputError
+from modal.waves.response import read_response, write_response
+from modal.waves.signals import read_signals, write_signals
+from modal.waves.source import SampledMotion
+from modal.waves.sources import Plane, Point, Wall
+from modal.waves.taylor import Taylor
+
+EVERY, RECORDS = 1e-6, 30
+MOTION = SampledMotion(EVERY * np.array([0, 2, 5, 9, 14]), 1e-9 * np.array([0, 2, -1, 1.5, 0]))
+DAMPING = ContactDamping(0.05, 0.03)
+COMPONENT = {"x": 0, "y": 1, "z": 2, "torsion": 5}
+
+
+def free_sides() -> Network:
+    """Radii 1:3 between two walls, without periods."""
+    network = polydisperse(n=40)
+    inside = network.with_contacts(~network.cell_shift.any(axis=1))
+    return replace(inside, cell_periodic=np.zeros(3, bool), cell_shift=None)
+
+
+def bodies() -> Network:
+    """Contacts that roll and twist, and bodies with tensors of inertia, periodic sideways."""
+    network, rng = polydisperse(n=30), np.random.default_rng(2)
+    turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
+    value = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
+    stiff = network.stiffness_normal * network.radius.mean() ** 2
+    return replace(
+        network,
+        inertia_tensor=turned @ value @ turned.transpose(0, 2, 1),
+        stiffness_rolling=0.02 * stiff,
+        stiffness_twisting=0.05 * stiff,
+    )
+
+
+PACKINGS = {
+    "free sides": free_sides,
+    "cell": lambda: polydisperse(periodic_z=True, n=30),
+    "bodies": bodies,
+    "sheared": sheared,
+}
+
+
+@cache
+def packing(name: str) -> Network:
+    return PACKINGS[name]()
+
+
+def rigid(network: Network, places: np.ndarray, direction: str) -> np.ndarray:
+    """Shape (k, 6): unit motion at places (k, 3) of what moves, or turns about the middle."""
+    motion = np.zeros((len(places), 6))
+    motion[:, COMPONENT[direction]] = 1
+    if direction == "torsion":
+        motion[:, :3] = np.cross([0, 0, 1], places - [*network.cell_size[:2] / 2, 0])
+    return motion
+
+
+def of_wall(network: Network, wall: int, direction: str, pre_stress: str):
+    """Push (6n,), pull (6n,) and what holds it, contact by contact."""
+    tangent = Contacts.of(network, terms_of(pre_stress)).tangent()
+    push, pull, held = np.zeros((2, network.n_particles, 6)), 0, 0.0
+    push, pull = push
+    for c in np.flatnonzero(network.particle_j == wall):
+        i, one = network.particle_i[c], tangent[c : c + 1]
+        place = network.position[i] + network.lever_i[c]
+        e = rigid(network, place[None], direction)[0]
+        push[i] -= block(one, 0, 1)[0] @ e
+        pull[i] -= block(one, 1, 0)[0].T @ e
+        held += e @ block(one, 1, 1)[0] @ e
+    return push.ravel(), pull.ravel(), held
+
+
+def of_plane(network: Network, height: float, direction: str, pre_stress: str):
+    """The same of all above a plane that moves at once, of contacts between bodies alone."""
+    inner = network.with_contacts(network.particle_j >= 0)
+    K = stiffness_matrix(inner, pre_stress=pre_stress).toarray()
+    above = rigid(network, network.position, direction)
+    above *= (network.position[:, 2] >= height)[:, None]
+    u = above.ravel()
+    return K @ u, K.T @ u, u @ K @ u
+
+
+def sourced(network, source, direction, pre_stress):
+    if isinstance(source, Plane):
+        return of_plane(network, source.height, direction, pre_stress)
+    if isinstance(source, Point):
+        push = np.zeros(6 * network.n_particles)
+        push[6 * source.particle + COMPONENT[direction]] = 1
+        return push, 0 * push, 0.0
+    return of_wall(network, SOURCE_WALL, direction, pre_stress)
+
+
+def matrices(network, source, direction, pre_stress, damping):
+    """K, C, M^-1 and what springs and dashpots of source and receiver wall do; dense."""
+    M = np.zeros((network.n_particles, 6, 6))
+    M[:, range(3), range(3)] = network.mass[:, None]
+    tensor = network.inertia_tensor
+    M[:, 3:, 3:] = network.inertia[:, None, None] * np.eye(3) if tensor is None else tensor
+    N = 6 * network.n_particles
+    inverse = np.zeros((N, N))
+    for k, one in enumerate(np.linalg.inv(M)):
+        inverse[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = one
+    dashpots = None if damping is None else damping.dashpots(network)
+    K = stiffness_matrix(network, pre_stress=pre_stress).toarray()
+    C = 0 * K if dashpots is None else stiffness_matrix(dashpots).toarray()
+    none = np.zeros(N), np.zeros(N), 0.0
+    spring = sourced(network, source, direction, pre_stress)
+    viscous = none if dashpots is None else sourced(dashpots, source, direction, "none")
+    if isinstance(source, Point):
+        viscous = none
+    far = of_wall(network, RECEIVER_WALL, direction, pre_stress)
+    behind = none if dashpots is None else of_wall(dashpots, RECEIVER_WALL, direction, "none")
+    return K, C, inverse, spring, viscous, far, behind
+
+
+def dense_wave(network, source, direction, pre_stress, damping):
+    """Motions (nt, n), forces on source and receiver wall (nt,), by a matrix exponential.
+
+    The state u, v, d, d' of a motion of straight lines, which bend at records alone.
+    """
+    K, C, inverse, spring, viscous, far, behind = matrices(
+        network, source, direction, pre_stress, damping
+    )
+    N = len(K)
+    L = np.zeros((2 * N + 2, 2 * N + 2))
+    L[:N, N : 2 * N], L[2 * N, 2 * N + 1] = np.eye(N), 1
+    L[N : 2 * N] = inverse @ np.column_stack([-K, -C, spring[0], viscous[0]])
+    unit = np.concatenate([np.ones(N), np.full(N, 1e6), [1, 1e6]])
+    step = expm(L * unit / unit[:, None] * EVERY)
+    d = MOTION.displacement(EVERY * np.arange(RECORDS + 1))
+    state, states, speeds = np.zeros(2 * N + 2), [], np.append(np.diff(d), 0.0) / EVERY
+    for k in range(RECORDS + 1):
+        state[2 * N :] = d[k], speeds[k] / 1e6
+        states.append(state.copy())
+        state = step @ state
+    states = np.array(states)
+    u, v = states[:, :N], states[:, N : 2 * N] * 1e6
+    held = spring[2] * d - u @ spring[1] + viscous[2] * speeds - v @ viscous[1]
+    return u[:, COMPONENT[direction] :: 6], held, u @ far[1] + v @ behind[1]
+
+
+CASES = [
+    ("free sides", Wall(), "torsion", "none", None),
+    ("free sides", Wall(), "torsion", "full", DAMPING),
+    ("free sides", Wall(), "y", "normal", DAMPING),
+    ("free sides", Plane(0.004), "torsion", "none", None),
+    ("free sides", Plane(0.004), "torsion", "none", DAMPING),
+    ("free sides", Plane(0.004), "x", "normal", None),
+    ("free sides", Point(7), "torsion", "full", None),
+    ("cell", Point(3), "x", "none", DAMPING),
+    ("cell", Point(3), "torsion", "normal", None),
+    ("bodies", Wall(), "x", "normal", DAMPING),
+    ("bodies", Wall(), "z", "none", None),
+    ("bodies", Point(4), "torsion", "none", DAMPING),
+]
+
+
+@pytest.mark.parametrize(("name", "source", "direction", "pre_stress", "damping"), CASES)
+def test_wave_against_a_matrix_exponential(name, source, direction, pre_stress, damping):
+    """Every sphere and both walls; round-off of the exponential is 1e-11 of the largest motion."""
+    network = packing(name)
+    settings = {
+        **{"source": source, "direction": direction, "pre_stress": pre_stress},
+        **{"motion": MOTION, "interval": EVERY, "particles": True},
+    }
+    found = modal.propagate(network, EVERY * RECORDS, damping=damping, **settings)
+    moved, held, far = dense_wave(network, source, direction, pre_stress, damping)
+    signals = found.signals
+    assert signals.particle_displacement == pytest.approx(moved, abs=1e-8 * abs(moved).max())
+    assert signals.source == source.name
+    if isinstance(source, Point):
+        assert not len(signals.source_stress)
+    else:
+        # At corners of the motion its rate jumps, and with it the force of dashpots.
+        smooth = np.ones(len(held), bool)
+        smooth[np.rint(MOTION.time / EVERY).astype(int)] = damping is None
+        stress = held / network.area
+        scale = 1e-8 * abs(stress).max()
+        assert signals.source_stress[smooth] == pytest.approx(stress[smooth], abs=scale)
+    if name != "cell":
+        far = far / network.area
+        scale = 1e-8 * max(abs(far).max(), abs(signals.source_stress).max(initial=0.0))
+        assert signals.receiver_stress == pytest.approx(far, abs=scale)
+    if damping is None:
+        series = modal.propagate(network, EVERY * RECORDS, integrator=Taylor(), **settings)
+        other = series.signals.particle_displacement
+        assert other == pytest.approx(moved, abs=1e-8 * abs(moved).max())
+        errors = [
+            abs(slow.signals.particle_displacement - moved).max()
+            for slow in (
+                modal.propagate(network, EVERY * RECORDS, time_step=step, **settings)
+                for step in (EVERY / 40, EVERY / 80)
+            )
+        ]
+        # A time step's error falls with its square; corners of the motion lie on steps.
+        assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "direction", "pre_stress", "damping"),
+    [case for case in CASES if case[3] == "none" or case[4]]
+    + [("sheared", Plane(0.01), "x", "full", None), ("sheared", Point(9), "z", "normal", None)],
+)
+def test_response_against_dense_solves(name, source, direction, pre_stress, damping):
+    """Of dashpots at real frequencies; else under the window whose width is the resolution.
+
+    Forces taken up need a packing at rest, or dashpots: others are unstable.
+    """
+    network, resolution = packing(name), 8e3
+    found = modal.frequency_response(
+        *(network,), source=source, direction=direction, pre_stress=pre_stress, damping=damping,
+        highest=4e4, resolution=resolution, tolerance=1e-9,
+    )  # fmt: skip
+    K, C, inverse, spring, viscous, far, behind = matrices(
+        network, source, direction, pre_stress, damping
+    )
+    M = np.linalg.inv(inverse)
+    layers, held, beyond = [], [], []
+    for f in found.frequency:
+        s = -2j * np.pi * f + (np.pi * resolution if damping is None else 0)
+        u = np.linalg.solve(K + s * C + s**2 * M, spring[0] + s * viscous[0])
+        layers.append(u[COMPONENT[direction] :: 6])
+        held.append(spring[2] + s * viscous[2] - u @ (spring[1] + s * viscous[1]))
+        beyond.append(u @ (far[1] + s * behind[1]))
+    means = np.array([Layers(network).means(u.real) for u in layers])
+    means = means + 1j * np.array([Layers(network).means(u.imag) for u in layers])
+    assert found.layer_displacement == pytest.approx(means, abs=1e-8 * abs(means).max())
+    for stress, wanted in ((found.source_stress, held), (found.receiver_stress, beyond)):
+        if len(stress):
+            wanted = np.array(wanted) / network.area
+            assert stress == pytest.approx(wanted, abs=1e-8 * abs(wanted).max())
+
+
+@pytest.mark.parametrize("damping", [None, DAMPING])
+@pytest.mark.parametrize("direction", ["z", "torsion"])
+def test_what_one_sphere_hears_of_another_is_what_it_tells_it(damping, direction):
+    """Maxwell, Betti and Rayleigh: K, C and M are symmetric, with forces taken up too."""
+    network = packing("bodies")
+    first, second = (
+        modal.propagate(
+            network, 3e-5, source=Point(a), direction=direction, damping=damping,
+            pre_stress="normal", particles=True, motion=MOTION,
+        ).signals.particle_displacement[:, b]
+        for a, b in ((2, 11), (11, 2))
+    )  # fmt: skip
+    assert abs(first).max() > 0
+    # Each is exact to 1e-9 of the largest motion, that of the sphere which is pushed.
+    assert first == pytest.approx(second, abs=1e-6 * abs(first).max())
+
+
+def test_what_a_piece_cannot_do_is_said_in_one_line(tmp_path, capsys):
+    network = packing("free sides")
+    for settings, words in (
+        ({"damping": DAMPING, "time_step": 1e-8}, "no damping"),
+        ({"source": Point(10**6)}, "the packing has 0 to"),
+        ({"source": Point(0), "time_step": 1.0}, "multiple of the time step"),
+    ):
+        with pytest.raises(InputError, match=words):
+            modal.propagate(network, 1e-5, **settings)
+    path, out = tmp_path / "free.network.h5", tmp_path / "free.signals.h5"
+    write_network(path, network)
+    command = ["wave", str(path), "--duration", "1e-5", "--direction", "torsion"]
+    assert main([*command, "--point", "3", "-o", str(out), "--particles"]) == 0
+    capsys.readouterr()
+    assert main(["export", str(path), str(out), "-o", str(tmp_path / "a.xyz")]) == 2
+    assert "turns" in capsys.readouterr().err
+    assert main(["response", str(path), "--highest", "2e4", "--point", "3"]) == 0
+
+
+def test_recordings_over_time_and_frequency_are_one_table(tmp_path):
+    """Of torsion from a wall: units of turns, version 2, and what is read is what was written."""
+    network = packing("free sides")
+    wave = modal.propagate(network, 1e-5, direction="torsion", damping=DAMPING).signals
+    response = modal.frequency_response(
+        network, source=Plane(0.004), direction="torsion", highest=2e4, resolution=4e3
+    )
+    signals, transfer = tmp_path / "t.signals.h5", tmp_path / "t.response.h5"
+    write_signals(signals, wave)
+    write_response(transfer, response, "ab")
+    read, again = read_signals(signals, of_any_source=True), read_response(transfer)
+    with pytest.raises(InputError, match="from wall to wall"):
+        read_signals(signals)
+    for one, other in ((wave, read), (response, again)):
+        for name, value in vars(one).items():
+            if name != "products":
+                assert np.array_equal(value, getattr(other, name)), name
+    with pytest.raises(InputError, match="no stress on both"):
+        modal.frequency_response(network, source=Point(1), highest=1e4, resolution=4e3).gain  # noqa: B018
