@@ -16,13 +16,18 @@ TIE = 1e-9
 """Relative difference of path costs below which they count as equal."""
 
 
-def wall_to_wall_chain(network: Network) -> Ints:
+def wall_to_wall_chain(network: Network, corridor: float = CORRIDOR) -> Ints:
     """Shape (nc,): particles from the source wall to the receiver wall, each touching the next.
 
     The path through the contacts that stays closest to a vertical line: a step costs its length
     times 1 + (lateral distance from the line / diameter)^2. The line starts at the source-wall
-    particle nearest to the middle of the cross-section. InputError where no path exists.
+    particle nearest to the middle of the cross-section. What lies within the `corridor`, largest
+    diameters, is looked at first, all else where it matters. InputError where no path exists.
     """
+    return network.cached(f"chain within {corridor}", lambda: _chain(network, corridor))
+
+
+def _chain(network: Network, corridor: float) -> Ints:
     i, j = network.particle_i, network.particle_j
     start = np.unique(i[j == SOURCE_WALL])
     goal = np.unique(i[j == RECEIVER_WALL])
@@ -46,16 +51,16 @@ def wall_to_wall_chain(network: Network) -> Ints:
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
     # In a wide packing only what is near the line is looked at, if that is certain to be enough.
     widest = 2 * float(network.radius.max())
-    corridor = aside <= (CORRIDOR * widest) ** 2
-    if not corridor.all() and not network.cell_periodic[2]:
-        members = np.flatnonzero(corridor)
-        place = np.cumsum(corridor) - 1
-        both = corridor[i] & corridor[j]
-        ends, at = (place[i[both]], place[j[both]]), place[goal[corridor[goal]]]
+    near = aside <= (corridor * widest) ** 2
+    if not near.all() and not network.cell_periodic[2]:
+        members = np.flatnonzero(near)
+        place = np.cumsum(near) - 1
+        both = near[i] & near[j]
+        ends, at = (place[i[both]], place[j[both]]), place[goal[near[goal]]]
         path, cost = _cheapest(ends, length[both], weight[members], int(place[first]), at)
         # A path climbs from wall to wall; one that leaves the corridor pays for the way out, too.
         height = network.position[goal, 2].min() - network.position[first, 2]
-        if cost < SURE * (height + CORRIDOR**3 / 3 * widest):
+        if cost < SURE * (height + corridor**3 / 3 * widest):
             return members[path]
     path, cost = _cheapest((i, j), length, weight, first, goal)
     if not np.isfinite(cost):

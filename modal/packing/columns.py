@@ -122,9 +122,14 @@ class Columns:
         vars(self).update(own, study=dict(state["study"]), provenance=dict(state["provenance"]))
 
     def cached(self, name: str, make: Callable[[], Made]) -> Made:
-        """What `make` gives, made when this name is first asked for and kept with the network."""
+        """What `make` gives, made when this name is first asked for and kept with the network.
+
+        An array that is kept cannot be written to.
+        """
         if name not in self._made:
             self._made[name] = make()
+            if isinstance(self._made[name], np.ndarray):
+                self._made[name].flags.writeable = False
         made: Made = self._made[name]
         return made
 

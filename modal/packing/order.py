@@ -30,6 +30,10 @@ def crystalline(network: Network) -> Bools:
 
     The walls count for nothing: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.
     """
+    return network.cached("crystalline", lambda: _crystalline(network))
+
+
+def _crystalline(network: Network) -> Bools:
     side, n = network.cell_size[:2], network.n_particles
     position = network.position.copy()
     position[:, :2] %= side

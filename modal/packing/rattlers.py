@@ -17,6 +17,10 @@ def keeping_contacts(network: Network, least: int) -> Bools:
     Removing a particle removes its contacts, so this repeats until all that are left have at least
     `least` contacts with each other and with walls.
     """
+    return network.cached(f"keeping {least} contacts", lambda: _keeping(network, least))
+
+
+def _keeping(network: Network, least: int) -> Bools:
     i, j, pair = network.particle_i, network.partner, ~network.with_wall
     kept = np.ones(network.n_particles, bool)
     while True:

@@ -62,16 +62,24 @@ def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     >>> lateral_repeats(modal.fcc(cells=(3, 2, 10))).count
     6
     """
+    name = f"lateral repeats, {pre_stress}"
+    finer = network.cached(name, lambda: _finest(network, pre_stress))
     every: Ints = np.arange(network.n_particles)
-    found = Repeats(network, every, every, 1, 0.0)
+    return finer or Repeats(network, every, every, 1, 0.0)
+
+
+def _finest(network: Network, pre_stress: bool) -> Repeats | None:
+    """As `lateral_repeats`; None of a network that does not repeat itself, which keeps no copy."""
     if any(getattr(network, name) is not None for name in OF_BONDS):
-        return found  # bonds and clumps are not compared
+        return None  # bonds and clumps are not compared
+    every: Ints = np.arange(network.n_particles)
+    found = whole = Repeats(network, every, every, 1, 0.0)
     columns = (*OF_SPRINGS, *(OF_PRE_STRESS if pre_stress else ()))
     for axis in (0, 1):
         for prime in _primes(_common(found.part)) if network.cell_periodic[axis] else ():
             while (finer := _parted(found, axis, prime, columns)) is not None:
                 found = finer
-    return found
+    return None if found is whole else found
 
 
 def _common(network: Network) -> int:

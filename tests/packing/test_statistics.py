@@ -9,8 +9,12 @@ from places import PACKINGS, SHEARED
 
 from modal.__main__ import main
 from modal.packing import crystal as gallery
+from modal.packing.chain import wall_to_wall_chain
 from modal.packing.contact_law import RADIUS
 from modal.packing.network import Network, read_network, write_network
+from modal.packing.order import crystalline
+from modal.packing.rattlers import force_bearing
+from modal.packing.repeats import lateral_repeats
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import (
     coordination_without_rattlers,
@@ -259,3 +263,13 @@ def test_layers_of_a_cell_without_walls_know_no_end():
     moved = profile(replace(network, position=position, cell_shift=shift))
     assert moved.void_ratio == pytest.approx(np.roll(layers.void_ratio, 1), rel=1e-9)
     assert moved.stress == pytest.approx(np.roll(layers.stress, 1, axis=0), rel=1e-9)
+
+
+@pytest.mark.parametrize("find", [crystalline, force_bearing, lateral_repeats, wall_to_wall_chain])
+def test_what_follows_from_a_packing_is_sought_once(find):
+    """A second question of a session in Python finds it there; nobody can write to it."""
+    network = gallery.fcc(cells=(2, 2, 6))
+    found = find(network)
+    assert find(network) is found
+    assert not isinstance(found, np.ndarray) or not found.flags.writeable
+    assert find(replace(network)) is not found
