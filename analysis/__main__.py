@@ -14,14 +14,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
     if argv is None:
         end_at_interrupt()  # before what takes time to load
+    from analysis.cli.main import main as run
+
     try:
-        from analysis.cli.main import main as run
+        return run(argv)
     except ModuleNotFoundError as error:
         if error.name != "matplotlib":
             raise
         print("error: matplotlib is absent, which draws; pip install matplotlib", file=sys.stderr)
         return 2
-    return run(argv)
 
 
 if __name__ == "__main__":

@@ -12,9 +12,9 @@ from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.own_wave import INTERVAL, RECORD, affine_frequency, own_pulse
+from analysis.estimators.settled import MARK, why_unsettled
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
-from analysis.packings.settled import MARK, why_unsettled
 from analysis.paper import has_its_spheres, is_its_specimen, matching_case
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.moduli_file import read_moduli

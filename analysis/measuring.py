@@ -21,9 +21,9 @@ from analysis.estimators.other_source import as_of_pulse
 from analysis.estimators.own_wave import coherent_of, own_pulse, own_wave
 from analysis.estimators.plane_waves import plane_structure_factor
 from analysis.estimators.scattering import Scattering
+from analysis.estimators.settled import why_unsettled
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import structure_factor
-from analysis.packings.settled import why_unsettled
 from analysis.prepare import DENSITY_TOLERANCE, line_width, prepare
 from analysis.value import hertz
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli

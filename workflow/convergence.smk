@@ -17,7 +17,7 @@ workdir: Path(workflow.basedir).parent
 
 
 sys.path.insert(0, workflow.basedir)
-from analysis.packings.seeds import Seeds
+from analysis.packings.seeds import QUANTITIES, Seeds
 from cost import listed, resources
 from study import FULL, PYTHON
 
@@ -26,6 +26,7 @@ try:
     settings = Seeds(f"cases/{config.get('table', 'convergence')}.table").settings
 except (OSError, ValueError) as error:
     raise WorkflowError(str(error)) from error
+NUMBERS = " ".join(QUANTITIES.values())
 ROWS = {f"{name}_mu{friction}": row for (name, friction), row in settings.items()}
 
 
@@ -101,7 +102,7 @@ rule rest:
     input:
         f"{FOLDER}/{{row}}/{{seed}}/walked",
     output:
-        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.h5",
+        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.sample.h5",
     params:
         friction=lambda w: f"{float(ROWS[w.row]['mu_comp']) + 0.1:g}",
     log:
@@ -115,10 +116,10 @@ rule rest:
 
 rule numbers:
     input:
-        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.h5",
+        f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.rest.sample.h5",
     output:
         f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.json",
     resources:
         **needs("comparison"),
     shell:
-        "{PYTHON} -m analysis packing {input} -o {output}"
+        "{PYTHON} -m analysis measure {input} --quantities {NUMBERS} -o {output} || [ $? = 3 ]"

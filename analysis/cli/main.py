@@ -3,23 +3,53 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 from collections.abc import Sequence
 
-from analysis.cli import cases, measure, packings, study, waves
 from modal.cli.options import Parser, check_files, check_text, say_error
 from modal.tools.errors import InputError
 
+GROUPS = {
+    "your packing": {
+        "measure": (
+            "measure",
+            "velocities, low-pass frequency, moduli ... with errors: start here",
+        ),
+        "figure": ("cases", "when a number is not enough: one figure, or again from its CSV"),
+        "watch": ("waves", "to see a wave or modes move: one page, in three dimensions"),
+        "agreement": (
+            "waves",
+            "when a DEM run is to be trusted: against the linear wave, by cause",
+        ),
+    },
+    "the study": {
+        "prepare": ("cases", "before figures of many: costly spectra of a case, kept in files"),
+        "report": ("cases", "when a case is done: one page of its tables and figures"),
+        "compare": ("cases", "a crystal beside theory and the paper"),
+        "study": ("study", "when cases are measured: all tables, figures and targets, one page"),
+        "status": ("cases", "which products are there, and which are stale and why"),
+        "convergence": ("convergence", "what the settings of a preparation change, over seeds"),
+    },
+}
+"""Commands by group: the module of each in this room, loaded when it is called; when to use it."""
+COMMANDS = {name: told for group in GROUPS.values() for name, told in group.items()}
 
-def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
-    about = "Compare theory, modes and YADE; COMMAND --help has options and an example."
-    whole = Parser(prog="python -m analysis", description=about)
+
+def parser(called: str = "") -> argparse.ArgumentParser:
+    """The parser of the command that is `called`; with the names of all where it is none."""
+    lines = ["Any packing measured, and the study of many; COMMAND --help has options, an example."]
+    for title, group in GROUPS.items():
+        lines += ["", f"{title}:", *(f"  {name:12s} {when}" for name, (_, when) in group.items())]
+    whole = Parser(prog="python -m analysis", description="\n".join(lines))
     commands = whole.add_subparsers(
-        dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
+        dest="command", required=True, parser_class=Parser, metavar="COMMAND"
     )
-    for group in (measure, cases, study, packings, waves):
-        group.add(commands)
+    if called in COMMANDS:
+        importlib.import_module(f"analysis.cli.{COMMANDS[called][0]}").add(commands)
+    else:
+        for name in COMMANDS:
+            commands.add_parser(name)
     return whole
 
 
@@ -31,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     try:
         check_text(words)
-        options = parser().parse_args(words)
+        options = parser("".join(words[:1])).parse_args(words)
         check_files(options)
         options.argv = words
         status: int | None = options.run(options)

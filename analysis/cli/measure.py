@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from analysis.cli.options import add_command
-from analysis.measurement import measure_files
+from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
+from analysis.table import Table
 from modal.cli.options import add_output, json_text, say
 from modal.cli.terminal import put
+from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
 
@@ -27,21 +30,32 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--json", action="store_true", help="print JSON")
     command.add_argument("--keep", metavar="DIR", help="folder that keeps costly spectra")
-    add_output(command, "write the result file of one packing, *.json")
+    add_output(command, "result file of one packing, *.json; or table of several, *.md")
     command.epilog = "\n".join(
         f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
         for q in QUANTITIES.values()
     )
 
 
+def _write(path: Path, found: dict[str, Measurement]) -> None:
+    """A result file of one packing, or a table of several: one line a quantity."""
+    if path.suffix == ".json":
+        if len(found) > 1:
+            raise InputError(f"-o {path}: a result file is of one packing; give *.md for a table")
+        for one in found.values():
+            one.write(path)
+        return
+    stems = [Path(name).name.split(".h5")[0] for name in found]
+    first = next(iter(found.values()))
+    rows = [[name, *(one[name].text() for one in found.values())] for name in first]
+    write_text(path, Table("Quantities", ["quantity", *stems], rows).markdown())
+
+
 def _measure(options: argparse.Namespace) -> int:
     names = QUICK if options.quick else options.quantities
     found, mean = measure_files(options.files, names, options.keep)
     if options.output:
-        if mean is not None:
-            raise InputError(f"-o {options.output}: a result file is of one packing; measure each")
-        (one,) = found.values()
-        one.write(options.output)
+        _write(Path(options.output), found)
     if options.json:
         told: dict[str, Any] = {path: each.as_json() for path, each in found.items()}
         if mean is None:

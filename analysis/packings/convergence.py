@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.packings.limit import limit
-from analysis.packings.seeds import NO_SETTING, NONE, OWN, Means, Seeds
-from analysis.packings.state import QUANTITIES
+from analysis.packings.seeds import NO_SETTING, NONE, OWN, QUANTITIES, Means, Seeds
 from analysis.table import Table
 from modal.preparation.protocol import NOMINAL_FRACTION
 

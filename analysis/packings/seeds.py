@@ -7,7 +7,6 @@ and standard error are known, rounded to what a table printed: `MEANS`.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,26 @@ from pathlib import Path
 import numpy as np
 
 from analysis.batch_table import lines_of
-from analysis.packings.state import QUANTITIES
+from analysis.measurement import Measurement
 from analysis.table import Table, read_csv
+from analysis.value import Value
 from modal.tools.errors import InputError
 
+QUANTITIES = {
+    "e": "void_ratio",
+    "e_bulk": "void_ratio_of_bulk",
+    "Z": "coordination",
+    "Z_bearing": "coordination_of_bearing",
+    "rattlers": "rattlers",
+    "fabric_zz": "fabric_zz",
+    "force_squared": "force_squared",
+    "weak_forces": "weak_forces",
+    "V_P": "v_p_static",
+    "f_low_pass": "low_pass",
+    "residual": "residual",
+    "stress_error": "stress_error",
+}
+"""Columns, and the quantities that `measure` has of each packing."""
 KEPT, MEANS = "seeds.csv", "means.csv"
 OWN = "own"
 NO_SETTING = {"setting", "seeds"}
@@ -58,6 +73,12 @@ class Means:
 NONE = Means(0, 0, {})
 
 
+def _told(value: Value) -> float:
+    """Its number, which a packing that is too short for it has not."""
+    short = any(caveat.startswith("too short") for caveat in value.caveats)
+    return np.nan if short else float(value.value)
+
+
 def _mean(seeds: np.ndarray) -> tuple[float, float, int]:
     """Mean, its standard error (NaN from one seed) and the number of seeds."""
     if not seeds.size:
@@ -89,13 +110,13 @@ class Seeds:
         """Packings ROW_muMU/SEED/STRESSPa.json of workflow/convergence.smk."""
         for name, friction in self.settings:
             for path in sorted(Path(folder, f"{name}_mu{friction}").glob("*/*Pa.json")):
-                state = json.loads(path.read_text())
-                state = {name: np.nan if v is None else v for name, v in state.items()}
-                if lacking := set(QUANTITIES) - set(state):
+                found = Measurement.read(path)
+                if lacking := set(QUANTITIES.values()) - set(found):
                     raise InputError(
                         f"{path}: has no {', '.join(lacking)}, an older version made it; remove it "
                         "and run workflow/convergence.smk"
                     )
+                state = {column: _told(found[name]) for column, name in QUANTITIES.items()}
                 key = name, friction, float(path.name.removesuffix("Pa.json"))
                 self.numbers.setdefault(key, {})[int(path.parent.name)] = state
 

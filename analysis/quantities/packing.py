@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators.settled import residual_of
 from analysis.measuring import Measuring
-from analysis.packings.settled import residual_of
 from analysis.quantities.registry import on_request, without_signal
 from analysis.value import Value, unknown
 from modal.packing.rattlers import force_bearing

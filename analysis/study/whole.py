@@ -9,8 +9,8 @@ import re
 from pathlib import Path
 
 from analysis.comparable import scatter_of_samples
+from analysis.estimators.settled import why_unsettled
 from analysis.measures.estimate import Estimate
-from analysis.packings.settled import why_unsettled
 from analysis.page import Section, list_html, made_by, page, table_html
 from analysis.report import provenance_table, shown
 from analysis.rows import Row

@@ -21,10 +21,8 @@ from analysis.__main__ import main as analysis_main
 from analysis.case import find
 from analysis.case_tables import table_1
 from analysis.measures import Measures
-from analysis.packings.samples import table
 from analysis.report import provenance_table
 from modal.__main__ import main
-from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import (
     Provenance,
@@ -355,21 +353,6 @@ def test_report_names_command_and_sources_of_every_file(folder):
     command, sources = rows["case02.modes.h5"]
     assert command.startswith("python -m modal modes case02.network.h5 --all")
     assert sources == f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})"
-
-
-def test_table_of_samples_takes_the_noise_from_the_network_exported_from_it(tmp_path):
-    """The sample itself stays as it was; a network of another sample says nothing about it."""
-    sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
-    shutil.copy(ROOT / "tests/data/friction150.sample.h5", sample)
-    exported = read_packing(sample)
-    exported.study.update(noise_layer=1.25e-13, noise_sphere=2.5e-13)
-    made = Provenance("export", {}, packing_of(sample)).attributes()
-    exported = replace(exported, provenance=made)
-    assert "1.2e-13" not in table([str(sample)])
-    write_network(network, exported)
-    assert "1.2e-13, 2.5e-13" in table([str(sample)])
-    write_network(network, replace(exported, provenance={}))
-    assert "1.2e-13" not in table([str(sample)])
 
 
 def books(**changed: float) -> EnergyBalance:
