@@ -72,6 +72,11 @@ class Measuring:
         return self.walls and is_fcc(self.network)
 
     @property
+    def files(self) -> list[Path]:
+        """Files of the packing and of what was made of it."""
+        return [] if self._case is None else list((self._case.files or {}).values())
+
+    @property
     def diameter(self) -> float:
         """Mean diameter, m."""
         return 2 * float(self.network.radius.mean())

@@ -12,16 +12,10 @@ from modal.tools.errors import InputError
 
 GROUPS = {
     "your packing": {
-        "measure": (
-            "measure",
-            "velocities, low-pass frequency, moduli ... with errors: start here",
-        ),
+        "measure": ("measure", "start here: velocities, low-pass, moduli ... with errors"),
         "figure": ("cases", "when a number is not enough: one figure, or again from its CSV"),
         "watch": ("waves", "to see a wave or modes move: one page, in three dimensions"),
-        "agreement": (
-            "waves",
-            "when a DEM run is to be trusted: against the linear wave, by cause",
-        ),
+        "agreement": ("waves", "when a DEM run is in doubt: against the linear wave, by cause"),
     },
     "the study": {
         "prepare": ("cases", "before figures of many: costly spectra of a case, kept in files"),

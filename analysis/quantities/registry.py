@@ -40,10 +40,15 @@ class Quantity:
     asked: bool = False
 
     def measured(self, packing: Measuring) -> Value:
-        """Its value; where it cannot be had, no number but the reason."""
+        """Its value; where it cannot be had, no number but the reason.
+
+        InputError where the reason is a file that was given.
+        """
         try:
             return self.of(packing)
         except InputError as error:
+            if any(str(error).startswith(f"{path}:") for path in packing.files):
+                raise
             return unknown(self.unit, str(error))
 
 

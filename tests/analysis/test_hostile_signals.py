@@ -77,7 +77,7 @@ BOTH = replace(FULL, chain_displacement=FULL.chain_displacement + FULL.chain_dis
 )
 @pytest.mark.parametrize("rule", [first_peak_velocity, arrival_velocity])
 def test_times_of_arrival_give_the_velocity_or_none(rule, found):
-    """The known bias of both rules on this wave is 2 % at most (results/estimators.md)."""
+    """The known bias of both rules on this wave is 2 % at most."""
     value, error = rule(found, 0.0, LENGTH)
     assert np.isnan([value, error]).all() or value == pytest.approx(CHAIN.velocity, rel=0.025)
 

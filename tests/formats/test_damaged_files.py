@@ -63,7 +63,8 @@ def commands(kind: str, folder: Path) -> list[tuple]:
     """The commands that read a file of this kind: entry point and arguments."""
     path = {name: str(folder / file) for name, file in FILES.items()}
     case = ["2", "--products", str(folder), "-o", str(folder / "out")]
-    quality = ["--damping", "0.01", "0.01", "-o", str(folder / "quality")]
+    at_rest = ["--quantities", "rattlers"]
+    page = ["-o", str(folder / "page.html")]
     return {
         "network": [
             (modal_main, ["info", path["network"], "--json"]),
@@ -75,14 +76,13 @@ def commands(kind: str, folder: Path) -> list[tuple]:
         "sample": [
             (modal_main, ["info", path["sample"], "--json"]),
             (modal_main, ["count", path["sample"], "--at", "3e4", "--json"]),
-            (analysis_main, ["samples", path["sample"]]),
+            (analysis_main, ["measure", path["sample"], *at_rest]),
         ],
         "signals": [
             (analysis_main, ["agreement", path["network"], path["signals"]]),
             (analysis_main, ["compare", *case, "--no-figures"]),
         ],
-        # The comparison leaves a crystal's shapes where they are; the quality factor needs them.
-        "modes": [(analysis_main, ["quality", path["network"], path["modes"], *quality])],
+        "modes": [(analysis_main, ["watch", path["modes"], path["network"], *page])],
     }[kind]
 
 
