@@ -46,7 +46,9 @@ class Value:
         for name, part in self.parts.items():
             if name != "samples":
                 squares = squares + np.square(part)
-        error = np.fmax(np.sqrt(squares), self.parts.get("samples", 0.0))
+        error = np.sqrt(squares)
+        if "samples" in self.parts:
+            error = np.fmax(error, self.parts["samples"])
         return error if np.ndim(error) else float(error)
 
     @property

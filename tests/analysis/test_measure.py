@@ -205,6 +205,7 @@ def test_a_quantity_is_one_function(random, monkeypatch):
 )
 def test_a_value_is_written_as_exact_as_it_is(value, text):
     assert value.text() == text
+    assert value.known or value.as_json()["error"] is None
     assert json.loads(json.dumps(value.as_json()))["unit"] == value.unit
 
 
