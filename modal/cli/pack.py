@@ -29,7 +29,11 @@ WITH_FRICTION = {
 """Numbers of the protocol that a study may change."""
 ADVANCED = ("approach_rate", "agitated_damping")
 """Those of them that hardly anyone needs."""
-TYPED = {"fraction": "--time-step-fraction", "hot_stress": "--agitation-stress"}
+TYPED = {
+    "fraction": "--time-step-fraction",
+    "hot_stress": "--agitation-stress",
+    "damping": "--local-damping",
+}
 """Options whose names are not those of the protocol's numbers."""
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.packing.checks import density_of, force_ratio
-from modal.packing.neighbours import periodic_pairs
+from modal.packing.neighbours import touching
 from modal.packing.network import Network
 from modal.packing.state import net_forces, profile
 from modal.packing.summary import crystalline_shares
@@ -135,19 +135,13 @@ def _overlapping(network: Network, depth: float) -> int:
     at most `SIMILAR` times the smallest; 0 for all others.
     """
     radius, position = network.radius, network.position.copy()
-    periodic = network.cell_periodic
+    periodic, side = network.cell_periodic, network.cell_size[:2]
     if radius.max() > SIMILAR * radius.min() or not (periodic[:2].all() and not periodic[2]):
         return 0
-    side = network.cell_size[:2]
     position[:, :2] %= side
-    i, j, shift = periodic_pairs(position, side, 2 * float(radius.max()))
-    branch = position[j] + shift * np.array([*side, 0.0]) - position[i]
-    found = int((radius[i] + radius[j] - _size(branch) > depth).sum())
-    if network.length > 0:
-        low, high = network.wall_position
-        found += int((radius - (position[:, 2] - low) > depth).sum())
-        found += int((radius - (high - position[:, 2]) > depth).sum())
-    return found
+    found = touching(position, side, network.wall_position, radius)
+    walls = network.length > 0
+    return int(((found.overlap > depth) & (walls | (found.particle_j >= 0))).sum())
 
 
 def _stiffnesses(network: Network, remarks: list[str]) -> dict[str, Any]:

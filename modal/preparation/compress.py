@@ -20,7 +20,8 @@ from modal.preparation.protocol import Stage, Study
 from modal.preparation.strain_control import ConstantRate, Servo
 from modal.preparation.walk import cost
 from modal.preparation.walk import walk as walk_by
-from modal.tools.progress import Minute, progress, time_left
+from modal.tools.display import duration
+from modal.tools.progress import Minute, progress
 
 
 class Pace:
@@ -108,7 +109,7 @@ def _to_go(stage: Stage, seconds: float, pace: float) -> str:
     """Where the stage ends, `seconds` after its start at `pace`, seconds of ours for one of it."""
     if math.isinf(stage.patience):
         return f"ends at {stage.study.hot_stress:.4g} Pa"
-    most = time_left((stage.patience - seconds) * pace)
+    most = duration((stage.patience - seconds) * pace)
     error, residual = stage.limits
     if math.isinf(residual):
         return f"{most} left"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 """Power of ten: its prefix; u stands for micro."""
 
 
@@ -59,6 +59,18 @@ def _power(rounded: float) -> int:
     """The power of ten, a multiple of three, of the prefix of a number that is not zero."""
     power = 3 * math.floor(math.log10(abs(rounded)) / 3)
     return min(max(power, min(PREFIXES)), max(PREFIXES))
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that suits it.
+
+    >>> duration(45.2), duration(600.0), duration(9000.0)
+    ('45 s', '10 min', '2.5 h')
+    """
+    for name, unit in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds:.0f} s"
 
 
 def table(rows: list[tuple[str, str]]) -> str:

@@ -10,6 +10,8 @@ import sys
 import time
 from collections.abc import Generator
 
+from modal.tools.display import duration
+
 WIDTH = 32
 """Characters of the bar."""
 BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
@@ -65,7 +67,7 @@ def progress(count: int, label: str) -> Generator[int, None, None]:
                 continue
             part = (k + 1) / count
             left = (time.monotonic() - start) * (1 / part - 1)
-            told = f"{100 * part:3.0f} %, {time_left(left)} left"
+            told = f"{100 * part:3.0f} %, {duration(left)} left"
             if terminal:
                 sys.stderr.write(f"\r{label} [{'#' * int(WIDTH * part):<{WIDTH}}] {told} ")
             else:
@@ -75,14 +77,3 @@ def progress(count: int, label: str) -> Generator[int, None, None]:
         if terminal:
             sys.stderr.write("\r\033[K")
             sys.stderr.flush()
-
-
-def time_left(seconds: float) -> str:
-    """A time to go, in the unit that suits it.
-
-    >>> time_left(45.2), time_left(600.0), time_left(9000.0)
-    ('45 s', '10 min', '2.5 h')
-    """
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.tools.display import duration, quantity
 from modal.tools.errors import InputError
 
 LONGEST = 86400.0
@@ -71,8 +72,8 @@ def refuse_endless(
     operator.apply(motion)
     seconds = products * (time.perf_counter() - started)
     if seconds > ANNOUNCED and sys.stderr.isatty():
-        said = f"about {products:.2g} products with K, {_duration(seconds)}"
-        print(f"{task}: {said}, {_size(bytes_needed)} more", file=sys.stderr, flush=True)
+        said = f"about {products:.2g} products with K, {duration(seconds)}"
+        print(f"{task}: {said}, {quantity(bytes_needed, 'B', 3)} more", file=sys.stderr, flush=True)
     refuse_above(
         seconds, bytes_needed, f"{task} takes about {products:.2g} products with K,", remedy
     )
@@ -89,8 +90,8 @@ def refuse_above(
     if seconds <= (LONGEST if longest is None else longest) and bytes_needed <= at_hand:
         return
     raise InputError(
-        f"{task} {_duration(seconds)} here, and {_size(bytes_needed)} of memory "
-        f"({_size(at_hand)} are free); {remedy}"
+        f"{task} {duration(seconds)} here, and {quantity(bytes_needed, 'B', 3)} of memory "
+        f"({quantity(at_hand, 'B', 3)} are free); {remedy}"
     )
 
 
@@ -99,16 +100,6 @@ def refuse_above_memory(bytes_needed: float, task: str, remedy: str) -> None:
     at_hand = memory_at_hand()
     if bytes_needed > at_hand:
         raise InputError(
-            f"{task} takes {_size(bytes_needed)} of memory ({_size(at_hand)} are free); {remedy}"
+            f"{task} takes {quantity(bytes_needed, 'B', 3)} of memory "
+            f"({quantity(at_hand, 'B', 3)} are free); {remedy}"
         )
-
-
-def _duration(seconds: float) -> str:
-    for name, unit in (("days", 86400.0), ("h", 3600.0)):
-        if seconds > 2 * unit:
-            return f"{seconds / unit:.3g} {name}"
-    return f"{seconds / 60:.3g} min"
-
-
-def _size(count: float) -> str:
-    return f"{count / 1e12:.3g} TB" if count >= 1e12 else f"{count / 1e9:.3g} GB"

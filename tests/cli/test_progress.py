@@ -13,6 +13,7 @@ import pytest
 
 from modal.tools import progress as module
 from modal.tools import workload
+from modal.tools.display import duration
 
 
 class Screen(io.StringIO):
@@ -49,7 +50,7 @@ def test_a_log_has_a_line_a_minute_with_step_and_time_to_go(said):
     assert steps == list(range(3, 41, 3))
     for step, line in zip(steps, lines, strict=True):
         left = 25.0 * (40 - step)  # equal steps: the estimate is exact
-        assert line.endswith(f"{100 * step / 40:3.0f} %, {module.time_left(left)} left")
+        assert line.endswith(f"{100 * step / 40:3.0f} %, {duration(left)} left")
 
 
 def test_a_short_loop_leaves_nothing_in_a_log(said):
