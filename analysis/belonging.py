@@ -8,7 +8,7 @@ from pathlib import Path
 
 from analysis.case import Case, find
 from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
-from modal.elasticity.moduli_file import SCHEMA as MODULI
+from modal.elasticity.moduli import SCHEMA as MODULI
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.density import SCHEMA as DENSITY

@@ -16,8 +16,7 @@ from analysis.estimators.settled import MARK, why_unsettled
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
 from analysis.paper import has_its_spheres, is_its_specimen, matching_case
-from modal.elasticity.moduli import ElasticModuli
-from modal.elasticity.moduli_file import read_moduli
+from modal.elasticity.moduli import ElasticModuli, read_moduli
 from modal.exchange.registry import read_remarked
 from modal.modes.density import read_density
 from modal.modes.mode_set import ModeSet, read_modes, read_z_shapes

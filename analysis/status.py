@@ -11,7 +11,7 @@ from analysis.batch_table import cases, value
 from analysis.case import Case
 from analysis.case_files import EXTRA_KINDS, KINDS, OTHER_WAVES
 from analysis.estimators import structure_factor
-from modal.elasticity import moduli_file
+from modal.elasticity import moduli
 from modal.formats.hdf5 import open_h5
 from modal.formats.provenance import (
     PACKING,
@@ -35,7 +35,7 @@ FORMATS = {
     "density": density,
     "response": response,
     "structure": structure_factor,
-    "moduli": moduli_file,
+    "moduli": moduli,
 }
 """Last word of a kind: the module that has its SCHEMA and VERSION."""
 OTHER_NAMES = {"friction": "mu_wave"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, without_signal
 from analysis.value import Value
-from modal.elasticity.waves import isotropic_mean
+from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
 
@@ -41,7 +41,7 @@ def poisson(packing: Measuring) -> Value:
     "how far the stiffness is from an isotropic one, 0 to 1",
 )
 def anisotropy(packing: Measuring) -> Value:
-    """Of the whole stiffness tensor, as `modal.elasticity.waves` has it."""
+    """Of the whole stiffness tensor, as `modal.elasticity.plane_waves` has it."""
     return _of(packing, packing.moduli.anisotropy)
 
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from modal.cli.options import add_output, add_skip_current, network_command
 from modal.cli.reading import add_springs, packing_of
-from modal.elasticity.moduli import TOLERANCE, elastic_moduli
-from modal.elasticity.moduli_file import read_moduli, write_moduli
-from modal.elasticity.response import SOLVERS
-from modal.elasticity.stressed import stressed_stiffness, stressed_velocities
-from modal.elasticity.waves import unit_vector
+from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
+from modal.elasticity.plane_waves import unit_vector
+from modal.elasticity.steady import SOLVERS
 from modal.formats.hdf5 import sha256
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -54,19 +50,13 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     asked = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
     for direction in asked.values():
         unit_vector(direction)
-    network = packing_of(options)
-    stressed = options.pre_stress != "none"
     found = elastic_moduli(
-        network,
+        packing_of(options),
         tolerance=options.tolerance,
+        pre_stress=options.pre_stress,
         solver=options.solver,
-        non_affine=options.non_affine or stressed,
+        non_affine=options.non_affine,
     )
-    velocities = found.velocities
-    if stressed:
-        A = stressed_stiffness(network, found, options.pre_stress)
-        velocities = partial(stressed_velocities, A, found.density)
-        found = found if options.non_affine else replace(found, non_affine=None)
     options.remarks.extend(found.remarks())
     if options.output:
         write_moduli(options.output, found, sha256(options.network), options.made)
@@ -82,7 +72,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "anisotropy": found.anisotropy,
         "density_kg_per_m3": found.density,
         "velocity_m_per_s": {
-            name: velocities(direction).tolist() for name, direction in (AXES | asked).items()
+            name: found.velocities(direction).tolist() for name, direction in (AXES | asked).items()
         },
         "isotropic_velocity_m_per_s": [found.v_p, found.v_s],
         "relative_error": found.error,

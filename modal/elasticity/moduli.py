@@ -8,26 +8,30 @@ then they move and turn until they are in balance, and give back part of it:
 with d_a what strain a does to the contacts, f_a the forces and torques that it leaves on the
 spheres (K. Walton, J. Mech. Phys. Solids 35, 213, 1987, for the affine part; C. S. Maloney and A.
 Lemaitre, Phys. Rev. E 74, 016118, 2006, for the rest). It is evaluated as the energy itself, whose
-error is the square of that of the motion.
+error is the square of that of the motion. The file of it is "granular-moduli"
+(`docs/formats.md`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.elasticity.response import steady_motion
+from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import GRIP, Bulk, affine_stiffness, bulk_stiffness
+from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import STRAINED, STRAINS, has_walls
-from modal.elasticity.waves import anisotropy, isotropic_mean, plane_waves
+from modal.elasticity.stressed import refuse_walls, stressed_stiffness
+from modal.formats.product import Column, Product
+from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.system.contacts import Contacts, with_sliding
-from modal.system.imposed import put_on
+from modal.system.contacts import Contacts
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
@@ -37,6 +41,25 @@ from modal.tools.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SCHEMA = "granular-moduli"
+VERSION = (1, 2)
+MOTIONS = {
+    "displacement": Column("non_affine/displacement", "f", (6, "n", 3), "m", optional=True),
+    "rotation": Column("non_affine/rotation", "f", (6, "n", 3), "rad", optional=True),
+}
+FORMAT = Product(
+    SCHEMA,
+    {name: Column(name, "f", (6, 6), "Pa") for name in ("stiffness", "affine", "whole")}
+    | {"stressed": Column("stressed", "f", (3, 3, 3, 3), "Pa", optional=True, since=2)}
+    | MOTIONS,
+    {
+        **dict.fromkeys(("density", "error", "asymmetry"), float),
+        **dict.fromkeys(("region", "solver", "pre_stress", "network_sha256"), str),
+        "products": int,
+    },
+    defaults={"network_sha256": "", "pre_stress": "none"},
+    versions=VERSION,
+)
 TOLERANCE = 1e-6
 """Relative error of the moduli that is asked for; mostly they are far more exact."""
 SOFT = 1e-9
@@ -52,8 +75,9 @@ class ElasticModuli:
     cell, the bulk of a slab, or a slab with its walls. whole (6, 6): of a slab with its walls, else
     the same as `stiffness`. error: of the moduli, relative, from the residual of the response.
     asymmetry: of the measured stiffness of a bulk, |C - C^T| / |C|, which its finite length leaves;
-    0 elsewhere. non_affine (6, n, 6): what each sphere moves and turns beyond a unit strain, m and
-    rad, if asked.
+    0 elsewhere. stressed (3, 3, 3, 3): with the forces that the contacts carry, by the terms of
+    `pre_stress`, which velocities are then of; all else is of springs. non_affine (6, n, 6): what
+    each sphere moves and turns beyond a unit strain, m and rad, if asked.
     """
 
     stiffness: Floats
@@ -65,6 +89,8 @@ class ElasticModuli:
     asymmetry: float
     products: int
     solver: str
+    pre_stress: str = "none"
+    stressed: Floats | None = None
     non_affine: Floats | None = None
 
     def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Floats:
@@ -83,7 +109,8 @@ class ElasticModuli:
 
     def waves(self, direction: ArrayLike) -> tuple[Floats, Floats]:
         """Velocities (3,), m/s, and unit vectors (3, 3), in rows, along which the spheres move."""
-        return plane_waves(self.stiffness, self.density, direction)
+        known = self.stiffness if self.stressed is None else self.stressed
+        return plane_waves(known, self.density, direction)
 
     @property
     def bulk_modulus(self) -> float:
@@ -103,7 +130,7 @@ class ElasticModuli:
 
     @property
     def anisotropy(self) -> float:
-        """How far the stiffness is from an isotropic one, 0 to 1; see `modal.elasticity.waves`."""
+        """How far the stiffness is from an isotropic one, 0 to 1; see `plane_waves`."""
         return anisotropy(self.stiffness)
 
     @property
@@ -230,6 +257,7 @@ def elastic_moduli(
     network: Network,
     *,
     tolerance: float = TOLERANCE,
+    pre_stress: str = "none",
     sliding: str = "elastic",
     solver: str | None = None,
     non_affine: bool = False,
@@ -240,8 +268,9 @@ def elastic_moduli(
     of their contacts, and the energy says how stiff the whole is. For cells periodic in all
     directions, and for slabs between walls with periods along x and y: there the moduli are those
     of the bulk, five diameters away from the walls, if there is one and the walls grip. Spheres
-    that nothing holds take no part. The forces that the contacts carry already do not enter (their
-    share is of the order of stress over stiffness).
+    that nothing holds take no part. The forces that the contacts carry already change stiffnesses
+    by some stress over modulus; with `pre_stress` (`modal.system.contacts`) the velocities of a
+    cell periodic in all directions have that change, to first order (`modal.elasticity.stressed`).
 
     `tolerance` is the relative error of the modulus of each strain; `solver` is "pardiso" or
     "gradients", by default what is likely to be faster; `non_affine` keeps what the spheres do
@@ -256,7 +285,9 @@ def elastic_moduli(
     """
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
-    network = with_sliding(network, sliding)
+    carrying = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
+    network = carrying.network
+    refuse_walls(carrying)
     walls = has_walls(network)
     if not network.length > 0:
         raise InputError("the cell has no volume; give walls/position, its bounds along z")
@@ -266,14 +297,14 @@ def elastic_moduli(
         raise InputError(
             "no sphere bears a force from another one: the packing is no solid, which has moduli"
         )
-    coupling = put_on(network, (), STRAINED)
+    system = LinearSystem.of(network)
+    coupling = system.put_on(STRAINED)
     affine, load = coupling.held, coupling.push
     stored = np.diag(affine)
     if not stored.max() > 0:
         raise InputError("no contact resists a strain: the packing has no stiffness")
     bulk = Bulk.of(network) if walls else None
     followed = affine / volume
-    system = LinearSystem.of(network)
     goal = _Goal(stored, tolerance, of_motion=bulk is not None)
     found, solver = steady_motion(system, load, coupling.terms, goal.allowed, solver)
     motion = found.motion
@@ -288,6 +319,8 @@ def elastic_moduli(
     else:
         goal = _Goal(stored, tolerance, of_motion=False)
     stiffness = (measured + measured.T) / 2
+    stressed = pre_stress != "none"
+    beyond = _without_floppy(system, motion) if non_affine or stressed else None
     return ElasticModuli(
         stiffness,
         followed,
@@ -298,7 +331,9 @@ def elastic_moduli(
         float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
         found.products,
         solver,
-        _without_floppy(system, motion) if non_affine else None,
+        pre_stress,
+        stressed_stiffness(carrying, beyond) if stressed and beyond is not None else None,
+        beyond if non_affine else None,
     )
 
 
@@ -308,3 +343,25 @@ def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
     basis = by_structure(system).basis
     scaled -= basis @ (basis.T @ scaled)
     return system.root.over(scaled).T.reshape(6, system.network.n_particles, 6)
+
+
+def write_moduli(
+    path: str | Path,
+    moduli: ElasticModuli,
+    network_sha256: str = "",
+    made: Provenance | None = None,
+) -> None:
+    """Write the moduli atomically, and the non-affine motions if there are any."""
+    values = vars(moduli) | {"network_sha256": network_sha256}
+    if moduli.non_affine is not None:
+        values["displacement"] = moduli.non_affine[:, :, :3]
+        values["rotation"] = moduli.non_affine[:, :, 3:]
+    FORMAT.write(path, values, made)
+
+
+def read_moduli(path: str | Path) -> ElasticModuli:
+    """Read and validate, without the non-affine motions; InputError for anything wrong."""
+    said = FORMAT.read(path, leave=MOTIONS)
+    return ElasticModuli(
+        **{name: said[name] for name in said if name not in (*MOTIONS, "network_sha256")}
+    )

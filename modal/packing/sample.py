@@ -23,7 +23,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
-VERSIONS = 1, 2
+VERSION = 1, 2
 """Between walls, and periodic along z, which earlier readers would take for walls."""
 _PLACES = {
     "position": ("particles/position", ("n", 3), "m"),
@@ -51,7 +51,7 @@ FORMAT = Product(
     # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
     defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None},
     groups=("study", "provenance"),
-    versions=VERSIONS,
+    versions=VERSION,
 )
 UNEQUAL = 1e-9
 """Relative: a density so far from the material's is the sphere's own, not round-off."""

@@ -44,6 +44,8 @@ OF_FREQUENCY = {
     "frequency": Column("frequency", "f", ("n",), "Hz"),
     "gain": Column("gain", "f", ("n",), "1", optional=True),
 }
+VERSION = (1, 2)
+"""Of the files."""
 TWISTED = {"m": "rad", "Pa": "N/m"}
 """Units in torsion, of what moves and of what resists."""
 SAID = {"direction": str, "source": str, "network_sha256": str}
@@ -64,7 +66,7 @@ class Format:
         self.columns = (OF_TIME if over_time else OF_FREQUENCY) | PLACES | recorded
         twisted = {name: _twisted(column) for name, column in self.columns.items()}
         self._product, self._twisted = (
-            Product(schema, columns, **further, versions=(1, 2))
+            Product(schema, columns, **further, versions=VERSION)
             for columns in (self.columns, twisted)
         )
 

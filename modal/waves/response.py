@@ -42,6 +42,7 @@ from modal.waves.chebyshev import summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
 from modal.waves.recording import SAID, UNSAID, Format
+from modal.waves.recording import VERSION as VERSION
 from modal.waves.sources import Source, Wall
 from modal.waves.weights import CHUNK, Resolvent
 

@@ -21,6 +21,7 @@ from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
 from modal.waves.recording import DIRECTIONS as DIRECTIONS
 from modal.waves.recording import SAID, TORSION, UNSAID, Format, without_walls
+from modal.waves.recording import VERSION as VERSION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

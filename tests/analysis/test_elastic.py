@@ -7,7 +7,7 @@ from shear_lattice import ShearLattice
 import analysis
 import modal
 from analysis.estimators.structure_factor import standing_waves
-from modal.elasticity.waves import isotropic_mean
+from modal.elasticity.plane_waves import isotropic_mean
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 

@@ -16,7 +16,7 @@ from analysis.case import Case
 from analysis.measures import Measures
 from analysis.rows import row_of
 from analysis.study.elasticity import add_elasticity, table_of_elasticity
-from modal.elasticity.moduli_file import write_moduli
+from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError

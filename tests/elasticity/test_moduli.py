@@ -10,9 +10,8 @@ from packings import bare, contact_matrices, levers_of_radii, polydisperse
 from scipy.linalg import eigh, lstsq
 
 from modal.__main__ import main
-from modal.elasticity.moduli import elastic_moduli
-from modal.elasticity.moduli_file import read_moduli, write_moduli
-from modal.elasticity.waves import anisotropy, christoffel, isotropic_mean, plane_waves
+from modal.elasticity.moduli import elastic_moduli, read_moduli, write_moduli
+from modal.elasticity.plane_waves import anisotropy, christoffel, isotropic_mean, plane_waves
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network

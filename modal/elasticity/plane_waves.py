@@ -29,21 +29,32 @@ def unit_vector(direction: ArrayLike) -> Floats:
 
 
 def christoffel(stiffness: Floats, direction: ArrayLike) -> Floats:
-    """Shape (3, 3), Pa: Christoffel's matrix of a stiffness tensor (6, 6), Pa, in Voigt order."""
+    """Shape (3, 3), Pa: Christoffel's matrix of a stiffness tensor, Pa.
+
+    In Voigt's order (6, 6); or (3, 3, 3, 3), that of a cell which carries forces.
+    """
     n = unit_vector(direction)
-    full = stiffness[INDEX[:, :, None, None], INDEX[None, None]]
+    full = stiffness if stiffness.ndim == 4 else four_axes(stiffness)
     return np.einsum("ijkl,j,l->ik", full, n, n)
+
+
+def four_axes(stiffness: Floats) -> Floats:
+    """Shape (3, 3, 3, 3), from Voigt's order (6, 6)."""
+    return stiffness[INDEX[:, :, None, None], INDEX[None, None]]
 
 
 def plane_waves(stiffness: Floats, density: float, direction: ArrayLike) -> tuple[Floats, Floats]:
     """Velocities (3,) of the waves along a direction, m/s, the fastest first, and their motions.
 
-    The motions (3, 3) are unit vectors in rows. `stiffness` (6, 6), Pa; `density` in kg/m^3. A
-    stiffness below zero, which is unstable or round-off, gives a negative velocity.
+    The motions (3, 3) are unit vectors in rows. `stiffness` as of `christoffel`, Pa; `density` in
+    kg/m^3. A stiffness below zero, which is unstable or round-off, gives a negative velocity.
     """
-    square, motion = np.linalg.eigh(christoffel(stiffness, direction) / density)
-    velocity = np.sign(square) * np.sqrt(abs(square))
-    return velocity[::-1], motion.T[::-1]
+    matrix = christoffel(stiffness, direction) / density
+    # Shear forces make it unsymmetric.
+    square, motion = np.linalg.eigh(matrix) if stiffness.ndim == 2 else np.linalg.eig(matrix)
+    order = np.argsort(square.real)[::-1]
+    square, motion = square.real[order], motion.real.T[order]
+    return np.sign(square) * np.sqrt(abs(square)), motion
 
 
 def isotropic_mean(stiffness: Floats) -> tuple[float, float]:
