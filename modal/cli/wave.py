@@ -9,7 +9,7 @@ from typing import Any
 
 from modal.cli.options import add_output, add_skip_current, network_command, say, typed
 from modal.cli.reading import add_springs, packing_of
-from modal.exchange.sample import is_sample
+from modal.exchange.programs.sample import is_sample
 from modal.formats.hdf5 import sha256
 from modal.packing.sample import read_sample
 from modal.system.damping import ContactDamping

@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import Cell, Spheres, in_order
+from modal.exchange.registry import File
 from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
 from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
@@ -21,6 +22,10 @@ SEVERAL = 5
 ROUNDED = (6, 7)
 """Significant digits of bounds that a program has rounded: by %g, or in single precision. Fewer
 stand there when somebody chose them, more when all were written."""
+
+
+SHAPED = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
+"""Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,12 @@ class Frame:
     rows: Rows
     rounding: float
     units: str = ""
+
+
+def of_liggghts(file: File) -> bool:
+    """Whether a dump is of LIGGGHTS, whose dumps look as LAMMPS': by its log, or the typed law."""
+    typed = str(file.options.get("pair", "")).split()[:1] == ["gran"]
+    return typed or b"LIGGGHTS" in file.other("log")
 
 
 def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
@@ -84,7 +95,8 @@ def _frames(path: Path, kind: str) -> list[Frame]:
                 frame = _frame(path, values, title[1:], file.tell(), number)
                 frames.append(frame)
                 for _ in range(frame.rows.count):
-                    file.readline()
+                    if not file.readline():
+                        break
                 number += frame.rows.count
                 continue
             size = 3 if title[0] == "BOX" else 1
@@ -173,6 +185,10 @@ def spheres_of(frame: Frame, units: Units, *, typed: bool, body: str = "") -> Sp
             _missing(frame, " ".join(options[0]))
         return found
 
+    for name in SHAPED:
+        if rows.has(name):
+            what = f"the column {name} tells of bodies that are no spheres, which are not known"
+            fault(rows.path, what, "dump spheres, without it", rows.line - 1, name)
     first(("id",))
     places = first(*(tuple(f"{axis}{kind}" for axis in "xyz") for kind in ("", "u", "s")))
     (size,) = first(("radius",), ("diameter",))

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.rows import fault, read_lines
 from modal.formats.hdf5 import write_whole
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats
@@ -59,25 +58,3 @@ def _cell(network: Network) -> str:
     lattice, origin = (" ".join(map(repr, of.ravel().tolist())) for of in (np.diag(size), low))
     pbc = " ".join("T" if axis else "F" for axis in network.cell_periodic)
     return f'Lattice="{lattice}" Origin="{origin}" pbc="{pbc}"'
-
-
-def read_frames(path: str | Path) -> list[tuple[float, dict[str, Floats]]]:
-    """The frames of a file that `write_frames` wrote: times, s, and columns (n,) or (n, k)."""
-    lines, frames, at = read_lines(path), list[tuple[float, dict[str, Floats]]](), 0
-    while at < len(lines):
-        try:
-            count = int(lines[at])
-            words = lines[at + 1].rsplit("Properties=", 1)[1].split(":")
-            time = float(lines[at + 1].split("Time=")[1].split()[0])
-            rows = lines[at + 2 : at + 2 + count]
-            table = np.loadtxt(rows, usecols=range(1, len(rows[0].split())), ndmin=2)
-        except (ValueError, IndexError):
-            fault(path, "no frame of extended XYZ", "write it with this program", at + 1)
-        columns, first = dict[str, Floats](), 0
-        for name, width in zip(words[3::3], map(int, words[5::3]), strict=True):
-            data = table[:, first : first + width]
-            columns[name] = data[:, 0] if width == 1 else data
-            first += width
-        frames.append((time, columns))
-        at += 2 + count
-    return frames

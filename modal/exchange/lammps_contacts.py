@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -37,13 +36,16 @@ TYPED = "--wall"
 """The name of walls that are typed on the command line."""
 
 
-@dataclass(frozen=True)
-class Walls:
-    """The walls of one fix: its ID, its law, and z of the lower and the upper one, m, or NaN."""
+class Wall(NamedTuple):
+    """A wall: the ID of its fix, its law, and z, m."""
 
     name: str
     law: ProgramLaw
-    planes: tuple[float, float]
+    z: float
+
+
+Walls = Mapping[int, Wall]
+"""The walls by their codes."""
 
 
 def contacts_of(
@@ -52,7 +54,7 @@ def contacts_of(
     path: str | Path | None,
     computes: Computes,
     units: Units,
-    walls: Sequence[Walls],
+    walls: Walls,
     fixes: Sequence[str],
 ) -> tuple[Contacts | None, list[str]]:
     """The contacts that are told, those with walls too, and what had to be assumed.
@@ -79,7 +81,7 @@ def contacts_of(
     force = units.force * table[:, 2]
     shear = units.force * table[:, 3:6] if sheared else None
     line = table[:, -3:] if lined else None
-    if np.isfinite(planes_of(walls)).any():
+    if walls:
         at, code, push, rub = contacts_with_walls(frame, spheres, units, walls, fixes)
         i, j = np.concatenate([i, at]), np.concatenate([j, code])
         force = np.concatenate([force, push])
@@ -117,40 +119,28 @@ def _meanings(listed: Frame, computes: Computes) -> tuple[dict[str, str], list[s
     return columns, assumed
 
 
-def walls_of(script: Script, units: Units) -> list[Walls]:
+def walls_of(script: Script, units: Units) -> Walls:
     """The walls of each fix; InputError for others than one at low and one at high z."""
-    found: list[Walls] = []
+    found: dict[int, Wall] = {}
     for name, words in script.walls.items():
-        one = _walls(name, words, units)
-        for other in found:
-            for side, end in enumerate(("low", "high")):
-                if not np.isnan([one.planes[side], other.planes[side]]).any():
-                    raise InputError(
-                        f"fix {name} wall/gran: a second wall at {end} z, beside that of fix "
-                        f"{other.name}; a network has one there: type them with {TYPED}"
-                    )
-        found.append(one)
+        for code, wall in _walls(name, words, units).items():
+            if code in found:
+                raise InputError(
+                    f"fix {name} wall/gran: a second wall at {('low', 'high')[CODES.index(code)]} "
+                    f"z, beside that of fix {found[code].name}; a network has one there: type "
+                    f"them with {TYPED}"
+                )
+            found[code] = wall
     return found
 
 
-def planes_of(walls: Sequence[Walls]) -> tuple[float, float]:
+def planes_of(walls: Walls) -> tuple[float, float]:
     """z of the lower and the upper wall, m, or NaN."""
-    low, high = (
-        next((each.planes[side] for each in walls if not np.isnan(each.planes[side])), np.nan)
-        for side in (0, 1)
-    )
+    low, high = (walls[code].z if code in walls else np.nan for code in CODES)
     return low, high
 
 
-def law_of_wall(walls: Sequence[Walls], code: int, said: str) -> ProgramLaw:
-    """The law of the wall of this code."""
-    for each in walls:
-        if not np.isnan(each.planes[CODES.index(code)]):
-            return each.law
-    raise InputError(f"{said}: a wall without a law; give {TYPED}")
-
-
-def _walls(name: str, words: Sequence[str], units: Units) -> Walls:
+def _walls(name: str, words: Sequence[str], units: Units) -> dict[int, Wall]:
     where = name if name == TYPED else f"fix {name} wall/gran"
     kinds = [k for k, word in enumerate(words) if word in ("xplane", "yplane", "zcylinder")]
     if kinds:
@@ -166,21 +156,21 @@ def _walls(name: str, words: Sequence[str], units: Units) -> Walls:
             f"{where}: it wiggles, and where it was at a step is not told; type where ({TYPED})"
         )
     law = coefficients(words[0], words[1:at], where, units, wall=True).law
-    planes = [np.nan, np.nan]
-    for side, word in enumerate(words[at + 1 : at + 3]):
+    found = {}
+    for code, word in zip(CODES, words[at + 1 : at + 3], strict=True):
         if word.upper() == "NULL":
             continue
         try:
-            planes[side] = units.length * float(word)
+            found[code] = Wall(name, law, units.length * float(word))
         except ValueError:
             raise InputError(
                 f"{where}: zplane {word} is no number; type the wall with {TYPED}"
             ) from None
-    return Walls(name, law, (planes[0], planes[1]))
+    return found
 
 
 def contacts_with_walls(
-    frame: Frame, spheres: Spheres, units: Units, walls: Sequence[Walls], fixes: Sequence[str]
+    frame: Frame, spheres: Spheres, units: Units, walls: Walls, fixes: Sequence[str]
 ) -> tuple[Ints, Ints, Floats, Floats]:
     """Spheres at walls, codes (k,), normal force (k,) and shear force (k, 3) on the sphere, N.
 
@@ -199,8 +189,8 @@ def contacts_with_walls(
         _no_forces(frame, "the walls", "ID")
     parts = []
     for name in names:
-        own = [each for each in walls if each.name == name] or walls
-        parts.append(_of_fix(frame, spheres, units, name, planes_of(own)))
+        own = {code: wall for code, wall in walls.items() if wall.name == name}
+        parts.append(_of_fix(frame, spheres, units, name, own or walls))
     at, code, push, rub = (np.concatenate(part) for part in zip(*parts, strict=True))
     return at.astype(np.int32), code.astype(np.int32), push, rub
 
@@ -215,9 +205,9 @@ def _no_forces(frame: Frame, whose: str, name: str) -> NoReturn:
 
 
 def _of_fix(
-    frame: Frame, spheres: Spheres, units: Units, name: str, planes: tuple[float, float]
+    frame: Frame, spheres: Spheres, units: Units, name: str, walls: Walls
 ) -> tuple[Ints, Ints, Floats, Floats]:
-    """What `contacts_with_walls` gives, of one fix with walls at these z."""
+    """What `contacts_with_walls` gives, of one fix with these walls."""
     rows = frame.rows
     order = np.argsort(rows.read("id")[:, 0], kind="stable")
     table = rows.read(*_columns(name))[order]
@@ -229,7 +219,7 @@ def _of_fix(
     force = units.force * table[at, 1:4]
     # The wall that pushes; a sphere between two walls of one fix would need two rows.
     code = np.where(force[:, 2] > 0, *CODES)
-    absent = np.isnan(planes)[np.where(code == SOURCE_WALL, 0, 1)]
+    absent = ~np.isin(code, list(walls))
     if absent.any():
         which = spheres.number[at[int(np.argmax(absent))]]
         raise InputError(

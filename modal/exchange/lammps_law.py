@@ -11,11 +11,12 @@ is mixed from those of its two types.
 
 from __future__ import annotations
 
+import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NoReturn
 
 from modal.exchange.input_script import Script
 from modal.exchange.law import (
@@ -45,6 +46,13 @@ TANGENTIAL = {
 """Model: its number of coefficients, whether its stiffness grows with a, what it keeps."""
 NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
 """Model: its number of coefficients."""
+GRAN = {
+    "gran/hooke": ("hooke", "linear_nohistory"),
+    "gran/hooke/history": ("hooke", "linear_history"),
+    "gran/hertz/history": ("hertz", "mindlin"),
+}
+"""Older style: its normal and its tangential model."""
+OPTIONS = ("tangential", "rolling", "twisting", "damping", "cutoff", "limit_damping")
 COHESIVE = ("dmt", "jkr", "mdr")
 LAST = sys.maxsize
 """The highest type, whatever it is."""
@@ -59,6 +67,34 @@ class Coefficients:
     own_tangential: bool = True
 
 
+class Words:
+    """The words of a law, one after the other; `where` says in a message whose they are."""
+
+    def __init__(self, words: Sequence[str], where: str) -> None:
+        self.left, self.where = list(words), where
+
+    def refuse(self, what: str) -> NoReturn:
+        """InputError about these words."""
+        raise InputError(f"{self.where}: {what}")
+
+    def next(self, what: str, known: Iterable[str] = ()) -> str:
+        """The next word, which is `what`, one of those that are `known`."""
+        if not self.left:
+            self.refuse(f"ends where {what} should stand; give the whole line")
+        word = self.left.pop(0)
+        if known and word not in known:
+            self.refuse(f"{what} {word!r} is not known; give {', '.join(known)}")
+        return word
+
+    def numbers(self, what: str, count: int) -> list[float]:
+        """The next `count` words as numbers; NULL is NaN."""
+        words = [self.next(f"a coefficient of {what}") for _ in range(count)]
+        try:
+            return [math.nan if word.upper() == "NULL" else float(word) for word in words]
+        except ValueError as error:
+            self.refuse(f"{error}, as a coefficient of {what} is one; put its value there")
+
+
 def granular(
     words: Sequence[str], where: str, arms: tuple[str, str], units: Units = SI
 ) -> Coefficients:
@@ -66,102 +102,66 @@ def granular(
 
     `where` says in a message whose words these are; `arms` of motion and torque.
     """
-    left = list(words)
-    model = _next(left, where, "a normal model")
+    said = Words(words, where)
+    model = said.next("the normal model", (*NORMAL, *COHESIVE))
     if model in COHESIVE:
-        raise InputError(
-            f"{where}: {model} is cohesive; only hooke, hertz, hertz/material are read"
-        )
-    if model not in NORMAL:
-        raise InputError(f"{where}: {model!r} is no normal model; give {', '.join(NORMAL)}")
-    normal = [_number(left, where, model) for _ in range(NORMAL[model])]
-    material = None
-    if model == "hertz/material":
-        material = material_of(units.pressure * normal[0], normal[2], where)
-    tangential, friction, grows, keeps, own = 0.0, 0.0, False, FORCE, True
-    resists, marshall = {"rolling": 0.0, "twisting": 0.0}, False
-    while left:
-        option = left.pop(0)
-        if option == "tangential":
-            name = _next(left, where, "a tangential model")
-            if name not in TANGENTIAL:
-                raise InputError(
-                    f"{where}: tangential {name!r} is not known; give {', '.join(TANGENTIAL)}"
-                )
-            count, grows, keeps = TANGENTIAL[name]
-            own = not (left and left[0].upper() == "NULL")
-            if not own:
-                left[0] = "0"
-            numbers = [_number(left, where, name) for _ in range(count)]
-            tangential, friction = numbers[0] if count == 3 else 0.0, numbers[-1]
-            if not own and material is None:
-                raise InputError(
-                    f"{where}: tangential {name} NULL needs hertz/material; give its stiffness"
-                )
-        elif option in ("rolling", "twisting"):
-            name = _next(left, where, option)
-            if name == "sds":
-                stiffness, _, limit = (_number(left, where, f"{option} sds") for _ in range(3))
-                resists[option] = stiffness if limit > 0 else min(stiffness, 0.0)
-            elif (option, name) == ("twisting", "marshall"):
-                marshall = True
-            elif name != "none":
-                raise InputError(
-                    f"{where}: {option} {name!r} is not known; give none, sds, or twisting marshall"
-                )
-        elif option in ("damping", "cutoff"):
-            _next(left, where, option)
-        elif option == "limit_damping":
-            continue
-        else:
-            raise InputError(f"{where}: {option!r} is not known; leave it out or mend it")
+        said.refuse(f"{model} is cohesive; only {', '.join(NORMAL)} are read")
     unit = units.stiffness if model == "hooke" else units.pressure
-    stiff = 4 / 3 * material.effective_young if material else unit * normal[0]
-    tangential *= units.pressure if grows else units.stiffness
+    normal, *_, poisson = said.numbers(model, NORMAL[model])
+    stiff, material = unit * normal, None
+    if model == "hertz/material":
+        material = material_of(stiff, poisson, where)
+        stiff = 4 / 3 * material.effective_young
+    across, friction, grows, keeps = 0.0, 0.0, False, FORCE
+    resists, marshall = {"rolling": 0.0, "twisting": 0.0}, False
+    while said.left:
+        option = said.next("an option", OPTIONS)
+        if option == "tangential":
+            count, grows, keeps = TANGENTIAL[said.next("tangential", TANGENTIAL)]
+            across, *_, friction = said.numbers(option, count)
+            across = across if count == 3 else 0.0
+        elif option in resists:
+            name = said.next(option, ("none", "sds", "marshall")[: 2 + (option == "twisting")])
+            marshall = marshall or name == "marshall"
+            if name == "sds":
+                stiffness, _, limit = said.numbers(f"{option} sds", 3)
+                resists[option] = stiffness if limit > 0 else min(stiffness, 0.0)
+        elif option != "limit_damping":
+            said.next(f"the word of {option}")
+    own = not math.isnan(across)
+    if not own and material is None:
+        said.refuse("tangential NULL needs hertz/material; give its stiffness")
+    across *= units.pressure if grows else units.stiffness
     if material and not own:
-        tangential = 8 * material.effective_shear
+        across = 8 * material.effective_shear
+    rolling, twisting = units.stiffness * resists["rolling"], units.moment * resists["twisting"]
     # LAMMPS takes the coefficient as it is, also one in units of pressure.
     half = 0.5 * (units.length if grows else 1.0) * marshall
-    law = ProgramLaw(
-        stiff,
-        model != "hooke",
-        tangential,
-        grows,
-        friction,
-        keeps,
-        *arms,
-        rolling=units.stiffness * resists["rolling"],
-        twisting=units.moment * resists["twisting"],
-        marshall=half,
-    )
-    _check(law, where)
+    if not (stiff > 0 and all(each >= 0 for each in (across, friction, rolling, twisting))):
+        said.refuse(
+            f"stiffness {stiff:g} must be positive, tangential {across:g}, friction {friction:g}, "
+            "rolling and twisting not negative; mend the line"
+        )
+    turning = (rolling, twisting, half)
+    law = ProgramLaw(stiff, model != "hooke", across, grows, friction, keeps, *arms, *turning)
     return Coefficients(law, material, own)
 
 
 def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coefficients:
-    """The law of gran/hooke, gran/hooke/history and gran/hertz/history: Kn Kt gn gt mu dampflag."""
-    left = list(words)
-    kind = style.removeprefix("gran/").split("/")
-    hertz, history = kind[0] == "hertz", "history" in kind[1:]
-    if kind[0] not in ("hooke", "hertz") or (hertz and not history):
-        raise InputError(f"{where}: {style} is not known; gran/hooke, gran/hertz/history are")
-    unit = units.pressure if hertz else units.stiffness
-    kn = unit * _number(left, where, "Kn")
-    if left and left[0].upper() == "NULL":
-        left.pop(0)
-        kt = 2 / 7 * kn
-    else:
-        kt = unit * _number(left, where, "Kt")
-    rest = left[:3]
-    if len(rest) < 3:
+    """The law of gran/hooke, gran/hooke/history and gran/hertz/history: Kn Kt gn gt mu dampflag.
+
+    It is that of granular in other words, with arms as long as the radii.
+    """
+    if style not in GRAN:
+        raise InputError(f"{where}: {style} is not known; {', '.join(GRAN)} are")
+    if len(words) < 5:
         raise InputError(f"{where}: {style} needs Kn Kt gamma_n gamma_t xmu dampflag; give all six")
-    friction = _number([rest[2]], where, "xmu")
-    kept = DISPLACEMENT if history else FORCE
-    law = ProgramLaw(
-        kn, hertz, kt if history else 0.0, hertz, friction, kept, moves=RADIUS, turns=RADIUS
-    )
-    _check(law, where)
-    return Coefficients(law)
+    kn, kt, _, _, friction = Words(words, where).numbers(style, 5)
+    model, tangential = GRAN[style]
+    kt = 2 / 7 * kn if math.isnan(kt) else kt
+    own = [] if tangential == "linear_nohistory" else [repr(kt)]
+    same = [model, repr(kn), "0", "tangential", tangential, *own, "0", repr(friction)]
+    return granular(same, where, (RADIUS, RADIUS), units)
 
 
 def without_suffix(style: str) -> str:
@@ -222,30 +222,6 @@ def material_of(young: float, poisson: float, where: str) -> Elasticity:
     if not -1 < poisson < 0.5:
         raise InputError(f"{where}: Poisson's ratio {poisson:g} is outside -1 to 0.5; mend it")
     return Elasticity(young, poisson)
-
-
-def _next(left: list[str], where: str, what: str) -> str:
-    if not left:
-        raise InputError(f"{where}: ends where {what} should stand; give the whole line")
-    return left.pop(0)
-
-
-def _number(left: list[str], where: str, what: str) -> float:
-    word = _next(left, where, f"a coefficient of {what}")
-    try:
-        return float(word)
-    except ValueError:
-        raise InputError(
-            f"{where}: {word!r} is no number, as a coefficient of {what} is; put its value there"
-        ) from None
-
-
-def _check(law: ProgramLaw, where: str) -> None:
-    if not law.normal > 0 or min(law.tangential, law.friction, law.rolling, law.twisting) < 0:
-        raise InputError(
-            f"{where}: stiffness {law.normal:g} must be positive, tangential {law.tangential:g}, "
-            f"friction {law.friction:g}, rolling and twisting not negative; mend the line"
-        )
 
 
 def law_of_pairs(script: Script, units: Units) -> LawOf:

@@ -1,18 +1,21 @@
-"""The programs whose packings can be read: each is one module here, named in `PROGRAMS`.
+"""The programs whose packings can be read: each is one module in `modal.exchange.programs`.
 
-A module has NAME, what people call the program; OPTIONS, what its files need beside the one that is
-given, by name; `sniff(file)`, whether a `File` is of this program; and `read(path, **options)`,
-what is in it. `modal.read`, the command `import` and all commands that take a packing ask here.
+A module, which needs to be named nowhere else, has NAME, what people call the program; OPTIONS,
+what its files need beside the one that is given, by name; `sniff(file)`, whether a `File` is of
+this program; and `read(path, **options)`, what is in it. `modal.read`, the command `import` and all
+commands that take a packing ask here.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from modal.exchange import programs
 from modal.exchange.import_result import ImportResult
 from modal.exchange.rows import fault, open_bytes, shown
 from modal.formats.hdf5 import refuse_absent
@@ -21,8 +24,6 @@ from modal.packing.plausibility import plausibility
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
-PROGRAMS = ("network", "sample", "mercury", "liggghts", "lammps", "table")
-"""Modules, in the order in which they are asked."""
 LOOKED_AT = 2000
 """Bytes of a file by which a program is known."""
 
@@ -63,9 +64,10 @@ class Program(Protocol):
         """The packing of a file; InputError in one line for what is wrong."""
 
 
-def program(module: str) -> Program:
-    """One of `PROGRAMS`."""
-    return cast(Program, importlib.import_module(f"modal.exchange.{module}"))
+def all_programs() -> Iterator[Program]:
+    """The modules of all programs; a file is of one of them alone."""
+    for _, name, _ in pkgutil.iter_modules(programs.__path__, f"{programs.__name__}."):
+        yield cast(Program, importlib.import_module(name))
 
 
 def beginning(path: str | Path) -> bytes:
@@ -76,8 +78,7 @@ def beginning(path: str | Path) -> bytes:
 
 def program_of(file: File) -> Program:
     """The program whose file it is; InputError where none knows it."""
-    for module in PROGRAMS:
-        asked = program(module)
+    for asked in all_programs():
         if asked.sniff(file):
             return asked
     first = file.head.decode("utf-8", "replace").split("\n", 1)[0]
@@ -93,7 +94,7 @@ def program_of(file: File) -> Program:
 def all_options() -> dict[str, Option]:
     """The options of all programs by name; where several have one, their texts in turn."""
     options: dict[str, Option] = {}
-    for asked in map(program, PROGRAMS):
+    for asked in all_programs():
         for name, option in asked.OPTIONS.items():
             had = options.get(name, option)
             text = had.text if option.text in had.text else f"{had.text}; {option.text}"

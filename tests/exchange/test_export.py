@@ -12,7 +12,7 @@ import pytest
 
 import modal
 from modal.__main__ import main
-from modal.exchange.extended_xyz import read_frames, write_frames
+from modal.exchange.extended_xyz import write_frames
 from modal.exchange.picture import contact_lines, sphere_stress
 from modal.modes.mode_set import read_modes
 from modal.packing.network import write_network
@@ -35,6 +35,24 @@ def packing(tmp_path_factory):
 
 def exported(folder, *arguments) -> None:
     assert main(["export", str(folder / "p.network.h5"), *map(str, arguments)]) == 0
+
+
+def read_frames(path) -> list[tuple[float, dict[str, np.ndarray]]]:
+    """The frames of a file of extended XYZ: times, s, and columns (n,) or (n, k) by their names."""
+    lines, frames, at = path.read_text().splitlines(), [], 0
+    while at < len(lines):
+        count = int(lines[at])
+        words = lines[at + 1].rsplit("Properties=", 1)[1].split(":")
+        time = float(lines[at + 1].split("Time=")[1].split()[0])
+        rows = lines[at + 2 : at + 2 + count]
+        table = np.loadtxt(rows, usecols=range(1, len(rows[0].split())), ndmin=2)
+        columns, first = {}, 0
+        for name, width in zip(words[3::3], map(int, words[5::3]), strict=True):
+            columns[name] = table[:, first : first + width].squeeze(axis=1 if width == 1 else ())
+            first += width
+        frames.append((time, columns))
+        at += 2 + count
+    return frames
 
 
 def points_and_fields(path) -> tuple[np.ndarray, dict, np.ndarray, dict]:

@@ -243,6 +243,8 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
             respelt(contacts, 13, 2, "777")
         case "triclinic":
             tilted(atoms, "0 1e-4 0")
+        case "ellipsoids":
+            atoms.write_text(atoms.read_text().replace("mass", "mass shapex", 1))
         case "other units":
             named(atoms, "cgs")
         case "several times":
@@ -290,6 +292,7 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
         ("ghosts", r"x.atoms, line 20, column id: sphere 60 again .line 10.; .*ghosts"),
         ("unknown sphere", r"x.contacts, line 13, column c_p\[2\]: sphere 777 is not among"),
         ("triclinic", r"x.atoms, line 9: the cell is triclinic"),
+        ("ellipsoids", r"x.atoms, line 9, column shapex: .*bodies that are no spheres, which are"),
         (
             "other units",
             r"x.atoms: ITEM: UNITS cgs, and .*log.lammps has units si; give the log of",

@@ -373,5 +373,8 @@ def test_bodies_that_a_dump_does_not_tell_are_refused(tmp_path, old, new, said):
     log.write_text(log.read_text().replace(old, new))
     with pytest.raises(InputError, match=said):
         modal.read(atoms, log=log)
+    with pytest.raises(InputError, match="spheres of one mol may be one rigid body or"):
+        modal.read(atoms, pair=program_files.PAIR)
+    atoms.write_text(atoms.read_text().replace("mol", "vx"))
     with pytest.raises(InputError, match="--bodies: no fix rigid is known; give the log"):
         modal.read(atoms, pair=program_files.PAIR, bodies=log)

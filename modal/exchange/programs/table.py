@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange import lammps
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import Cell, Contacts, Spheres, ends_of, in_order
+from modal.exchange.programs import lammps
 from modal.exchange.registry import File, Option
 from modal.exchange.rows import Rows, fault, last_step, open_bytes, shown
 from modal.packing.checks import check_force_ratio, named

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange import lammps
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, ProgramLaw, Units
 from modal.exchange.mercury_restart import Restart, Wall, read_restart
@@ -24,6 +23,7 @@ from modal.exchange.particles_and_contacts import (
     ends_of,
     in_order,
 )
+from modal.exchange.programs import lammps
 from modal.exchange.registry import File
 from modal.exchange.rows import fault, last_step, significant_digits
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange import lammps
-from modal.exchange.dump import ROUNDED, cell_of, frame_of, spheres_of, units_of
+from modal.exchange.dump import ROUNDED, cell_of, frame_of, of_liggghts, spheres_of, units_of
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import PROPERTIES, Script, read_log
 from modal.exchange.lammps_law import material_of
@@ -29,6 +28,7 @@ from modal.exchange.particles_and_contacts import (
     ends_of,
     touching_pairs,
 )
+from modal.exchange.programs import lammps
 from modal.exchange.registry import File
 from modal.exchange.rows import fault
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
@@ -64,8 +64,7 @@ OFF = {"cohesion": "off", "rolling_friction": "off", "surface": "default"}
 
 def sniff(file: File) -> bool:
     """A text dump whose log, or law, is of LIGGGHTS."""
-    typed = str(file.options.get("pair", "")).split()[:1] == ["gran"]
-    return file.head.startswith(b"ITEM:") and (typed or b"LIGGGHTS" in file.other("log"))
+    return file.head.startswith(b"ITEM:") and of_liggghts(file)
 
 
 def read(

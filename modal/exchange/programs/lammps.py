@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.dump import cell_of, frame_of, spheres_of, units_of
+from modal.exchange.dump import cell_of, frame_of, of_liggghts, spheres_of, units_of
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import Script, read_log
-from modal.exchange.lammps_contacts import TYPED, contacts_of, law_of_wall, planes_of, walls_of
+from modal.exchange.lammps_contacts import TYPED, contacts_of, planes_of, walls_of
 from modal.exchange.lammps_law import law_of_pairs
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.particles_and_contacts import check_spheres
@@ -39,8 +39,8 @@ OF_A_BODY = 11
 
 
 def sniff(file: File) -> bool:
-    """A text dump; LIGGGHTS, whose dumps look alike, is asked before."""
-    return file.head.startswith(b"ITEM:")
+    """A text dump, unless its log or law is of LIGGGHTS."""
+    return file.head.startswith(b"ITEM:") and not of_liggghts(file)
 
 
 def read(
@@ -73,10 +73,13 @@ def read(
     of_pairs, walls = law_of_pairs(script, units), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:
-        return of_pairs(a, b) if a >= 0 else law_of_wall(walls, a, said)
+        return of_pairs(a, b) if a >= 0 else walls[a].law
 
     models = {tuple(words) for _, _, *words in script.pair}
     body, more, whole = column_of_bodies(script, bodies is not None)
+    if frame.rows.has("mol") and not log:
+        do = "give the log (--log), which says so, or leave mol out of the dump"
+        raise InputError(f"{path}: spheres of one mol may be one rigid body or bonded; {do}")
     spheres = spheres_of(frame, units, typed=len(models) > 1, body=body)
     if whole and spheres.body is not None and (spheres.body < 1).any():
         do = "make single spheres no part of its group"

@@ -1,0 +1,1 @@
+"""Programs whose packings can be read, one module each; see `modal.exchange.registry`."""

@@ -1,0 +1,101 @@
+"""One registry of programs: `modal.read`, `import` and every other command ask it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import program_files
+import pytest
+from places import PACKINGS
+
+import modal
+from modal.__main__ import main
+from modal.exchange import programs
+from modal.packing.network import read_network, write_network
+from modal.tools.errors import InputError
+
+RESTART = PACKINGS / "mercury_CubicPacking.restart"
+OWN = '''
+"""Chains of equal spheres, as a program of one's own may write them."""
+
+from modal import random_packing
+from modal.exchange.import_result import ImportResult
+from modal.exchange.registry import Option
+
+NAME = "a program of my own"
+OPTIONS = {"spheres": Option("how many", "N", int), "log": Option("nothing at all")}
+
+
+def sniff(file):
+    return file.head.startswith(b"own")
+
+
+def read(path, spheres=30, log=None):
+    return ImportResult(random_packing(spheres, stress=1e5, seed=1), sought=True)
+'''
+
+
+def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
+    (tmp_path / "own_program.py").write_text(OWN)
+    monkeypatch.setattr(programs, "__path__", [*programs.__path__, str(tmp_path)])
+    (tmp_path / "x.txt").write_text("own format\n")
+    assert modal.read(tmp_path / "x.txt").n_particles == 30
+    assert modal.read(tmp_path / "x.txt", spheres=20).n_particles == 20
+    out = tmp_path / "x.network.h5"
+    told = program_files.imported(capsys, tmp_path / "x.txt", "--spheres", 20, "-o", out)
+    assert told["spheres"] == read_network(out).n_particles == 20
+    with pytest.raises(SystemExit):
+        main(["import", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "--spheres N how many" in said and "walls, columns; nothing at all" in said
+
+
+def test_modal_read_imports_what_import_does(tmp_path, capsys):
+    """Spheres, contacts and stiffnesses, bit by bit."""
+    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
+    out = tmp_path / "x.network.h5"
+    program_files.imported(capsys, atoms, "--contacts", contacts, "--log", log, "-o", out)
+    found, wanted = modal.read(atoms, contacts=contacts, log=log), read_network(out)
+    for name in ("position", "particle_j", "stiffness_normal", "force_tangential"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+
+
+def test_commands_take_a_file_that_needs_no_options(tmp_path, capsys):
+    """And know their products again: modes of the restart file belong to it, and to no other."""
+    modes, picture = tmp_path / "x.modes.h5", tmp_path / "x.xyz"
+    told = {}
+    for command in (
+        ["info", RESTART],
+        ["count", RESTART, "--at", "13"],
+        ["modes", RESTART, "--highest", "3", "-o", modes],
+        ["export", RESTART, modes, "--modes", "1", "-o", picture],
+    ):
+        assert main([*map(str, command), "--json"]) == 0
+        told[command[0]] = json.loads(capsys.readouterr().out)
+    assert told["info"]["particles"] == told["export"]["spheres"] == 125
+    # 625 motions without energy, and below 13 Hz one of the five modes of each chain.
+    assert told["count"]["count_below"]["13"] == 625 + 25
+    write_network(tmp_path / "y.network.h5", modal.fcc(cells=(2, 2, 4)))
+    other = ["export", tmp_path / "y.network.h5", modes, "--modes", "1", "-o", picture]
+    assert main([*map(str, other)]) == 2
+    assert "made from mercury_CubicPacking.restart" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"log": "log.lammps"}, "a file of MercuryDPM, which does not go with log; .*: scales"),
+        ({"colour": "red"}, "does not go with colour; leave it out"),
+        ({"scales": (1, 0, 1)}, "--scales: give three positive values, in m, kg, s"),
+    ],
+)
+def test_options_that_do_not_belong_are_refused(options, said):
+    with pytest.raises(InputError, match=said):
+        modal.read(RESTART, **options)
+
+
+def test_files_of_no_known_program_are_refused(tmp_path):
+    (tmp_path / "x.txt").write_text("whatever\n")
+    with pytest.raises(InputError, match="x.txt, line 1: begins with 'whatever', which no program"):
+        modal.read(tmp_path / "x.txt")
