@@ -116,9 +116,10 @@ def ends_of(
     if len(i) == 0:
         do = "dump a packing under stress"
         fault(rows.path, "no two spheres touch in it", do, rows.line)
-    pair = np.sort(np.column_stack([i, j]), axis=1)
-    order = np.lexsort(pair.T)
-    again = np.flatnonzero((np.diff(pair[order], axis=0) == 0).all(axis=1))
+    # Codes of walls are negative, below all indices.
+    key = (np.minimum(i, j) + 2).astype(np.int64) * (len(number) + 2) + np.maximum(i, j)
+    order = np.argsort(key, kind="stable")
+    again = np.flatnonzero(np.diff(key[order]) == 0)
     if len(again):
         first, second = order[again[0]], order[again[0] + 1]
         what = f"the contact of line {rows.line + first} again"

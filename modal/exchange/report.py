@@ -47,8 +47,9 @@ def summary_of(found: ImportResult) -> dict[str, Any]:
         told["sliding_share"] = float(network.sliding.mean())
     told["law"] = [law_in_words(law) for law in dict.fromkeys(found.laws)]
     if found.laws:
-        told |= {"terms_of_the_law_over_springs": law_term_sizes(found.network)}
         _of_laws(found, remarks)
+        if network.inertia_tensor is None:
+            told["terms_of_the_law_over_springs"] = law_term_sizes(network)
     return told
 
 
@@ -72,10 +73,16 @@ def law_in_words(law: ProgramLaw) -> str:
         "none" if law.tangential == 0 else f"{law.tangential:.6g} " + ("Pa" if law.grows else "N/m")
     )
     grows = " times the circle's radius" * (law.grows and law.tangential > 0)
+    turning = ""
+    if law.resists_turning:
+        twisting = f"{law.twisting:.6g} N m/rad"
+        if law.marshall:
+            twisting = f"{law.marshall:.6g} times the tangential coefficient and R* d"
+        turning = f"; rolling {law.rolling:.6g} N/m times R*^2; twisting {twisting}"
     return (
         f"N = {normal}, k = {law.normal:.6g} {unit}; tangential {across}{grows}; "
         f"friction {law.friction:g}; keeps the shear {law.keeps}; arms: {law.moves} (motion), "
-        f"{law.turns} (torque)"
+        f"{law.turns} (torque){turning}"
     )
 
 

@@ -13,6 +13,7 @@ from program_files import refused
 
 import modal
 from modal.exchange.registry import import_packing
+from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
 from modal.tools.errors import InputError
 
@@ -338,7 +339,7 @@ def paired(folder: Path) -> tuple[Path, Path]:
     return atoms, log
 
 
-def test_masses_of_rigid_bodies_may_be_told(tmp_path):
+def test_masses_of_rigid_bodies_may_be_told(tmp_path, capsys):
     """In the format of `fix rigid ... infile`, in place of those of the members."""
     atoms, log = paired(tmp_path)
     plain = modal.read(atoms, log=log)
@@ -351,6 +352,11 @@ def test_masses_of_rigid_bodies_may_be_told(tmp_path):
     wanted = [[1e-11, 1e-12, 2e-12], [1e-12, 2e-11, 3e-12], [2e-12, 3e-12, 2.5e-11]]
     np.testing.assert_array_equal(found.inertia_tensor[0], wanted)
     np.testing.assert_array_equal(found.mass[1:], plain.mass[1:])
+    given = (atoms, "--log", log, "--bodies", told, "-o", tmp_path / FILE)
+    said = program_files.imported(capsys, *given)
+    assert said["spheres"] == 59 and said["spheres_of_bodies"] == 60
+    written = read_network(tmp_path / FILE)
+    np.testing.assert_array_equal(written.inertia_tensor, found.inertia_tensor)
     told.write_text(told.read_text().replace("1 2e-5", "2 2e-5"))
     with pytest.raises(InputError, match="some bodies have no mass and tensor"):
         modal.read(atoms, log=log, bodies=told)
