@@ -2,8 +2,9 @@
 
 Only the end matters here, not the way: each sphere is given a mass in proportion to the stiffness
 of its contacts, so that all of them move as fast as the time step allows (Otter, Proc. Inst. Civ.
-Eng. 35, 633, 1966), with the local damping of Cundall (1987) for what is fast and a drag for what
-is slow.
+Eng. 35, 633, 1966), with the local damping of Cundall (1987). What is slow, the longest waves along
+a packing, is left to whoever knows its springs: a drag that killed them would hold up loose spheres
+that have some micrometres to go.
 """
 
 from __future__ import annotations
@@ -22,39 +23,32 @@ inertia 2/5 m R^2 the largest omega^2 is below 9 PACE, the leapfrog limit is 4."
 LIGHTEST = 0.02
 """Least mass, over the mean: free spheres must not be light when they meet others."""
 LOCAL_DAMPING = 0.3
-DRAG = 0.3
-"""Share of the velocity lost at each step, times the length in diameters: half of what is critical
-for the longest wave along the packing, whose frequency falls as its length grows."""
-OWN_DRAG = 0.3
-"""What a sphere's own velocity feels of it; the rest acts on the mean velocity of each layer, so
-that waves die and a loose sphere that has some micrometres to go is not held up."""
 LIGHTNESS = np.array([1.0] * 3 + [2.5] * 3)
 """One over mass of each component, in parts of that of a translation. Rotations count as arcs, so
 that one mass serves all six: m R^2 for an inertia of 2/5 m R^2."""
 
 
-def _push_some(first, last, velocity, load, arm, stiffness, least, kept):
+def _push_some(first, last, velocity, load, arm, stiffness, least):
     for i in range(first, last):
         mass = max(stiffness[i], least) / PACE
         for axis in range(6):
             push, before = load[i, axis] / arm[i, axis], velocity[i, axis]
             push -= LOCAL_DAMPING * np.copysign(push, before)
-            velocity[i, axis] = (before + push * (LIGHTNESS[axis] / mass)) * kept
+            velocity[i, axis] = before + push * (LIGHTNESS[axis] / mass)
 
 
-def _push(velocity, load, arm, stiffness, least, kept):
+def _push(velocity, load, arm, stiffness, least):
     n = len(velocity)
     for part in prange(SLABS):
         first, last = part * n // SLABS, (part + 1) * n // SLABS
-        _push_some(first, last, velocity, load, arm, stiffness, least, kept)
+        _push_some(first, last, velocity, load, arm, stiffness, least)
 
 
-def push_by_arrays(velocity, load, arm, stiffness, least, kept):
+def push_by_arrays(velocity, load, arm, stiffness, least):
     """The same as the compiled loop; the fallback, and its oracle."""
     push = load / arm
     push -= LOCAL_DAMPING * np.copysign(push, velocity)
     velocity += push * (LIGHTNESS / (np.maximum(stiffness, least) / PACE)[:, None])
-    velocity *= kept
 
 
 if numba is None:
@@ -67,17 +61,11 @@ else:
 class DampedMotion:
     """How spheres of the radii (n,), m, go on, from rest at first.
 
-    Those that are not `free` (n,) stand still; in such a part of a packing there are no long waves,
-    and no drag.
+    Those that are not `free` (n,) stand still.
     """
 
-    def __init__(self, contacts: MovingContacts, radius: Floats, free: Bools | None = None) -> None:
+    def __init__(self, radius: Floats, free: Bools | None = None) -> None:
         self._held = None if free is None else ~free
-        diameter = 2 * float(radius.mean())
-        height = contacts.position[:, 2] - contacts.position[:, 2].min()
-        self._layer = (height / diameter).astype(int)
-        self._in_layer = np.maximum(np.bincount(self._layer), 1)
-        self._drag = DRAG * diameter / float(contacts.walls[1] - contacts.walls[0])
         self._arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
         self._velocity = np.zeros((len(radius), 6))
 
@@ -89,12 +77,7 @@ class DampedMotion:
         """Move all spheres by one time step."""
         velocity, stiffness = self._velocity, contacts.stiffness
         least = LIGHTEST * stiffness.mean()
-        kept = 1 - OWN_DRAG * self._drag if self._held is None else 1.0
-        push_by_loop(velocity, contacts.load, self._arm, stiffness, least, kept)
-        if self._held is None:
-            for axis in range(3):
-                mean = np.bincount(self._layer, velocity[:, axis]) / self._in_layer
-                velocity[:, axis] -= self._drag * mean[self._layer]
-        else:
+        push_by_loop(velocity, contacts.load, self._arm, stiffness, least)
+        if self._held is not None:
             velocity[self._held] = 0
         contacts.move(velocity / self._arm)

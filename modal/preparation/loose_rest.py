@@ -46,7 +46,7 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
         return None
     part = MovingContacts(_part(sample, members), contacts.friction)
     arm, free = radius[members], free[members]
-    motion = DampedMotion(part, arm, free)
+    motion = DampedMotion(arm, free)
     start, slack = part.position.copy(), 0.25 * part.skin * 2 * part.smallest
     for step in range(1, MOST_STEPS + 1):
         motion.step(part)

@@ -94,6 +94,22 @@ def test_contacts_slide_until_friction_holds_them(packed):
     assert state.residual < 1e-9 and state.largest < 1e-8
 
 
+def test_state_at_rest_keeps_the_friction_of_its_compression(sheared):
+    """Said to be made with 0.2, a wave follows with 0.3: no contact bears more than 0.2."""
+    shake = np.random.default_rng(5).standard_normal((len(sheared.position), 6)) * 0.05
+    shake *= np.median(sheared.network().overlap)
+    shake[:, 3:] /= sheared.radius
+    start = replace(moved(sheared, shake), friction=0.3)
+    used = []
+    for study in ({"mu_comp": 0.2}, {}):
+        rested, state = relax(replace(start, study=study))
+        assert state.at_rest
+        network = rested.network()
+        shear = np.linalg.norm(network.force_tangential, axis=1)
+        used.append((shear / network.force_normal).max())
+    assert used[0] <= 0.2 * (1 + 1e-9) < used[1] <= 0.3 * RESERVE * (1 + 1e-9)
+
+
 def test_rest_is_seen_after_a_large_shake(packed):
     """By an overlap: contacts turn so far that their shear forces get a part along the normal.
 
@@ -143,7 +159,7 @@ def test_compiled_push_is_that_of_arrays(sheared):
     arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
     start = random.standard_normal(contacts.load.shape)
     loop, arrays = start.copy(), start.copy()
-    given = contacts.load, arm, contacts.stiffness, 0.02 * contacts.stiffness.mean(), 0.99
+    given = contacts.load, arm, contacts.stiffness, 0.02 * contacts.stiffness.mean()
     damped_motion.push_by_loop(loop, *given)
     damped_motion.push_by_arrays(arrays, *given)
     np.testing.assert_array_equal(loop, arrays)
