@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from analysis.case import Case
-from analysis.estimators.coherent import DECAY, Coherent, longest_waves
+from analysis.estimators.coherent import DECAY, PASSAGES, Coherent, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import is_fcc
 from analysis.estimators.low_pass import Passband
 from analysis.estimators.other_source import as_of_pulse
@@ -24,6 +25,8 @@ from analysis.estimators.scattering import Scattering
 from analysis.estimators.settled import why_unsettled
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import structure_factor
+from analysis.estimators.transfer import Gain, network_gain
+from analysis.estimators.travel_time import cut, first_peaks_of_columns
 from analysis.prepare import DENSITY_TOLERANCE, line_width, prepare
 from analysis.value import hertz
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
@@ -121,6 +124,17 @@ class Measuring:
         return as_of_pulse(record, own_pulse(self.network))
 
     @property
+    def short_wave(self) -> Signals:
+        """The P-wave up to when the wave of even strains has come a third of the way back."""
+        network = self.network
+        return cut(self.wave, PASSAGES * network.length / of_contacts(network).velocity)
+
+    @cached_property
+    def first_peaks_of_columns(self) -> tuple[float, float]:
+        """V_P, m/s, of first peaks along every column of spheres: mean and scatter."""
+        return first_peaks_of_columns(self.short_wave, self.network)
+
+    @property
     def coherent(self) -> Coherent:
         """The coherent part of the P-wave."""
         return self.coherents[0]
@@ -169,13 +183,19 @@ class Measuring:
             return self._case
         if self._keep is None:
             return None
-        folder, name = Path(self._keep), self.network.fingerprint[:16]
+        folder = Path(self._keep)
         folder.mkdir(parents=True, exist_ok=True)
-        packing = folder / f"{name}.network.h5"
-        if not packing.is_file():
-            write_network(packing, self.network)
-        kept = Case(name, folder)
+        if self._case is None:
+            name = self.network.fingerprint[:16]
+            packing = folder / f"{name}.network.h5"
+            if not packing.is_file():
+                write_network(packing, self.network)
+        else:
+            name, packing = self._case.name, self._case.packing_path
+        of = "sample" if self._case is not None and self._case.has("sample") else "network"
+        kept = Case(name, folder, {of: packing})
         prepare(kept, [kind])
+        kept.files = {of: packing, kind: kept.path(kind)}
         return kept
 
     @cached_property
@@ -215,6 +235,15 @@ class Measuring:
             return first
         near = fit * self.network.length * first.limit / velocity
         return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
+
+    @cached_property
+    def gain(self) -> Gain:
+        """Gain factor of P-waves from wall to wall, without damping."""
+        self.require_walls()
+        if (kept := self._kept("response")) is not None and (found := kept.response) is not None:
+            return Gain(found.frequency, found.gain, found.resolution)
+        passage = self.network.length / of_contacts(self.network).velocity
+        return network_gain(self.network, passage)
 
     @cached_property
     def moduli(self) -> ElasticModuli:

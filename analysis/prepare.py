@@ -50,16 +50,19 @@ def prepare(case: Case, kinds: Sequence[str] = KINDS) -> list[Path]:
         made.append(case.path(kind))
         return provenance
 
-    gain: dict[str, Any] = gain_settings(network, case.passage)
-    if of_gain := wanted("response", **gain, pre_stress="none"):
-        write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
-    if case.is_crystal:
+    if "response" in kinds:
+        gain: dict[str, Any] = gain_settings(network, case.passage)
+        if of_gain := wanted("response", **gain, pre_stress="none"):
+            write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
+    if case.is_crystal or not {"density", "structure"} & set(kinds):
         return made
     line = line_width(network)
     settings: dict[str, Any] = {"resolution": line, "tolerance": DENSITY_TOLERANCE}
     if of_density := wanted("density", **settings):
         states = density_of_states(network, **settings)
         write_density(made[-1], states, digest, of_density)
+    if "structure" not in kinds:
+        return made
     layers = int(network.length / case.diameter)
     ridge: dict[str, Any] = {"resolution": line, "highest": 1.5 * layers / (2 * case.passage)}
     orders = standing_orders(layers)

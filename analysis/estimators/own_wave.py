@@ -17,6 +17,8 @@ from modal.waves.source import Motion, Pulse
 FREQUENCY = 0.33
 """Of the pulse, in V / D of the affine wave: 100 kHz in the crystal of glass at 100 kPa. A
 crystal's band ends at 0.45, a random packing's long before."""
+AMPLITUDE = 1e-6
+"""Of the pulse, mean diameters: 2.5 nm in the study."""
 INTERVAL = 0.4
 """Between records, in D / V: two samples at 1.25 V / D, above all modes."""
 RECORD = 1.5 * PASSAGES
@@ -34,7 +36,8 @@ def affine_frequency(network: Network) -> float:
 
 def own_pulse(network: Network) -> Pulse:
     """The pulse of a packing that no run has one for."""
-    return Pulse(frequency=FREQUENCY * affine_frequency(network))
+    diameter = 2 * float(network.radius.mean())
+    return Pulse(AMPLITUDE * diameter, FREQUENCY * affine_frequency(network))
 
 
 def own_wave(network: Network, motion: Motion | None = None, direction: str = "z") -> Signals:

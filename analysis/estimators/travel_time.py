@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from analysis.estimators.low_pass import columns_of
+from modal.packing.network import Network
+from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 
 MIDDLE = 0.25, 0.75
@@ -104,3 +109,42 @@ def arrival_velocity(
     distance = record.chain_position - source_wall
     inside = middle(distance, length)
     return travel_velocity(distance[inside], arrival_times(record, level)[inside])
+
+
+def cut(record: Signals, end: float) -> Signals:
+    """The record's motions up to a time, s.
+
+    A peak counts when it exceeds half of the particle's largest, which may come late: two records
+    give the same peaks only if they are equally long.
+    """
+    kept = slice(int(np.searchsorted(record.time, end * (1 + 1e-9), "right")))
+    every = record.particle_displacement
+    return replace(
+        record,
+        time=record.time[kept],
+        chain_displacement=record.chain_displacement[kept],
+        source_displacement=record.source_displacement[kept],
+        particle_displacement=None if every is None else every[kept],
+    )
+
+
+def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, float]:
+    """dL/dt, m/s, of first peaks along every column of the packing, a sphere wide: mean, scatter.
+
+    The scatter says how much the velocity depends on which chain is taken. NaN where single
+    particles are not recorded.
+    """
+    if record.particle_displacement is None:
+        return np.nan, np.nan
+    bearing = np.flatnonzero(force_bearing(network))
+    distance = network.position[bearing, 2] - network.wall_position[0]
+    inside = middle(distance, network.length)
+    bearing, distance = bearing[inside], distance[inside]
+    moved = record.particle_displacement[:, bearing]
+    times = first_peak_times(replace(record, chain_displacement=moved))
+    column = columns_of(network, bearing)
+    members = [np.flatnonzero((column == c) & np.isfinite(times)) for c in np.unique(column)]
+    speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
+    if not speeds:
+        return np.nan, np.nan
+    return float(np.mean(speeds)), float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan

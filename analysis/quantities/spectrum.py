@@ -6,7 +6,6 @@ import numpy as np
 
 from analysis.estimators.excess import Excess
 from analysis.estimators.resonances import standing_modes
-from analysis.estimators.transfer import network_gain
 from analysis.measuring import Measuring
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
 from analysis.value import Value, hertz, unknown
@@ -88,6 +87,6 @@ def chi_z(packing: Measuring) -> Value:
 )
 def gain(packing: Measuring) -> Value:
     """Of P-waves, without damping."""
-    found = network_gain(packing.network, packing.network.length / packing.needed_velocity)
+    found = packing.gain
     text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
     return Value(found.gain, "1", {}, (text, *packing.of_waves), found.frequency)

@@ -6,6 +6,8 @@ a threshold, a chain or the pulse. `v_p_static` comes from no wave at all and sh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.estimators.coherent import coherent_wave, longest_waves
@@ -98,7 +100,24 @@ def v_p_static(packing: Measuring) -> Value:
 )
 def v_p_first_peaks(packing: Measuring) -> Value:
     """Depends on pulse and chain: of disorder the first peak broadens on its way."""
-    return _travelled(packing, *first_peak_velocity(*_chain(packing)), "first peaks")
+    chain = packing.first_peaks_of_columns[1]
+    value = _travelled(packing, *first_peak_velocity(*_chain(packing)), "first peaks")
+    return replace(value, parts=dict(value.parts) | {"chain": np.nan_to_num(chain)})
+
+
+@quantity(
+    "v_p_first_peaks_columns",
+    "m/s",
+    "the same, mean over all columns of spheres",
+    exact="exact signals are those of one chain",
+    asked=True,
+)
+def v_p_first_peaks_columns(packing: Measuring) -> Value:
+    """Each column is a chain of its own; its error is how they scatter."""
+    value, scatter = packing.first_peaks_of_columns
+    if not np.isfinite(value):
+        return unknown("m/s", "single spheres are not recorded, or no column is long enough")
+    return Value(value, "m/s", {"chain": scatter}, packing.of_waves)
 
 
 @quantity(
@@ -116,7 +135,7 @@ def v_p_arrival(packing: Measuring) -> Value:
 
 def _chain(packing: Measuring) -> tuple[Signals, float, float]:
     network = packing.network
-    return packing.wave, float(network.wall_position[0]), network.length
+    return packing.short_wave, float(network.wall_position[0]), network.length
 
 
 def _travelled(packing: Measuring, value: float, error: float, what: str) -> Value:

@@ -304,13 +304,17 @@ def test_attenuation_and_unbiased_low_pass_are_those_of_the_signals(random, powe
 
 
 def test_costly_spectra_are_kept_and_found_again(tmp_path):
-    """In memory and from files: the second call finds what the first one made."""
-    net = modal.random_packing(spheres=400, aspect=8, seed=1)
-    first = analysis.measure(net, quantities=["excess_peak"], keep=tmp_path / "kept")
-    (made,) = (tmp_path / "kept").glob("*.density.h5")
-    before = made.stat().st_mtime_ns
-    again = analysis.measure(net, quantities=["excess_peak"], keep=tmp_path / "kept")
-    assert again.as_json() == first.as_json() and made.stat().st_mtime_ns == before
+    """In memory and from files, which give them their name: made once, and read the next time."""
+    net = modal.random_packing(spheres=400, aspect=20, seed=1)
+    write_network(tmp_path / "a.network.h5", net)
+    names, kinds = ["excess_peak", "ioffe_regel", "gain"], ("density", "structure", "response")
+    for packing, name in ((net, net.fingerprint[:16]), (tmp_path / "a.network.h5", "a")):
+        first = analysis.measure(packing, quantities=names, keep=tmp_path / "kept")
+        made = [tmp_path / "kept" / f"{name}.{kind}.h5" for kind in kinds]
+        before = [path.stat().st_mtime_ns for path in made]
+        again = analysis.measure(packing, quantities=names, keep=tmp_path / "kept")
+        assert again.as_json() == first.as_json()
+        assert [path.stat().st_mtime_ns for path in made] == before
 
 
 def test_a_result_file_holds_all_of_a_measurement(random, found, tmp_path, capsys):
