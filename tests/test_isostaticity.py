@@ -1,0 +1,79 @@
+"""The committed fits against z - 4, by scipy from the committed points; these from the table."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+from scipy.stats import linregress
+
+RESULTS = Path(__file__).resolve().parents[1] / "results"
+LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
+
+
+def rows(name):
+    with open(RESULTS / name) as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def points():
+    found = rows("isostaticity/headline.csv")
+    z = np.array([float(row["z"]) for row in found])
+    ys = {
+        name: np.array([float(row[f"{name} / f_max"]) for row in found])
+        for name in (LOW_PASS, PEAK, IOFFE_REGEL)
+    }
+    return z, ys
+
+
+@pytest.fixture(scope="module")
+def fits():
+    return {row["quantity"]: row for row in rows("isostaticity/fits.csv")}
+
+
+def test_points_are_the_table_s(points):
+    """Written with five digits."""
+    z, ys = points
+    table = [row for row in rows("study/table1.csv") if row["packing"] == "random"]
+    assert len(table) == len(z) == 28
+    for k, row in enumerate(table):
+        assert z[k] == pytest.approx(float(row["coordination_number_bearing"]), rel=1e-4)
+        over = float(row["f_low_pass_2_linear_khz"]) / float(row["f_max_khz"])
+        assert ys[LOW_PASS][k] == pytest.approx(over, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", [LOW_PASS, PEAK, IOFFE_REGEL])
+def test_lines_and_powers(name, points, fits):
+    """1e-3: the points have five digits, and the zero is far from most of them."""
+    z, y = points[0], points[1][name]
+    known = np.isfinite(y)
+    line, fit = linregress(z[known], y[known]), fits[name]
+    assert int(fit["cases"]) == known.sum()
+    assert float(fit["slope"]) == pytest.approx(line.slope, rel=1e-3)
+    assert float(fit["z_c"]) == pytest.approx(-line.intercept / line.slope, rel=1e-3)
+    assert float(fit["r_squared"]) == pytest.approx(line.rvalue**2, rel=1e-3)
+    power = linregress(np.log(z[known] - 4), np.log(y[known])).slope
+    assert float(fit["power_of_z_less_4"]) == pytest.approx(power, rel=1e-3)
+    for number in ("slope", "z_c"):
+        assert float(fit[f"{number}_low"]) < float(fit[number]) < float(fit[f"{number}_high"])
+
+
+def test_the_shared_zero(points, fits):
+    """Profile of both sums of squares, each over its own least one; trials are 0.005 apart."""
+    z, ys = points
+
+    def left(name, zero):
+        known = np.isfinite(ys[name])
+        x, y = z[known] - zero, ys[name][known]
+        return ((y - x * (x @ y) / (x @ x)) ** 2).sum()
+
+    least = {
+        name: minimize_scalar(lambda c, n=name: left(n, c), bounds=(3, 4.4)).fun
+        for name in (LOW_PASS, PEAK)
+    }
+    best = minimize_scalar(
+        lambda c: sum(left(name, c) / least[name] for name in least), bounds=(3, 4.4)
+    )
+    assert float(fits["both, one z_c"]["z_c"]) == pytest.approx(best.x, abs=0.006)
