@@ -104,7 +104,7 @@ def network_of_scene():
         return network
     # Ids from 1, as no member of a clump has 0.
     own = np.array([body.clumpId + 1 if body.isClumpMember else 0 for body in bodies])
-    return joined(network, own, _clumps(clumps))[0]
+    return joined(network, own, _clumps(clumps))
 
 
 def _clumps(ids):

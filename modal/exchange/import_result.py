@@ -118,11 +118,12 @@ def network_of(
         kept = np.ones(len(overlap), bool)  # what a table lists with a stiffness is a contact
     else:
         kept = overlap > 0 if pairs.force is None else pairs.force != 0
-    refuse_apart(given, spheres, kept & (overlap < -WIDEST * pairs.reach), -overlap)
-    if contacts is not None and not kept.all():
-        remarks.append(
-            f"{int((~kept).sum())} of {len(kept)} listed contacts do not touch: left out"
-        )
+    own = spheres.inside(given.i, given.j)
+    refuse_apart(given, spheres, kept & (overlap < -WIDEST * pairs.reach), -overlap, name)
+    for left, why in ((~kept & ~own, "do not touch"), (own, "are inside rigid bodies")):
+        if contacts is not None and left.any():
+            remarks.append(f"{int(left.sum())} of {len(left)} listed contacts {why}: left out")
+    kept &= ~own
     if not kept.any():
         raise InputError(f"{name}: no two spheres touch; dump a packing under stress")
     pairs, overlap, effective = pairs.cut(kept), overlap[kept], pairs.effective[kept]
@@ -161,13 +162,10 @@ def network_of(
             remarks.append("rolling and twisting: contacts stick, their limits are not looked at")
     with named(name):
         network = _whole(spheres, cell, walls, position, pairs, overlap, laws)
-        law = pairs.law
         if spheres.body is not None:
-            network, apart = joined(network, spheres.body, bodies)
-            law = law[apart]
+            network = joined(network, spheres.body, bodies)
             told["spheres_of_bodies"] = len(spheres.body)
-            remarks.append(f"{int((~apart).sum())} contacts inside rigid bodies: left out")
-    return ImportResult(network, laws, law, told, remarks, sought=bool(laws))
+    return ImportResult(network, laws, pairs.law, told, remarks, sought=bool(laws))
 
 
 def _pairs(

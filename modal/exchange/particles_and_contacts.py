@@ -37,6 +37,14 @@ class Spheres:
     step: float
     body: Ints | None = None
 
+    def inside(self, i: Ints, j: Ints) -> Bools:
+        """Shape (m,): contacts between two spheres of one body, which are none."""
+        if self.body is None:
+            return np.zeros(len(i), bool)
+        one, other = self.body[i], self.body[np.maximum(j, 0)]
+        same: Bools = (j >= 0) & (one > 0) & (one == other)
+        return same
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -190,7 +198,7 @@ def touching_pairs(spheres: Spheres, cell: Cell, least: float = 0.0) -> Contacts
     i, j = pairs.T
     branch, _ = nearest(spheres.position[j] - spheres.position[i], cell)
     reach = spheres.radius[i] + spheres.radius[j] - least
-    near = (branch**2).sum(axis=1) < reach**2
+    near = ((branch**2).sum(axis=1) < reach**2) & ~spheres.inside(i, j)
     ends = [(i[near], j[near])]
     z = spheres.position[:, 2]
     for code, wall, side in ((SOURCE_WALL, cell.walls[0], 1), (RECEIVER_WALL, cell.walls[1], -1)):

@@ -7,6 +7,8 @@ and refused where it turns them far.
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import numpy as np
 
 from modal.exchange.particles_and_contacts import Cell, Contacts, Spheres, touching_pairs
@@ -20,6 +22,14 @@ BLUNT = 5e-3
 """Angle, rad, by which digits of positions turn the normals of a table, that is refused."""
 EXACT = 0.1
 """Of the error by digits: if no overlap is larger, positions are those that few digits hold."""
+
+
+def _blame(given: Contacts, row: int, name: str, what: str, do: str) -> NoReturn:
+    """InputError about a contact, with its line where a file lists it."""
+    rows = given.listed
+    if rows is None or row >= rows.count:
+        raise InputError(f"{name}: {what}; {do}")
+    fault(rows.path, what, do, rows.line + row)
 
 
 def refuse_one_place(given: Contacts, spheres: Spheres, distance: Floats, name: str) -> None:
@@ -36,26 +46,19 @@ def refuse_one_place(given: Contacts, spheres: Spheres, distance: Floats, name: 
         ends = f"{one} and {spheres.number[given.j[row]]} have their centres in one place"
         what = f"spheres {ends}" if given.j[row] >= 0 else f"sphere {one} has its centre on a wall"
         do = "mend the positions"
-    rows = given.listed
-    if rows is None or row >= rows.count:
-        raise InputError(f"{name}: {what}; {do}")
-    fault(rows.path, what, do, rows.line + row)
+    _blame(given, row, name, what, do)
 
 
-def refuse_apart(given: Contacts, spheres: Spheres, apart: Bools, gap: Floats) -> None:
+def refuse_apart(given: Contacts, spheres: Spheres, apart: Bools, gap: Floats, name: str) -> None:
     """InputError, with its line, for a contact of bodies that lie `apart`; by a `gap` (m,), m."""
-    rows = given.listed
-    if rows is None or not apart[: rows.count].any():
+    if not apart.any():
         return
     row = int(np.argmax(apart))
     one, other = (spheres.number[end] for end in (given.i[row], max(given.j[row], 0)))
     ends = f"spheres {one} and {other}" if given.j[row] >= 0 else f"sphere {one} and the wall"
-    fault(
-        rows.path,
-        f"{ends} do not touch, there are {gap[row]:.3g} m between them",
-        "write both at one step, in one unit of length, with the cell's periods and walls",
-        rows.line + row,
-    )
+    what = f"{ends} do not touch, there are {gap[row]:.3g} m between them"
+    do = "write both at one step, in one unit of length, with the cell's periods and walls"
+    _blame(given, row, name, what, do)
 
 
 def unlisted(given: Contacts, spheres: Spheres, cell: Cell) -> list[str]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.packing.network import Network
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 LONGEST = 0.45
@@ -31,8 +31,8 @@ class Bodies:
     tensor: Floats
 
 
-def joined(network: Network, body: Ints, told: Bodies | None = None) -> tuple[Network, Bools]:
-    """A network of spheres with those of one `body` (n,) joined, and the contacts (m,) it keeps.
+def joined(network: Network, body: Ints, told: Bodies | None = None) -> Network:
+    """A network of spheres with those of one `body` (n,) joined.
 
     Spheres whose number is below 1 stay as they are. Bodies are in the order of their first
     sphere; their radius is that of the sphere of their members' volume. What is `told` of bodies
@@ -85,7 +85,7 @@ def joined(network: Network, body: Ints, told: Bodies | None = None) -> tuple[Ne
     shifts = network.require("cell_shift", "joining of spheres").copy()
     shifts[~wall] += (turns[i] - turns[j])[~wall]
     kept = (ends[0] != ends[1]) | shifts.any(axis=1)
-    bodies = replace(
+    return replace(
         network.with_contacts(kept),
         position=centre,
         radius=np.cbrt(np.bincount(index, network.radius**3, total)),
@@ -98,7 +98,6 @@ def joined(network: Network, body: Ints, told: Bodies | None = None) -> tuple[Ne
         lever_j=np.where(wall[:, None], 0.0, network.lever_j + arm[j])[kept],
         cell_shift=shifts[kept],
     )
-    return bodies, kept
 
 
 def _sums(index: Ints, values: Floats, count: int) -> Floats:

@@ -364,6 +364,23 @@ def test_masses_of_rigid_bodies_may_be_told(tmp_path, capsys):
         stiffness_matrix(found, pre_stress="normal")
 
 
+def test_members_of_a_body_may_overlap_as_they_like(tmp_path):
+    """Two spheres of one size nearly in one place, whose contacts are sought and not listed."""
+    atoms, log = paired(tmp_path)
+    lines = atoms.read_text().splitlines()
+    one, two = (next(k for k in range(9, 69) if lines[k].startswith(f"{n} ")) for n in (1, 2))
+    words = lines[one].split()
+    words[0], words[2] = "2", repr(float(words[2]) + 0.02 * float(words[5]))
+    lines[two] = " ".join(words)
+    atoms.write_text("\n".join(lines) + "\n")
+    found = modal.read(atoms, log=log)
+    assert found.n_particles == 59
+    assert found.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15)
+    log.write_text(log.read_text() + "unfix r\n")
+    with pytest.raises(InputError, match="overlap by more than 0.3 of the smaller radius"):
+        modal.read(atoms, log=log)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
