@@ -100,6 +100,8 @@ class Value:
         share = abs(value) / error if error > 0 and value else 100
         digits = int(np.clip(np.floor(np.log10(share)) + 2, 2, 6))
         told = error > 1e-6 * abs(value)
+        if not unit and not told:
+            return f"{float(value):.{digits}g}"
         numbers = [float(value), float(error)] if told else [float(value)]
         text = quantities(numbers, unit, digits, prefixed=unit in ("Hz", "Pa"))
         return text.replace(", ", " ± ").strip()

@@ -199,7 +199,7 @@ def test_a_quantity_is_one_function(random, monkeypatch):
     [
         (Value(776.3824, "m/s", {"fit": 0.0041}), "776.382 ± 0.004 m/s"),
         (Value(8131.4, "Hz", {"a": 300.0, "b": 400.0}), "8.13 ± 0.50 kHz"),
-        (Value(0.68, "1"), "0.6800"),
+        (Value(4.859e-10, "1"), "4.859e-10"),
         (unknown("Hz", "no wall"), "not known"),
     ],
 )
