@@ -21,7 +21,7 @@ BELOW = {
     "modes": {"formats", "packing", "solvers", "system", "tools"},
     "elasticity": {"formats", "modes", "packing", "solvers", "system", "tools"},
     "preparation": {"dem", "formats", "packing", "solvers", "system", "tools"},
-    "theory": {"packing", "system", "tools"},
+    "theory": {"packing", "tools"},
     "exchange": {"formats", "packing", "system", "tools"},
     "description": {"modes", "packing", "system", "tools"},
     "cli": {

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from modal.packing.crystal import FccPacking
-from modal.system.contacts import cross_matrix
 from modal.tools.arrays import Complex, Floats
 from modal.tools.display import axes_of, quantity
 
@@ -115,7 +114,8 @@ class FccLattice(FccPacking):
 
     def _halves(self, normals: Floats) -> tuple[Floats, Floats, Floats]:
         k = (self.kn - self.kt) * normals[:, :, None] * normals[:, None, :] + self.kt * np.eye(3)
-        turn = cross_matrix(self.spacing / 2 * normals)
+        # Matrices that multiply by the lever from the left, column by column.
+        turn = np.cross(self.spacing / 2 * normals[:, None], np.eye(3)).transpose(0, 2, 1)
         identity = np.broadcast_to(np.eye(3), turn.shape)
         own = np.concatenate([-identity, turn], axis=2)
         other = np.concatenate([identity, turn], axis=2)
