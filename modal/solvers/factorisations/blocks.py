@@ -61,8 +61,12 @@ def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: boo
     used, change = np.empty(0, int), np.empty((0, 0))
     for k in progress(len(blocks), "block factor"):
         schur = inner[blocks[k], blocks[k]].toarray(order="F")
-        schur[np.ix_(used, used)] -= change
-        grown |= not abs(schur[used]).max(initial=0.0) <= GROWTH * largest
+        if len(used) == len(schur):
+            schur -= change
+        else:
+            schur[np.ix_(used, used)] -= change
+        # Cholesky factors do not grow.
+        grown |= not (definite or abs(schur).max() <= GROWTH * largest)
         coupling = inner[blocks[k + 1], blocks[k]] if k + 1 < len(blocks) else inner[:0, blocks[k]]
         used = np.flatnonzero(np.diff(coupling.indptr))
         solve, below, solved = _eliminated(schur, coupling[used].toarray().T, definite)
@@ -101,13 +105,16 @@ def _eliminated(schur: Array, coupling: Array, definite: bool) -> tuple[Solve, i
     # LAPACK takes no matrix without columns.
     columns = coupling if coupling.shape[1] else np.ones((len(schur), 1))
     if not np.iscomplexobj(schur):
-        factor, solved, info = posv(schur, columns, lower=1)
+        # Where the block is not definite the columns are left as they are.
+        factor, solved, info = posv(schur, columns, lower=1, overwrite_a=definite, overwrite_b=True)
         if info == 0:
             return partial(_solved, potrs, (factor,)), 0, solved[:, : coupling.shape[1]]
     if definite:
         raise SingularError(definite)
     lwork = int(sysv_lwork(len(schur), lower=1)[0].real)
-    factor, pivots, solved, info = sysv(schur, columns, lwork=lwork, lower=1, overwrite_a=True)
+    factor, pivots, solved, info = sysv(
+        schur, columns, lwork=lwork, lower=1, overwrite_a=True, overwrite_b=True
+    )
     if info:
         raise SingularError(definite)
     # A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.
