@@ -263,10 +263,10 @@ def _moments(
     """
     moments, sums = np.empty((6, count + 2)), np.empty((2, 6))
     before, now = start.copy(), np.empty_like(start)
-    operator.combine(start, now, 2 / top, own=-1.0)
+    operator.combine(start, now, 2 / top, beta=-1.0)
     for k in progress(count // 2, label):
         # Here now = T_(k+1) r and before = T_k r, which makes room for T_(k+2) r.
-        operator.combine(now, before, 4 / top, own=-2.0, kept=-1.0, sums=sums)
+        operator.combine(now, before, 4 / top, beta=-2.0, gamma=-1.0, sums=sums)
         if k == 0:
             moments[:, :2] = sums.T
         else:

@@ -32,9 +32,9 @@ class Renumbering(Protocol):
         """The inverse."""
 
     def combine(
-        self, u: Array, out: Array, factor: float, own: float = 0.0, kept: float = 0.0
+        self, u: Array, out: Array, alpha: float, beta: float = 0.0, gamma: float = 0.0
     ) -> Array:
-        """out = factor A u + own u + kept out, both (size, k) in that numbering."""
+        """out = alpha A u + beta u + gamma out, both (size, k) in that numbering."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ class LowEnd:
         c, a = self._argument
         before = np.ascontiguousarray(self.operator.inward(block))
         now = np.empty_like(before)
-        self.operator.combine(before, now, -a, own=c)
+        self.operator.combine(before, now, -a, beta=c)
         for _ in range(self.degree - 1):
             # T_k = 2 x T_(k-1) - T_(k-2), built in the array of T_(k-2).
-            self.operator.combine(now, before, -2 * a, own=2 * c, kept=-1.0)
+            self.operator.combine(now, before, -2 * a, beta=2 * c, gamma=-1.0)
             before, now = now, before
         return self.operator.outward(now)
 

@@ -48,9 +48,9 @@ class ScaledOperator(Protocol):
     pre_stress: str
 
     def combine(
-        self, u: Floats, out: Floats, factor: float, own: float = 0.0, kept: float = 0.0
+        self, u: Floats, out: Floats, alpha: float, beta: float = 0.0, gamma: float = 0.0
     ) -> Floats:
-        """out = factor A u + own u + kept out, shape (size,)."""
+        """out = alpha A u + beta u + gamma out, shape (size,)."""
 
 
 class GrowthError(InputError):
@@ -143,7 +143,7 @@ def lanczos_steps(operator: ScaledOperator, start: Floats) -> Iterator[Step]:
     off: list[float] = []
     while not off or off[-1] > 0:
         # In the array of the vector before: A now - (off-diagonal number) before.
-        ahead = operator.combine(now, before, 1.0, kept=-off[-1] if off else 0.0)
+        ahead = operator.combine(now, before, 1.0, gamma=-off[-1] if off else 0.0)
         diagonal.append(dot(ahead, now))
         for first in range(0, len(now), TOGETHER):
             part = slice(first, first + TOGETHER)

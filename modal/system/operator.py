@@ -97,13 +97,13 @@ class ContactOperator(LinearOperator):
         self,
         u: Array,
         out: Array,
-        factor: float,
-        own: float = 0.0,
-        kept: float = 0.0,
+        alpha: float,
+        beta: float = 0.0,
+        gamma: float = 0.0,
         *,
         sums: Floats | None = None,
     ) -> Array:
-        """out = factor K u + own u + kept out in place; u and out of shape (6n,) or (6n, k).
+        """out = alpha K u + beta u + gamma out in place; u and out of shape (6n,) or (6n, k).
 
         Both real, or `out` complex. Arrays in C order need no copies. Into `sums` (2, 6) are
         written, for each component, the sums over the particles of out out and of out u, `out` as
@@ -117,17 +117,17 @@ class ContactOperator(LinearOperator):
         if self._matrix is not None:
             if sums is not None:
                 sums[:] = component_sums(out, u, self.dof)
-            out[...] = kept * out if kept else 0.0
-            out += factor * (self._matrix @ u)
-            if own:
-                out += own * u
+            out[...] = gamma * out if gamma else 0.0
+            out += alpha * (self._matrix @ u)
+            if beta:
+                out += beta * u
         elif np.iscomplexobj(out):
-            self.combine(u.real, out.real, factor, own, kept)
-            self.combine(u.imag, out.imag, factor, own, kept)
+            self.combine(u.real, out.real, alpha, beta, gamma)
+            self.combine(u.imag, out.imag, alpha, beta, gamma)
         else:
             source = np.ascontiguousarray(u, dtype=float)
             target = np.ascontiguousarray(out, dtype=float)
-            self._combine(source, target, factor, own, kept, sums)
+            self._combine(source, target, alpha, beta, gamma, sums)
             if target is not out:
                 out[...] = target
         return out
@@ -136,14 +136,14 @@ class ContactOperator(LinearOperator):
         self,
         u: Floats,
         out: Floats,
-        factor: float,
-        own: float,
-        kept: float,
+        alpha: float,
+        beta: float,
+        gamma: float,
         sums: Floats | None,
     ) -> None:
         """The same for real arrays in C order, by the compiled loops."""
         if self._unturning is None:
-            self._loop(u, out, factor, own, kept, sums)
+            self._loop(u, out, alpha, beta, gamma, sums)
             return
         # The roots of tensors of inertia go around the loops, whose masses are numbers.
         if sums is not None:
@@ -151,20 +151,20 @@ class ContactOperator(LinearOperator):
         by_body = (len(self._scale), self.dof, -1)
         turned, force = u.copy(), np.empty_like(u)
         turned.reshape(by_body)[:, 3:] = self._unturning @ u.reshape(by_body)[:, 3:]
-        self._loop(turned, force, factor, 0.0, 0.0, None)
+        self._loop(turned, force, alpha, 0.0, 0.0, None)
         pushed = force.reshape(by_body)
         pushed[:, 3:] = self._unturning @ pushed[:, 3:]
-        out[...] = kept * out if kept else 0.0
+        out[...] = gamma * out if gamma else 0.0
         out += force
-        out += own * u
+        out += beta * u
 
     def _loop(
         self,
         u: Floats,
         out: Floats,
-        factor: float,
-        own: float,
-        kept: float,
+        alpha: float,
+        beta: float,
+        gamma: float,
         sums: Floats | None,
     ) -> None:
         """By the compiled loops alone."""
@@ -176,7 +176,7 @@ class ContactOperator(LinearOperator):
         of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof))
         combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
-            *(float(factor), float(own), float(kept)),
+            *(float(alpha), float(beta), float(gamma)),
             *(on.rows, on.ends, on.slabs, on.pieces, on.fresh),
             *(on.lateral, on.aside, on.rolling, on.shear),
             *(self._scale, of_slabs, threads_for(len(self._scale))),
@@ -184,9 +184,9 @@ class ContactOperator(LinearOperator):
         if sums is not None and of_slabs is not None:
             sums[:] = of_slabs.sum(axis=0)
 
-    def accumulate(self, u: Array, out: Array, factor: float = 1.0) -> Array:
-        """out += factor K u in place; arguments as for `combine`."""
-        return self.combine(u, out, factor, kept=1.0)
+    def accumulate(self, u: Array, out: Array, alpha: float = 1.0) -> Array:
+        """out += alpha K u in place; arguments as for `combine`."""
+        return self.combine(u, out, alpha, gamma=1.0)
 
     def apply(self, u: Array, out: Array | None = None) -> Array:
         """K u for u of shape (6n,) or (6n, k); written into `out` where it is given."""

@@ -87,12 +87,12 @@ class Recurrence:
             if k == 0:
                 self._now[:] = self._before
             elif k == 1:
-                self._operator.combine(self._before, self._now, 2 / self._top, own=-1.0)
+                self._operator.combine(self._before, self._now, 2 / self._top, beta=-1.0)
             else:
                 # T_k = 2 X T_(k-1) - T_(k-2), built in the array of T_(k-2).
                 ahead, self._before = self._before, self._now
                 self._now = self._operator.combine(
-                    self._before, ahead, 4 / self._top, own=-2.0, kept=-1.0
+                    self._before, ahead, 4 / self._top, beta=-2.0, gamma=-1.0
                 )
             self._receivers.observe(self._now, rows[row])
             if k % LOOK == LOOK - 1 or row == count - 1:

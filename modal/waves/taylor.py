@@ -84,7 +84,7 @@ class Taylor:
                 ahead[0] = term[1]
                 spring.combine(term[0], ahead[1], -1.0)
                 if dashpot is not None:
-                    dashpot.combine(term[1], ahead[1], -1.0, kept=1.0)
+                    dashpot.combine(term[1], ahead[1], -1.0, gamma=1.0)
                 if order < len(source):
                     ahead[1] += driven.push * source[order]
                 if order < len(speed):

@@ -23,10 +23,10 @@ class Known:
     def outward(self, u):
         return u[::-1]
 
-    def combine(self, u, out, factor, own=0.0, kept=0.0):
+    def combine(self, u, out, alpha, beta=0.0, gamma=0.0):
         self.products += u.shape[1]
         product = self.vector @ (self.square[:, None] * (self.vector.T @ u[::-1]))
-        out[:] = factor * product[::-1] + own * u + (kept * out if kept else 0.0)
+        out[:] = alpha * product[::-1] + beta * u + (gamma * out if gamma else 0.0)
         return out
 
 
@@ -41,8 +41,8 @@ class Diagonal:
 
     outward = inward
 
-    def combine(self, u, out, factor, own=0.0, kept=0.0):
-        out[:] = factor * self.square[:, None] * u + own * u + (kept * out if kept else 0.0)
+    def combine(self, u, out, alpha, beta=0.0, gamma=0.0):
+        out[:] = alpha * self.square[:, None] * u + beta * u + (gamma * out if gamma else 0.0)
         return out
 
 

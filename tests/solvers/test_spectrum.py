@@ -43,10 +43,10 @@ class Diagonal:
         self.products += 1
         return self.square * u
 
-    def combine(self, u, out, factor, own=0.0, kept=0.0) -> np.ndarray:
-        """Out = factor A u + own u + kept out."""
-        out[:] = own * u + (kept * out if kept else 0.0)
-        out += factor * self.apply(u)
+    def combine(self, u, out, alpha, beta=0.0, gamma=0.0) -> np.ndarray:
+        """Out = alpha A u + beta u + gamma out."""
+        out[:] = beta * u + (gamma * out if gamma else 0.0)
+        out += alpha * self.apply(u)
         return out
 
 
