@@ -22,7 +22,7 @@ from modal.system.operator import ContactOperator
 from modal.tools import loops
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
-from modal.waves import propagate as wave
+from modal.waves import integrators as wave
 from modal.waves.chebyshev import Recurrence, summed
 from modal.waves.propagate import propagate
 from modal.waves.weights import Expansion
