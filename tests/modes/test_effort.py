@@ -134,7 +134,7 @@ def test_memory_and_hours_decide(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 1e5)
     for choice in (["--lowest", "5"], ["--highest", "5"], ["--all"]):
         assert main(["modes", str(path), *choice]) == 2
-        assert "0.0001 GB are free" in capsys.readouterr().err
+        assert "100 kB are free" in capsys.readouterr().err
 
 
 def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
@@ -144,6 +144,6 @@ def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     monkeypatch.delattr("modal.modes.counts.factorise")
     found = highest_modes(system, 1)
     assert len(found.frequency) == 1 and not found.attributes["certified"]
-    assert "0.02 GB are free" in found.attributes["uncertified_because"]
+    assert "20 MB are free" in found.attributes["uncertified_because"]
     with pytest.raises(InputError, match="exact count"):
         count_below(system, 1e5)
