@@ -29,9 +29,9 @@ def power_law(x: np.ndarray, y: np.ndarray) -> PowerLaw:
     u, v = np.log(x[known]), np.log(y[known])
     if known.sum() < 2 or np.ptp(u) == 0:
         return PowerLaw(np.nan, np.nan)
-    exponent, offset = np.polyfit(u, v, 1)
-    error = np.nan
-    if known.sum() > 2:
-        left = v - exponent * u - offset
-        error = np.sqrt(left @ left / (len(u) - 2) / ((u - u.mean()) ** 2).sum())
+    if known.sum() == 2:
+        (exponent, offset), error = np.polyfit(u, v, 1), np.nan
+    else:
+        (exponent, offset), spread = np.polyfit(u, v, 1, cov=True)
+        error = np.sqrt(spread[0, 0])
     return PowerLaw(float(np.exp(offset)), float(exponent), float(error))
