@@ -53,26 +53,27 @@ def steady_motion(
         solver = "pardiso" if _worth_a_factor(system) else "gradients"
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-    root = system.root
+    root, operator = system.root, system.operator.renumbered()
+    inward, outward = operator.inward, operator.outward
     release: Callable[[], None] = lambda: None  # noqa: E731
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.
         sigma = -SHIFT * system.diagonal.max() or -1.0
         factor = factorise(system.shifted(sigma), definite=True, solver="pardiso")
-        ease, release = factor.solve, factor.release
+        solve, release = factor.solve, factor.release
     else:
-        ease = _by_own_blocks(system)
+        solve = _by_own_blocks(system)
     found = conjugate_gradients(
-        system.operator.apply,
-        ease,
-        np.ascontiguousarray(root.over(load)),
+        operator.apply,
+        lambda rest: inward(solve(outward(rest))),
+        np.ascontiguousarray(inward(root.over(load))),
         allowed,
         ROUNDED * np.finfo(float).eps * np.linalg.norm(root.over(terms), axis=0),
         look_back=LOOK_BACK[solver],
         most_products=MOST_PRODUCTS,
     )
     release()
-    motion, residual = root.over(found.motion), root.times(found.residual)
+    motion, residual = root.over(outward(found.motion)), root.times(outward(found.residual))
     return Solution(motion, residual, found.energy_error, found.products), solver
 
 
