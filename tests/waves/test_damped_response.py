@@ -11,7 +11,7 @@ from modal.__main__ import main
 from modal.modes.damped import damped_modes
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, write_network
+from modal.packing.network import SOURCE_WALL, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
@@ -19,39 +19,6 @@ from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
 
 DAMPING = ContactDamping(0.05, 0.03)
-
-
-def dense(network, omega, axis):
-    """Motion (6n,) and stress on both walls, Pa, by one dense solve; exp(-i omega t)."""
-    dashpots = DAMPING.dashpots(network)
-    K, C = (stiffness_matrix(of).toarray() for of in (network, dashpots))
-    whole = K - 1j * omega * C - omega**2 * np.diag(mass_diagonal(network))
-    walls = [
-        (wall_pattern(network, wall, axis=axis), wall_pattern(dashpots, wall, axis=axis))
-        for wall in (SOURCE_WALL, RECEIVER_WALL)
-    ]
-    (spring, viscous), far = walls
-    u = np.linalg.solve(whole, spring[0] - 1j * omega * viscous[0])
-    force = [(s[1] - 1j * omega * v[1]) @ u for s, v in ((spring, viscous), far)]
-    held = spring[2] - 1j * omega * viscous[2]
-    return u, np.array([held - force[0], force[1]]) / network.area
-
-
-@pytest.mark.parametrize("direction", ["x", "z"])
-def test_equal_to_dense_solves(direction):
-    """A packing without any symmetry; its rattlers and all."""
-    network, axis = modal.random_packing(spheres=60, seed=2), "xyz".index(direction)
-    found = modal.frequency_response(
-        network, highest=1.2e5, resolution=3.1e4, direction=direction, damping=DAMPING
-    )
-    assert len(found.frequency) > 10 and found.resolution == 0
-    for k, f in enumerate(found.frequency):
-        u, stress = dense(network, 2 * np.pi * f, axis)
-        chain = u[6 * found.chain_particle + axis]
-        # Round-off of two direct solutions, times |K| / (omega^2 m) of some 1e3.
-        assert found.chain_displacement[k] == pytest.approx(chain, abs=1e-10 * abs(u).max())
-        assert found.source_stress[k] == pytest.approx(stress[0], rel=1e-9)
-        assert found.receiver_stress[k] == pytest.approx(stress[1], abs=1e-10 * abs(stress).max())
 
 
 def test_equal_to_the_sum_of_all_complex_modes():

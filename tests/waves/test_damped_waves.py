@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from packings import wall_pattern
 from scipy.integrate import solve_ivp
-from scipy.linalg import eig, expm
+from scipy.linalg import eig
 
 import modal
 from modal.__main__ import main
@@ -27,60 +27,6 @@ def layer_dashpot(damping: ContactDamping) -> float:
     """Between layers of the crystal, for each sphere, N s/m: 2 (cn + ct), as Eq. 8 of springs."""
     critical = [2 * np.sqrt(k * CRYSTAL.mass / 2) for k in (CRYSTAL.kn, CRYSTAL.kt)]
     return 2 * (damping.normal * critical[0] + damping.tangential * critical[1])
-
-
-def state_matrix(network, damping, axis):
-    """L (2N + 3), dense, of u, v in um/us and of the pulse's own d, d', 1; and its step of 1 us."""
-    K, M = stiffness_matrix(network).toarray(), mass_diagonal(network)
-    dashpots = damping.dashpots(network)
-    C, N = stiffness_matrix(dashpots).toarray(), len(M)
-    spring, viscous = (wall_pattern(net, -1, axis=axis)[0] for net in (network, dashpots))
-    L = np.zeros((2 * N + 3, 2 * N + 3))
-    L[:N, N : 2 * N] = np.eye(N)
-    L[N : 2 * N, :N], L[N : 2 * N, N : 2 * N] = -K / M[:, None], -C / M[:, None]
-    L[N : 2 * N, 2 * N], L[N : 2 * N, 2 * N + 1] = spring / M, viscous / M
-    drive = 2 * np.pi * 1e5
-    L[2 * N, 2 * N + 1], L[2 * N + 1, 2 * N] = 1, -(drive**2)
-    L[2 * N + 1, 2 * N + 2] = drive**2 * 2.5e-9
-    unit = np.concatenate([np.ones(N), np.full(N, 1e6), [1, 1e6, 1]])
-    return L * unit / unit[:, None] * 1e-6
-
-
-@pytest.mark.parametrize("direction", ["x", "z"])
-def test_wave_against_matrix_exponentials(direction):
-    """The pulse as an oscillator of its own: no polynomial, no step; every sphere, both walls."""
-    network, axis = modal.fcc(cells=(1, 1, 12)), "xyz".index(direction)
-    N = 6 * network.n_particles
-    step = expm(state_matrix(network, DAMPING, axis))
-    state = np.zeros(2 * N + 3)
-    state[-1] = 1
-    states = [state]
-    for k in range(50):
-        if k == 10:
-            state = state.copy()
-            state[2 * N :] = 0
-        state = step @ state
-        states.append(state)
-    states = np.array(states)
-    u, v = states[:, :N], states[:, N : 2 * N] * 1e6
-    signals = modal.propagate(
-        network, duration=5e-5, damping=DAMPING, direction=direction, particles=True
-    ).signals
-    scale = abs(u).max()
-    assert signals.particle_displacement == pytest.approx(u[:, axis::6], abs=1e-9 * scale)
-    dashpots = DAMPING.dashpots(network)
-    source, stress = np.zeros(51), np.zeros((2, 51))
-    source[:11] = states[:11, 2 * N]
-    speed = np.zeros(51)
-    speed[:11] = states[:11, 2 * N + 1] * 1e6
-    for wall, sign in ((0, -1), (1, 1)):
-        for net, motion, d in ((network, u, source), (dashpots, v, speed)):
-            _, row, held = wall_pattern(net, -1 - wall, axis=axis)
-            stress[wall] += sign * motion @ row + (held * d if wall == 0 else 0)
-    stress /= network.area
-    top = abs(stress).max()
-    assert signals.source_stress == pytest.approx(stress[0], abs=1e-8 * top)
-    assert signals.receiver_stress == pytest.approx(stress[1], abs=1e-8 * top)
 
 
 def test_no_damping_is_the_elastic_wave():

@@ -5,15 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import stepped, wall_pattern
-from scipy.linalg import eigh
 from shear_lattice import ShearLattice
 
 import modal
 from analysis.estimators.damped_transform import chain_dispersion
 from modal.__main__ import main
 from modal.packing.network import write_network
-from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.response import read_response, write_response
@@ -79,38 +76,6 @@ def test_nothing_moves_along_other_directions_in_the_crystal(crystal):
     # Impulse: what the walls push is the layers' momentum; forces by their own row.
     start = signals.source_stress[signals.time <= 1e-5]
     assert start.max() > 0 and abs(signals.receiver_stress[:20]).max() < 1e-6 * start.max()
-
-
-def test_leapfrog_meets_it_at_second_order(crystal):
-    errors = []
-    for step in (4e-7, 2e-7):
-        signals = stepped(crystal, 1e-4, step, direction="y", every=round(4e-6 / step))
-        exact = EXACT.displacement(signals.time, 2.5e-9, 1e5)
-        chain = exact[:, signals.chain_particle // 4]
-        errors.append(np.linalg.norm(signals.chain_displacement - chain) / np.linalg.norm(chain))
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] < 0.01
-
-
-def test_response_against_a_dense_solve():
-    """(K - s M)^-1 b, row by row, in a packing without any symmetry."""
-    network = modal.random_packing(spheres=60, seed=2)
-    found = modal.frequency_response(
-        network, highest=4e4, resolution=4e3, tolerance=1e-9, direction="x"
-    )
-    A = LinearSystem.of(network).scaled.toarray()
-    square, vector = eigh(A)
-    from modal.system.assembly import mass_diagonal
-
-    scale = 1 / np.sqrt(mass_diagonal(network))
-    source, _, held = wall_pattern(network, -1, axis=0)
-    push = vector.T @ (source * scale)
-    s = (2 * np.pi * found.frequency + 1j * np.pi * 4e3) ** 2
-    u = scale[:, None] * (vector @ (push[:, None] / (square[:, None] - s)))
-    wanted = u[6 * found.chain_particle].T
-    assert found.chain_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
-    stress = (held - source @ u) / network.area
-    assert found.source_stress == pytest.approx(stress, abs=1e-7 * abs(stress).max())
-    assert found.direction == "x"
 
 
 def test_chi_tells_shear_from_compression(crystal):
