@@ -15,7 +15,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
     if argv is None:
         end_at_interrupt()  # before what takes time to load
-        _load_when_used("f2py", "testing", "ma")
+        _load_when_used("f2py", "testing")
     from modal.cli.main import main as run
 
     return run(argv)
