@@ -9,6 +9,7 @@ from typing import Any
 from modal.cli.options import NewFolder, add_command, say, typed
 from modal.cli.terminal import COST, Groups
 from modal.exchange.registry import read_remarked
+from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
 from modal.preparation.packings import pack as packed
@@ -35,6 +36,9 @@ TYPED = {
     "damping": "--local-damping",
 }
 """Options whose names are not those of the protocol's numbers."""
+
+SOLID = vars(GLASS) | {"radius": RADIUS}
+"""Options of what the spheres are of, with the study's numbers."""
 
 
 def add(commands: Any) -> None:
@@ -79,6 +83,10 @@ def add(commands: Any) -> None:
     pack.add_argument(
         "--walls", nargs=2, metavar=("E", "NU"), help=f"{WALLS} (default those of glass)"
     )
+    for name, own in SOLID.items():
+        pack.add_argument(
+            f"--{name}", type=float, metavar="X", help=f"of the spheres (default {own:g}, SI units)"
+        )
     pack.add_argument(
         "--periodic", action="store_true", help="a cell without walls, with a period along z too"
     )
@@ -111,6 +119,16 @@ def _typed(name: str) -> str:
     return TYPED.get(name, typed(name))
 
 
+def _solid(options: argparse.Namespace) -> list[float] | None:
+    """What the spheres are of, and their radius; None where all is the study's."""
+    given = [getattr(options, name) for name in SOLID]
+    if all(value is None for value in given):
+        return None
+    return [
+        own if value is None else value for value, own in zip(given, SOLID.values(), strict=True)
+    ]
+
+
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run or continue a compression; names of the files that hold its states."""
     unused = (
@@ -122,14 +140,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
             raise InputError(f"{_typed(name)}: has no meaning {kind} friction; leave it out")
-    tolerance, peak = options.tolerance, options.peak
+    tolerance = options.tolerance
     if tolerance is not None and not 0 < tolerance < 1:
         raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; {TOLERANCE:g} is usual")
-    if peak is not None and not max(options.stress or WALK) <= peak <= 10 * PEAK:
-        raise InputError(
-            f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * PEAK:g} Pa; "
-            f"{PEAK:g} is usual"
-        )
     given = ("aspect", "width", "tolerance", "peak", "stress_ratio", *MIXTURE, *WITH_FRICTION)
     files = packed(
         Path(options.output),
@@ -140,6 +153,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         options.seed,
         periodic=options.periodic,
         oedometric=options.oedometric,
+        solid=_solid(options),
         **{name: value for name in given if (value := getattr(options, name)) is not None},
     )
     result: dict[str, Any] = {"samples": {str(path): stress for stress, path in files}}

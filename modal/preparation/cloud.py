@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from modal.packing.contact_law import RADIUS
 from modal.packing.sample import Sample
 from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
 from modal.tools.errors import InputError
@@ -20,7 +19,8 @@ def cloud(study: Study) -> Sample:
 
     Numbered along z, neighbours lie close together in memory.
     """
-    diameter, radii = 2 * RADIUS, study.radii
+    material, radius = study.sphere
+    diameter, radii = 2 * radius, study.radii
     length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
     if radii is not None:
         length *= float(((2 * radii / diameter) ** 3).mean())
@@ -41,6 +41,8 @@ def cloud(study: Study) -> Sample:
         sides,
         walls,
         study.mu_comp,
+        radius=radius,
+        material=material,
         radii=None if radii is None else radii[order],
         densities=None if dense is None else dense[order],
         wall_material=study.wall_material,

@@ -45,11 +45,14 @@ def compacted(study: Study) -> Sample:
     """The cloud compacted to LOOSE and put to rest."""
     started = time.perf_counter()
     motion = Dynamics(cloud(study))
-    dt = study.time_step(protocol.COMPACTION_STRESS)
-    pace = Pace(motion, ConstantRate(protocol.COMPACTION_RATE))
+    dt, rate = (
+        study.time_step(protocol.COMPACTION_STRESS * study.hardness),
+        protocol.COMPACTION_RATE * study.tempo,
+    )
+    pace = Pace(motion, ConstantRate(rate))
     growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
-    steps = int(growth / protocol.COMPACTION_RATE / dt)
-    interval = study.duration(protocol.CONTROL, REFERENCE)
+    steps = int(growth / rate / dt)
+    interval = study.duration(protocol.CONTROL, REFERENCE * study.hardness)
     every = steps_of(interval, dt)
     for _ in progress(steps, f"friction {study.mu_comp:g}, cloud"):
         pace.walk(1, dt, every)
@@ -108,7 +111,7 @@ def _at(study: Study, stage: Stage, motion: Dynamics) -> str:
 def _to_go(stage: Stage, seconds: float, pace: float) -> str:
     """Where the stage ends, `seconds` after its start at `pace`, seconds of ours for one of it."""
     if math.isinf(stage.patience):
-        return f"ends at {stage.study.hot_stress:.4g} Pa"
+        return f"ends at {stage.study.hot_stress * stage.study.hardness:.4g} Pa"
     most = duration((stage.patience - seconds) * pace)
     error, residual = stage.limits
     if math.isinf(residual):
@@ -127,7 +130,7 @@ def walk(
 
     Stresses on the way, so that no two are more than ten times apart, have their states as well.
     """
-    way = [protocol.JAMMING_STRESS]
+    way = [protocol.JAMMING_STRESS * study.hardness]
     for stress in stresses:
         way += protocol.by_tens(way[-1], stress)
     files = walk_by(

@@ -41,8 +41,12 @@ def time_step(
 def duration(
     number: float, stress: float, radius: float = RADIUS, material: Material = GLASS
 ) -> float:
-    """Seconds of a vibration's duration, given in own times at `REFERENCE`, at `stress` (Pa)."""
-    stiffer = (stress / REFERENCE) ** (1 / 3)
+    """Seconds of a vibration's duration, given in own times at `REFERENCE`, at `stress` (Pa).
+
+    Of harder spheres than those of glass the reference is as much higher.
+    """
+    reference = REFERENCE * (material.effective_young / GLASS.effective_young)
+    stiffer = (stress / reference) ** (1 / 3)
     return number * stiffer * own_time(stress, radius, material)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
@@ -24,6 +25,7 @@ from modal.preparation.random_packing import (
     cloud,
     walk,
 )
+from modal.preparation.sizes import solid_of
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
@@ -62,13 +64,14 @@ def pack(
     aspect: float | None = None,
     width: float | None = None,
     tolerance: float = TOLERANCE,
-    peak: float = PEAK,
+    peak: float | None = None,
     sizes: Sequence[str | float] | None = None,
     densities: Sequence[str | float] | None = None,
     walls: Sequence[str | float] | None = None,
     periodic: bool = False,
     stress_ratio: float | None = None,
     oedometric: bool = False,
+    solid: Sequence[str | float] | None = None,
     **protocol: Any,
 ) -> list[tuple[float, Path]]:
     """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
@@ -78,10 +81,19 @@ def pack(
     for those without. A `periodic` cell has no walls. With friction a state may go on from
     each isotropic one to a `stress_ratio`, lateral over axial stress; or the spheres are compressed
     along z alone (`oedometric`) from a tenth of the first stress to each axial one. `say` is told
-    how it goes.
+    how it goes. `solid` as in `modal.preparation.sizes.solid_of`, of the study's glass without: the
+    peak and the stresses of the protocol grow with its modulus.
     """
+    material, radius = solid_of(solid) if solid else (GLASS, RADIUS)
+    hardness = material.effective_young / GLASS.effective_young
     for stress in stresses:
-        check_stress(stress)
+        check_stress(stress, hardness)
+    usual = PEAK * hardness
+    if peak is not None and not max(stresses or WALK) <= peak <= 10 * usual:
+        raise InputError(
+            f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * usual:g} Pa; "
+            f"{usual:g} is usual"
+        )
     if oedometric and stress_ratio is not None:
         raise InputError("a stress ratio of one-dimensional compression comes about: leave one out")
     if stress_ratio is not None:
@@ -94,6 +106,7 @@ def pack(
     mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
     words = {name: " ".join(map(str, given)) for name, given in mixture.items() if given}
     words |= {"walls": NO_WALLS} if periodic else {}
+    words |= {"solid": " ".join(map(str, solid))} if solid else {}
     if friction != 0:
         width = width_of(spheres, aspect) if width is None else width
         study = Study(friction, spheres, width, seed, **(protocol | words))
@@ -110,13 +123,15 @@ def pack(
     if stress_ratio is not None or oedometric:
         raise InputError("unequal stresses need friction, without which spheres flow: give some")
     start = replace(
-        cloud(spheres, aspect, seed, **mixture, periodic=periodic),
+        cloud(
+            spheres, aspect, seed, **mixture, periodic=periodic, material=material, radius=radius
+        ),
         study={"spheres": spheres, "aspect": aspect, "seed": seed} | words,
         provenance={"seed": seed},
     )
     if shape is None:
         say(_shape(spheres, aspect))
-    return walk(folder, start, stresses or WALK, tolerance, say, peak)
+    return walk(folder, start, stresses or WALK, tolerance, say, peak or usual)
 
 
 def _shape(spheres: int, aspect: float) -> str:
@@ -136,6 +151,8 @@ def random_packing(
     densities: Sequence[float] | None = None,
     walls: Sequence[float] | None = None,
     periodic: bool = False,
+    material: Material | None = None,
+    radius: float | None = None,
 ) -> Network:
     """A random packing of glass spheres between two flat walls, at rest under a pressure.
 
@@ -150,7 +167,8 @@ def random_packing(
     `sizes` says ("lognormal", spread of ln R) or ("two", ratio of radii, share of the large ones by
     volume); `densities`, kg/m^3, are one for all or several (two of two sizes are of the small and
     of the large ones, others dealt out at random in equal numbers), and `walls` are Young's
-    modulus, Pa, and Poisson's ratio of the walls, where they are not of glass. A
+    modulus, Pa, and Poisson's ratio of the walls, where they are not of glass.
+    The spheres are the study's, of glass, unless `material` or `radius`, m, say otherwise. A
     `periodic` cell has no walls but a period along z. A warning says where
     a packing with friction has not settled; InputError, where one without does not come to rest, or
     where there is no such packing.
@@ -160,10 +178,14 @@ def random_packing(
     (100, True)
     """
     mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
+    solid = None
+    if material is not None or radius is not None:
+        own = material or GLASS
+        solid = [own.young, own.poisson, own.density, RADIUS if radius is None else radius]
     with TemporaryDirectory() as folder:
         files = pack(
             Path(folder), _unheard, spheres, [stress], friction, seed,
-            aspect=aspect, periodic=periodic, **mixture,
+            aspect=aspect, periodic=periodic, solid=solid, **mixture,
         )  # fmt: skip
         sample = read_sample(files[-1][1])
     if not sample.study.get("settled", True):

@@ -22,7 +22,7 @@ from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.preparation.durations import STABILITY, duration, own_time, time_step
-from modal.preparation.sizes import MIXTURE, densities_of, radii_of, wall_material
+from modal.preparation.sizes import MIXTURE, densities_of, radii_of, solid_of, wall_material
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 from modal.tools.errors import InputError
 
@@ -93,7 +93,10 @@ class Study:
     width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
     `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
     sizes, densities, walls: words as `modal.preparation.sizes` has them, none for equal spheres, of
-    glass between walls of glass; walls are `NO_WALLS` of a cell that is periodic along z.
+    glass between walls of glass; walls are `NO_WALLS` of a cell that is periodic along z. `solid`
+    has words as `solid_of`, none for the study's glass: stresses of the protocol, `hot_stress`
+    among them, then grow with E*, rates with (E* / density)^(1/2) / R, so that the same packing
+    comes about at a stress that is the same share of E*.
     """
 
     mu_comp: float = 0.4
@@ -110,6 +113,7 @@ class Study:
     sizes: str = ""
     densities: str = ""
     walls: str = ""
+    solid: str = ""
 
     def __post_init__(self) -> None:
         for name, kind in Study.__annotations__.items():
@@ -123,7 +127,7 @@ class Study:
                 "4 diameters (which a smaller aspect, length over width, has of as many spheres)"
             )
         refuse_more_than_fit(self.spheres)
-        _ = self.material, self.wall_material, self.smallest  # refuses unknown words
+        _ = self.sphere, self.material, self.wall_material, self.smallest  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(
                 f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
@@ -144,7 +148,9 @@ class Study:
     @property
     def radii(self) -> np.ndarray | None:
         """Shape (n,), m: the radius of each sphere, or None where all are equal."""
-        return radii_of(self.spheres, self.sizes.split(), self.seed) if self.sizes else None
+        if not self.sizes:
+            return None
+        return radii_of(self.spheres, self.sizes.split(), self.seed) * (self.sphere[1] / RADIUS)
 
     @property
     def each_density(self) -> np.ndarray | None:
@@ -163,12 +169,31 @@ class Study:
         return wall_material(self.walls.split()) if self.walls and not self.periodic else None
 
     @cached_property
+    def sphere(self) -> tuple[Material, float]:
+        """What the spheres are made of, and their (mean) radius, m."""
+        return solid_of(self.solid.split()) if self.solid else (GLASS, RADIUS)
+
+    @property
+    def hardness(self) -> float:
+        """E* of the spheres over that of glass, with which stresses of the protocol grow."""
+        return self.sphere[0].effective_young / GLASS.effective_young
+
+    @property
+    def tempo(self) -> float:
+        """Rates of the protocol over those of the study's glass spheres."""
+        material, radius = self.sphere
+        lighter = GLASS.density / material.density
+        return math.sqrt(self.hardness * lighter) * (RADIUS / radius)
+
+    @cached_property
     def material(self) -> Material:
-        """Glass with the density of the whole mixture, on which durations go by."""
+        """That of the spheres with the density of the whole mixture, on which durations go by."""
         if self.each_density is None:
-            return GLASS
+            return self.sphere[0]
         weights = None if self.radii is None else self.radii**3
-        return replace(GLASS, density=float(np.average(self.each_density, weights=weights)))
+        return replace(
+            self.sphere[0], density=float(np.average(self.each_density, weights=weights))
+        )
 
     @cached_property
     def smallest(self) -> float:
@@ -176,12 +201,13 @@ class Study:
 
         A frequency goes as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
         """
-        radius = RADIUS if self.radii is None else float(self.radii.min())
+        solid, radius = self.sphere
+        radius = radius if self.radii is None else float(self.radii.min())
         if self.each_density is not None:
             radius *= math.sqrt(float(self.each_density.min()) / self.material.density)
         if self.wall_material:
-            at_wall = GLASS.against(self.wall_material).effective_young
-            radius *= min(1.0, (GLASS.effective_young / at_wall) ** (1 / 3))
+            at_wall = solid.against(self.wall_material).effective_young
+            radius *= min(1.0, (solid.effective_young / at_wall) ** (1 / 3))
         return radius
 
     def time_step(self, stress: float) -> float:
@@ -190,7 +216,7 @@ class Study:
 
     def duration(self, number: float, stress: float) -> float:
         """Seconds of a vibration's duration, as the function `duration` has it."""
-        return duration(number, stress, material=self.material)
+        return duration(number, stress, self.sphere[1], self.material)
 
     @property
     def attributes(self) -> dict[str, float | int | str]:
@@ -205,7 +231,7 @@ class Study:
 
     def refuse_other(self, found: dict[str, Any], path: object) -> None:
         """InputError if a checkpoint's attributes are those of another study."""
-        mixture = {name: getattr(self, name) for name in MIXTURE}
+        mixture = {name: getattr(self, name) for name in (*MIXTURE, "solid")}
         found = dict.fromkeys(mixture, "") | found  # which files of equal spheres leave out
         for name, value in (mixture | self.attributes).items():
             if found.get(name) != value:
@@ -230,19 +256,21 @@ class Stage:
         self.damping, self.limits = study.damping, (-math.inf, -math.inf)
         if name in PREPARATION[:2]:
             self.control: ConstantRate | Servo = ConstantRate(
-                study.approach_rate if name == "approach" else 0.0
+                study.approach_rate * study.tempo if name == "approach" else 0.0
             )
-            cooling = COOLING * own_time(HOT, material=study.material)
+            hot = HOT * study.hardness
+            cooling = COOLING * own_time(hot, study.sphere[1], study.material)
+            self.control.target *= study.hardness
             self.patience = math.inf if name == "approach" else cooling
             if name == "approach":
                 self.damping = study.agitated_damping
         else:
             target, self.limits = (
-                (JAMMING_STRESS, JAMMED)
+                (JAMMING_STRESS * study.hardness, JAMMED)
                 if name == "jam"
                 else (float(name), (SETTLED[0], study.residual))
             )
-            self.control = Servo(target, study.inertial_number, material=study.material)
+            self.control = Servo(target, study.inertial_number, study.sphere[1], study.material)
             self.patience = study.duration(PATIENCE, target)
         self.check = study.duration(CHECK, self.control.target)
         self.interval = study.duration(CONTROL, self.control.target)
@@ -260,7 +288,7 @@ class Stage:
     def settled(self, unbalanced: float) -> bool:
         """Whether stresses and balance (residual over contact force) are as near as wanted."""
         if self.name == "approach":
-            return bool(self.control.stress.mean() > self.study.hot_stress)
+            return bool(self.control.stress.mean() > self.study.hot_stress * self.study.hardness)
         return self.control.error() < self.limits[0] and unbalanced < self.limits[1]
 
     def impatient(self, seconds: float) -> bool:

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from modal.formats.provenance import STATE, Provenance, Source, is_current
-from modal.packing.contact_law import RADIUS
+from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
@@ -48,20 +48,22 @@ def cloud(
     walls: Sequence[str | float] | None = None,
     *,
     periodic: bool = False,
+    material: Material = GLASS,
+    radius: float = RADIUS,
 ) -> Sample:
     """Overlapping random points in a cell of length over width `aspect`, numbered along z.
 
     `sizes`, `densities` and `walls` as in `modal.preparation.sizes`; without, equal spheres of
-    glass between walls of glass. A `periodic` cell has none.
+    `material` and `radius`, m, between walls of that. A `periodic` cell has none.
     """
     if spheres < 8 or not 0.2 <= aspect <= 1000:
         raise InputError(
             f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
         )
     refuse_more_than_fit(spheres)
-    radii = None if sizes is None else radii_of(spheres, sizes, seed)
-    diameter = 2 * (RADIUS if radii is None else float(radii.max()))
-    cubes = spheres * (2 * RADIUS) ** 3 if radii is None else float(((2 * radii) ** 3).sum())
+    radii = None if sizes is None else radii_of(spheres, sizes, seed) * (radius / RADIUS)
+    diameter = 2 * (radius if radii is None else float(radii.max()))
+    cubes = spheres * (2 * radius) ** 3 if radii is None else float(((2 * radii) ** 3).sum())
     width = (np.pi / 6 * cubes / CLOUD_FRACTION / aspect) ** (1 / 3)
     if width < 2 * diameter:
         raise InputError(
@@ -76,7 +78,9 @@ def cloud(
         lengths[:2],
         np.array([0.0, lengths[2]]),
         friction=0.0,
+        radius=radius,
         radii=radii,
+        material=material,
         densities=densities_of(spheres, densities, radii, seed) if densities else None,
         wall_material=wall_material(walls) if walls else None,
         periodic_z=periodic,
@@ -115,10 +119,13 @@ def random_network(
     return random_sample(spheres, stress, seed, aspect).network()
 
 
-def check_stress(stress: float) -> None:
-    """Refuse a target that the law or the walk cannot reach."""
-    if not 10 <= stress <= PEAK:
-        raise InputError(f"stress {stress:g} Pa: outside 10 Pa to {PEAK:g} Pa; give it in Pa")
+def check_stress(stress: float, hardness: float = 1.0) -> None:
+    """Refuse a target that nothing can reach; `hardness` is E* over that of glass."""
+    least, most = 10 * hardness, PEAK * hardness
+    if not least <= stress <= most:
+        raise InputError(
+            f"stress {stress:g} Pa: outside {least:g} Pa to {most:g} Pa; give it in Pa"
+        )
 
 
 def walk(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modal.packing.contact_law import RADIUS, YOUNG, Elasticity
+from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material
 from modal.tools.errors import InputError
 
 WIDEST = 10.0
@@ -19,6 +19,9 @@ DENSITIES = (
     "large ones, others are dealt out at random in equal numbers"
 )
 WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
+SOLID = "Young's modulus, Poisson's ratio, density and (mean) radius of the spheres"
+LARGE = (1e-8, 10.0)
+"""m: radii of spheres that are neither molecules nor hills."""
 DENSE = (10.0, 30_000.0)
 """kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
 
@@ -95,6 +98,20 @@ def wall_material(words: Sequence[str | float]) -> Elasticity:
             f"to {YOUNG[1]:g} Pa, and from -1 to 0.5"
         )
     return Elasticity(*given)
+
+
+def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
+    """What spheres are made of and their (mean) radius, m: `SOLID`; else InputError."""
+    given = _numbers(["", *words])
+    if len(given) == 4:
+        young, poisson, density, radius = given
+        sound = YOUNG[0] <= young <= YOUNG[1] and -1 < poisson < 0.5
+        if sound and DENSE[0] <= density <= DENSE[1] and LARGE[0] <= radius <= LARGE[1]:
+            return Material(young, poisson, density), radius
+    raise InputError(
+        f"spheres of {' '.join(map(str, words))}: give {SOLID} in Pa, kg/m^3 and m, as "
+        f"{GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"
+    )
 
 
 def _numbers(sizes: Sequence[str | float]) -> list[float]:

@@ -21,10 +21,8 @@ FIRST = 1e-3
 class ConstantRate:
     """Isotropic compression at a constant rate, 1/s; `stress` (3,) is what was last measured."""
 
-    target = REFERENCE
-
     def __init__(self, rate: float) -> None:
-        self.rate, self.stress = float(rate), np.zeros(3)
+        self.rate, self.stress, self.target = float(rate), np.zeros(3), REFERENCE
 
     def follow(self, stress: np.ndarray) -> np.ndarray:
         """Strain rates (3,), 1/s, at the principal stresses (3,), Pa."""

@@ -116,7 +116,7 @@ def loaded(
     started, motion, minute = time.perf_counter(), Dynamics(sample), Minute()
     motion.damping = study.damping
     slow = SLOWNESS * study.inertial_number
-    control = Servo(stress, slow, material=study.material, shares=shares)
+    control = Servo(stress, slow, study.sphere[1], study.material, shares)
     pace, start, seconds, settled = Pace(motion, control), motion.contacts.lengths, 0.0, False
     largest = stress * max(1.0, float(np.nanmax(shares)))
     dt = study.time_step(protocol.ABOVE * largest)

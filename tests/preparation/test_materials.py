@@ -12,7 +12,7 @@ import modal
 from analysis.agreement import Agreement, compare
 from modal.__main__ import main
 from modal.packing.checks import density_of
-from modal.packing.contact_law import GLASS, RADIUS, Elasticity
+from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
@@ -203,3 +203,30 @@ def test_wave_in_yade_is_the_linear_wave(mixed, tmp_path, yade):
     pair = Agreement(read_network(tmp_path / "case30.network.h5"), runs[0])
     odd = pair.measured(runs[0]).combine(pair.measured(runs[1]), 0.5, 0.5)
     assert compare("", odd, pair.linear("full")).particles < 1e-4
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_packings_of_other_spheres_are_similar(friction):
+    """64 times as hard, 4 times as dense, twice as large, at 64 times the stress: the same packing.
+
+    All of the protocol's stresses and times must follow for that. Factors are powers of two, so
+    that rounding is the same but for that of roots.
+    """
+    given = {"spheres": 120, "friction": friction, "aspect": 1.5, "periodic": True}
+    glass = modal.random_packing(stress=1e5, **given)
+    hard = Material(64 * GLASS.young, GLASS.poisson, 4 * GLASS.density)
+    other = modal.random_packing(stress=64e5, material=hard, radius=2 * RADIUS, **given)
+    assert other.radius == pytest.approx(2 * glass.radius) and other.n_contacts == glass.n_contacts
+    assert other.position == pytest.approx(2 * glass.position, abs=1e-6 * RADIUS)
+    assert other.force_normal == pytest.approx(4 * 64 * glass.force_normal, rel=1e-4)
+    assert other.mass == pytest.approx(32 * glass.mass)
+
+
+def test_pack_takes_the_material_of_the_spheres(tmp_path, capsys):
+    words = "pack --spheres 60 --aspect 1 --stress 1e4 --young 6e9 --radius 1e-4 --density 1200 -o"
+    assert main([*words.split(), str(tmp_path)]) == 0
+    sample = read_sample(next(tmp_path.glob("*10kPa*")))
+    assert sample.material == Material(6e9, GLASS.poisson, 1200.0) and sample.radius == 1e-4
+    capsys.readouterr()
+    assert main([*words.replace("6e9", "6").split(), str(tmp_path)]) == 2
+    assert "Young's modulus" in capsys.readouterr().err
