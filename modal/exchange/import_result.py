@@ -138,6 +138,8 @@ def network_of(
         refuse_drowned(spheres, error, overlap, name)
         (pairs.force,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
     else:
+        (by_law,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
+        pairs.force = np.where(np.isnan(pairs.force), by_law, pairs.force)
         (pushed,) = _by_law(ProgramLaw.overlap, laws, pairs.law, pairs.force, effective)
         factor = float(pushed.mean() / max(overlap.mean(), 1e-300))
         if not 1 / UNLIKE < factor < UNLIKE:
@@ -150,7 +152,6 @@ def network_of(
             how, overlap = "forces", np.where(pairs.force > 0, pushed, overlap)
             _turn_to_lines(pairs)
         else:
-            (by_law,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
             _compare_forces(pairs, by_law, remarks)
     told["overlap_over_error_of_digits"] = float(np.median(overlap) / max(error, 1e-300))
     told["overlaps_from"] = how

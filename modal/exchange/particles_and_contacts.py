@@ -60,7 +60,8 @@ class Cell:
 class Contacts:
     """m contacts: i and j (m,), indices or a wall's code; j's image is the nearest one.
 
-    `force` (m,), compression positive, and `shear` (m, 3) on i, N, or None where not told;
+    `force` (m,), compression positive, and `shear` (m, 3) on i, N, or None where not told, and a
+    force NaN that follows from the law;
     `stiffness` the normal and tangential ones (m,), N/m, of a table that has them, so that no law
     is asked, and `turning` the rolling and twisting ones (m,), N m/rad; `line` (m, 3) vectors along
     the normals, either way, where they are told better than by rounded positions. `listed` are the

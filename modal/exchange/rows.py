@@ -116,17 +116,14 @@ class Rows:
             fault(self.path, what, "write ids and types as they are", self.line + row, column)
         return numbers.astype(np.int64)
 
-    def texts(self) -> list[list[str]]:
-        """The first rows as they are written."""
+    def digits(self, *names: str) -> int:
+        """Most significant digits that a number of these columns has in the first rows."""
+        at = [self.columns.index(name) for name in names]
         with open_bytes(self.path) as file:
             file.seek(self.offset)
             head = itertools.islice(file, min(self.count, LOOKED_AT))
-            return [line.decode("utf-8", "replace").split(self.separator) for line in head]
-
-    def digits(self, *names: str) -> int:
-        """Most significant digits that any number of these columns is written with."""
-        at = [self.columns.index(name) for name in names]
-        return significant_digits([row[k] for row in self.texts() for k in at if k < len(row)])
+            rows = [line.decode("utf-8", "replace").split(self.separator) for line in head]
+        return significant_digits([row[k] for row in rows for k in at if k < len(row)])
 
     def _blame(self, names: Sequence[str], at: Sequence[int]) -> NoReturn:
         with open_bytes(self.path) as file:

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +98,7 @@ def read(
     if contacts is not None:
         touching = _contacts(contacts, frame.step, spheres, cell, script.computes, units)
         if np.isfinite(planes).any():
-            touching = _with_walls(touching, spheres, cell, law_of)
+            touching = _with_walls(touching, spheres, cell)
             remarks += ["shear forces at the walls are not told: all shear forces are left out"]
         if frame.rounding:
             remarks += [
@@ -169,28 +171,17 @@ def _contacts(
     return Contacts(i, j, abs(push), shear, line=line, listed=rows)
 
 
-def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell, law_of: LawOf) -> Contacts:
-    """Contacts with flat walls, found from positions: their forces follow from the law."""
+def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell) -> Contacts:
+    """Contacts with flat walls, found from positions: their forces are not told."""
     found = touching_pairs(spheres, cell)
     wall = found.j < 0
-    i, j = found.i[wall], found.j[wall]
-    plane = np.array(cell.walls)[np.where(j == -1, 0, 1)]
-    overlap = spheres.radius[i] - abs(plane - spheres.position[i, 2])
-    force = np.array(
-        [
-            float(law_of(int(code), int(spheres.kind[k])).force(np.array(d), spheres.radius[k]))
-            for k, code, d in zip(i, j, overlap, strict=True)
-        ]
-    )
-    upright = np.tile([0.0, 0.0, 1.0], (len(i), 1))
-    assert contacts.force is not None
-    return Contacts(
-        np.concatenate([contacts.i, i]),
-        np.concatenate([contacts.j, j]),
-        np.concatenate([contacts.force, force]),
-        line=None if contacts.line is None else np.concatenate([contacts.line, upright]),
-        listed=contacts.listed,
-    )
+    more = {"i": found.i[wall], "j": found.j[wall], "force": np.full(wall.sum(), np.nan)}
+    if contacts.line is not None:
+        more["line"] = np.tile([0.0, 0.0, 1.0], (len(more["i"]), 1))
+    whole: dict[str, Any] = {
+        name: np.concatenate([getattr(contacts, name), data]) for name, data in more.items()
+    }
+    return replace(contacts, shear=None, **whole)
 
 
 def law_of_types(script: Script, units: Units, of_wall: dict[int, int]) -> LawOf:
