@@ -145,14 +145,15 @@ def touching(
     i, j, shift = i[order], j[order], shift[order]
     del order
     # Millions of contacts: each array is worked on in place.
-    normal = position[j]
+    partner = np.maximum(j, 0)  # a wall's code is no index of a single sphere
+    normal = position[partner]
     for axis in range(len(side)):
         normal[:, axis] += shift[:, axis] * side[axis]
     normal -= position[i]
     distance = np.linalg.norm(normal, axis=1)
     distance[j < 0] = 1.0
     normal /= distance[:, None]
-    overlap = np.subtract(each[i] + each[j], distance, out=distance)
+    overlap = np.subtract(each[i] + each[partner], distance, out=distance)
     for wall, z, direction in planes:
         with_wall = j == wall
         normal[with_wall] = 0.0, 0.0, direction
