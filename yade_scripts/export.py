@@ -1,4 +1,4 @@
-"""YADE's own contacts as a contact network (format of modal/packing/network_file.py)."""
+"""YADE's own contacts as a contact network (format of modal/packing/network.py)."""
 
 import numpy as np
 from yade import O
