@@ -220,7 +220,7 @@ def test_what_is_wrong_is_said_without_the_command_line(packing):
         (lambda: modal.fcc(cells=(2, 2, 0)), "three whole numbers"),
         (lambda: modal.fcc(stress=-1.0), "stress -1 Pa"),
         (lambda: modal.FccLattice(stress=np.nan), "stress nan Pa"),
-        (lambda: modal.fcc(cells=(1, 1, 10**9)), "1000000000 spheres takes 4 TB of memory"),
+        (lambda: modal.fcc(cells=(1, 1, 10**9)), "1000000000 spheres takes 2.2 TB of memory"),
         (lambda: modal.fcc(cells=(1, 1, np.inf)), "three whole numbers"),
         (lambda: modal.fcc(periodic_z="no"), "periodic_z is 'no', not True or False"),
         (lambda: modal.eigenmodes(network, all="no"), "all is 'no', not True or False"),

@@ -32,7 +32,7 @@ from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
-SPHERE_BYTES = 4000.0
+SPHERE_BYTES = 2200.0
 """Memory for each sphere of a crystal while its contacts are listed, measured."""
 STEPS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)])
 """From a sphere to half of its neighbours: layers up, along y, along x. The layer above an even one
