@@ -95,4 +95,4 @@ class Chebyshev:
 def refuse_dashpots(driven: Driven, what: str) -> None:
     """InputError of an integrator that does not know them."""
     if driven.dashpots is not None:
-        raise InputError(f"{what} know no damping of contacts; leave the integrator out")
+        raise InputError(f"{what} know no damping of contacts; leave it out, or give no time step")
