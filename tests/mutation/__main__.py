@@ -48,6 +48,8 @@ TESTS = {
     "modes/search": "edges_of_lists mode_lists highest_modes lowest_modes",
     "modes/counts": "counts edges_of_lists zero_modes lowest_modes edges lattice_and_modes",
     "modes/zero_modes": "zero_modes lowest_modes edges files_and_commands",
+    "solvers/factor": "factor counts lowest_modes",
+    "solvers/factorisations/blocks": "factor counts collective_modes lowest_modes",
     "solvers/lanczos": "krylov highest_modes lowest_modes mode_lists edges lattice_and_modes",
     "solvers/spectrum": "spectrum linear_wave density response mode_lists edges",
     "waves/chebyshev": "told_errors linear_wave response spectrum",
