@@ -28,7 +28,7 @@ from modal.preparation.compress import Pace
 from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_sample
-from modal.preparation.relax import balance_of
+from modal.preparation.relax import equilibrium_of
 from modal.preparation.strain_control import Servo
 
 TITLE = "Sample preparation: error of the state against seconds, in motion and by the minimiser"
@@ -131,7 +131,7 @@ def minimiser(path: str) -> Callable[[], dict[str, float]]:
             "steps": rest.steps,
             "e": float(network.study["void_ratio"]),
             "Z": float(network.study["coordination_number"]),
-            "unbalanced": balance_of(low, network)[1].residual,
+            "unbalanced": equilibrium_of(low, network)[1].residual,
         }
 
     return action

@@ -11,7 +11,7 @@ from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
-from modal.preparation.relax import MAX_STEPS, TOLERANCE, Balance, relax
+from modal.preparation.relax import MAX_STEPS, TOLERANCE, Equilibrium, relax
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 
@@ -55,10 +55,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         raise InputError(
             f"--tolerance {options.tolerance:g}: must be positive; {TOLERANCE:g} is usual"
         )
-    history: list[Balance] = []
+    history: list[Equilibrium] = []
     minute = Minute()
 
-    def watch(state: Balance) -> None:
+    def watch(state: Equilibrium) -> None:
         history.append(replace(state))
         if state.steps % 1000 and not minute.passed():
             return

@@ -17,9 +17,9 @@ from modal.formats.product import Column, Product
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
 from modal.packing.hertz_mindlin_network import constants, network_of
-from modal.packing.neighbours import ContactList, tangents, touching
+from modal.packing.neighbours import ContactList, canonical_order, tangents, touching
 from modal.packing.network import Network
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
@@ -165,13 +165,15 @@ def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> f
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
-    """The compact form of a network of Hertz-Mindlin contacts in canonical order.
+    """The compact form of a network of Hertz-Mindlin contacts, in canonical order then.
 
     Moduli are those that its `study` notes, or glass. InputError for other networks: stiffnesses
-    of another law or of other moduli, another order, or a cell without periods.
+    of another law or of other moduli, other contacts, or a cell without periods.
     """
-    shear = shear_components(network)
-    network.require("cell_shift", "sample with its contacts in order")
+    rows, i, j, shift, sign = _canonical(network)
+    first, second = tangents(sign[:, None] * network.normal[rows])
+    force = sign[:, None] * network.require("force_tangential", "sample with its history")[rows]
+    shear = np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
     radius, density = network.radius, density_of(network)
     noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
     material = Material(**{name: float(value) for name, value in noted.items()})
@@ -192,17 +194,16 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         provenance=network.provenance,
     )
     contact = sample.contacts()
-    if network.n_contacts != len(contact.particle_i) or any(
-        (getattr(contact, name) != getattr(network, name)).any()
-        for name in ("particle_i", "particle_j", "cell_shift")
-    ):
+    theirs = np.column_stack([i, j, shift])
+    ours = np.column_stack([contact.particle_i, contact.particle_j, contact.cell_shift])
+    if theirs.shape != ours.shape or (theirs != ours).any():
         raise InputError(
-            "the network is not that of spheres in a lateral cell with its contacts in "
-            "canonical order; export it with this program"
+            "the network's contacts are not those of spheres that overlap in a lateral cell; "
+            "export it with this program"
         )
     rebuilt = sample.network()
     for name in ("stiffness_normal", "stiffness_tangential"):
-        theirs = getattr(network, name)
+        theirs = getattr(network, name)[rows]
         if abs(getattr(rebuilt, name) - theirs).max(initial=0.0) > ANOTHER * theirs.mean():
             raise InputError(
                 f"the network's {name} is not that of Hertz-Mindlin contacts of E "
@@ -220,11 +221,21 @@ def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
     return Elasticity(float(notes["wall_young"]), float(notes["wall_poisson"]))
 
 
-def shear_components(network: Network) -> Floats:
-    """Shape (m, 2), N: tangential forces on i along `neighbours.tangents` of each normal."""
-    first, second = tangents(network.normal)
-    force = network.require("force_tangential", "sample with its history")
-    return np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
+def _canonical(network: Network) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """Rows (m,) of the contacts in canonical order, their ends and periods, -1 where turned round.
+
+    The lower-numbered end comes first, and a sphere meets its own image on one side only.
+    """
+    i, j = network.particle_i.astype(int), network.particle_j.astype(int)
+    shift = network.require("cell_shift", "sample with its contacts in order").astype(int)
+    # The first period that is not 0 decides; no sphere reaches a hundred images.
+    own = (i == j) & (shift @ [10000, 100, 1] < 0)
+    turned = (j >= 0) & ((i > j) | own)
+    first, second = np.where(turned, j, i), np.where(turned, i, j)
+    shift = np.where(turned[:, None], -shift, shift)
+    rows = canonical_order(first, second, shift)
+    sign = np.where(turned, -1, 1)
+    return rows, first[rows], second[rows], shift[rows], sign[rows]
 
 
 def write_sample(path: str | Path, sample: Sample) -> None:

@@ -20,7 +20,7 @@ REFERENCE = 1e5
 """Pressure, Pa, of the own time in which durations of vibration are given."""
 
 
-def own_time(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
+def inertial_time(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
     """D sqrt(density / stress), s."""
     return 2 * radius * math.sqrt(material.density / stress)
 
@@ -47,7 +47,7 @@ def duration(
     """
     reference = REFERENCE * (material.effective_young / GLASS.effective_young)
     stiffer = (stress / reference) ** (1 / 3)
-    return number * stiffer * own_time(stress, radius, material)
+    return number * stiffer * inertial_time(stress, radius, material)
 
 
 def steps_of(seconds: float, dt: float) -> int:

@@ -32,7 +32,7 @@ MAX_STEPS = 200_000
 
 
 @dataclass
-class Rest:
+class Minimum:
     """How near to rest: stress (3,), Pa; its error over the target; residual, see `CentralForces`.
 
     `steps` and `seconds` were spent; converged tells whether both tolerances were met.
@@ -53,8 +53,8 @@ def minimise(
     tolerance: float,
     stress_tolerance: float = STRESS_TOLERANCE,
     max_steps: int = MAX_STEPS,
-    watch: Callable[[Sample, Rest], None] | None = None,
-) -> tuple[Sample, Rest]:
+    watch: Callable[[Sample, Minimum], None] | None = None,
+) -> tuple[Sample, Minimum]:
     """The sample at the energy minimum under `pressure`, Pa; at fixed lengths if it is None.
 
     Ends when the residual is below `tolerance` and all three stresses are within
@@ -74,7 +74,7 @@ def minimise(
     velocity, drift = np.zeros_like(position), np.zeros(3)
     mixing, downhill, dt = MIXING, 0, 0.0
     best_score = np.inf
-    best = position.copy(), lengths.copy(), Rest(np.zeros(3), np.inf, np.inf, 0, 0.0)
+    best = position.copy(), lengths.copy(), Minimum(np.zeros(3), np.inf, np.inf, 0, 0.0)
     for step in range(max_steps + 1):
         forces.of(position, lengths)
         volume = lengths.prod()
@@ -146,10 +146,10 @@ def _move(
 
 def _rest(
     forces: CentralForces, volume: float, pressure: float | None, step: int, start: float
-) -> Rest:
+) -> Minimum:
     stress = forces.virial / volume
     error = 0.0 if pressure is None else float(abs(stress - pressure).max() / pressure)
-    return Rest(stress, error, forces.residual, step, time.perf_counter() - start)
+    return Minimum(stress, error, forces.residual, step, time.perf_counter() - start)
 
 
 def _at(sample: Sample, position: np.ndarray, lengths: np.ndarray) -> Sample:

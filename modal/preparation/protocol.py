@@ -21,7 +21,7 @@ import numpy as np
 from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.neighbours import refuse_more_than_fit
-from modal.preparation.durations import STABILITY, duration, own_time, time_step
+from modal.preparation.durations import STABILITY, duration, inertial_time, time_step
 from modal.preparation.sizes import MIXTURE, densities_of, radii_of, solid_of, wall_material
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 from modal.tools.errors import InputError
@@ -259,7 +259,7 @@ class Stage:
                 study.approach_rate * study.tempo if name == "approach" else 0.0
             )
             hot = HOT * study.hardness
-            cooling = COOLING * own_time(hot, study.sphere[1], study.material)
+            cooling = COOLING * inertial_time(hot, study.sphere[1], study.material)
             self.control.target *= study.hardness
             self.patience = math.inf if name == "approach" else cooling
             if name == "approach":

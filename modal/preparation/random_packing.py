@@ -19,7 +19,7 @@ from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
-from modal.preparation.frictionless import STRESS_TOLERANCE, Rest, minimise
+from modal.preparation.frictionless import STRESS_TOLERANCE, Minimum, minimise
 from modal.preparation.protocol import CHECKPOINT, by_tens
 from modal.preparation.sizes import densities_of, radii_of, wall_material
 from modal.tools.errors import InputError
@@ -204,14 +204,14 @@ class _Checkpoints:
     before: dict[str, float] = field(default_factory=dict)
     minute: Minute = field(default_factory=Minute)
 
-    def spent(self, rest: Rest) -> dict[str, float]:
+    def spent(self, rest: Minimum) -> dict[str, float]:
         """Steps and seconds of this state, those before an interruption included."""
         return {
             "steps": self.before["steps"] + rest.steps,
             "seconds": self.before["seconds"] + rest.seconds,
         }
 
-    def __call__(self, sample: Sample, rest: Rest) -> None:
+    def __call__(self, sample: Sample, rest: Minimum) -> None:
         if self.minute.passed():
             study = sample.study | self.spent(rest)
             write_sample(self.path, replace(sample, study=study))
@@ -221,7 +221,7 @@ class _Checkpoints:
             )
 
 
-def _line(sample: Sample, rest: Rest) -> str:
+def _line(sample: Sample, rest: Minimum) -> str:
     length = float(sample.walls[1] - sample.walls[0])
     e = void_ratio(len(sample.position), sample.sizes, sample.side, length)
     return (

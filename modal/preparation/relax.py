@@ -50,7 +50,7 @@ MAX_STEPS = 60_000
 
 
 @dataclass
-class Balance:
+class Equilibrium:
     """Residuals of a state: mean and largest net force (and torque over R) over mean N.
 
     friction_used: largest |shear| / (mu N), over 1 in the `sliding` contacts beyond the limit,
@@ -75,15 +75,15 @@ class Balance:
         return self.residual <= goal and self.largest <= SINGLE * goal
 
 
-def balance_of(sample: Sample, network: Network) -> tuple[np.ndarray, Balance]:
+def equilibrium_of(sample: Sample, network: Network) -> tuple[np.ndarray, Equilibrium]:
     """Net forces (n, 6) and how far from balance the sample is."""
     load = net_forces(network)
     if network.n_contacts == 0:
-        return load, Balance(0.0, 0.0, 0.0, 0, 0)
+        return load, Equilibrium(0.0, 0.0, 0.0, 0, 0)
     mean = network.require("force_normal", "balance").mean()
     size = _size(load, 1 / _each(sample))
     used = friction_used(network, sample.friction)
-    return load, Balance(
+    return load, Equilibrium(
         residual=float(size.mean() / mean),
         largest=float(size.max() / mean),
         friction_used=float(used.max()),
@@ -97,8 +97,8 @@ def relax(
     *,
     tolerance: float = TOLERANCE,
     max_steps: int = MAX_STEPS,
-    watch: Callable[[Balance], None] | None = None,
-) -> tuple[Sample, Balance]:
+    watch: Callable[[Equilibrium], None] | None = None,
+) -> tuple[Sample, Equilibrium]:
     """The sample in balance under its law; raises InputError if it does not come to rest.
 
     It needs friction: frictionless packings have motions that nothing resists. The tolerance is
@@ -164,12 +164,12 @@ class _Turns:
     def __init__(self) -> None:
         self._next, self._wait, self._before, self._slid = FIRST, LOOK, np.inf, True
 
-    def of_springs(self, state: Balance) -> bool:
+    def of_springs(self, state: Equilibrium) -> bool:
         """Whether it is their turn at this look."""
         held = self._slid and state.sliding == 0 and state.steps >= FIRST
         return state.sliding <= FEW * state.contacts and (held or state.steps >= self._next)
 
-    def note(self, state: Balance, taken: bool) -> None:
+    def note(self, state: Equilibrium, taken: bool) -> None:
         """They were asked in this state; `taken` if the sample now is where they put it."""
         gained = taken and state.residual <= GAIN * self._before
         self._wait = LOOK if gained else max(AGAIN, 2 * self._wait)
@@ -177,7 +177,7 @@ class _Turns:
         self._slid = state.sliding > 0
 
 
-def _by_springs(contacts: MovingContacts, radius: np.ndarray, state: Balance) -> MovingContacts:
+def _by_springs(contacts: MovingContacts, radius: np.ndarray, state: Equilibrium) -> MovingContacts:
     """The contacts where the springs put them; the same ones if that is no nearer to balance."""
     here = contacts.sample()
     motion = elastic_motion(contacts, here)
@@ -197,15 +197,15 @@ def _by_parts(contacts: MovingContacts, goal: float) -> MovingContacts:
     return contacts if there is None else MovingContacts(there, contacts.friction)
 
 
-def _look(contacts: MovingContacts, radius: np.ndarray, step: int) -> Balance:
+def _look(contacts: MovingContacts, radius: np.ndarray, step: int) -> Equilibrium:
     size = _size(contacts.load, 1 / radius) / contacts.mean_force
     mean, largest = float(size.mean()), float(size.max())
-    return Balance(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
+    return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
 
 
-def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Balance]:
+def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Equilibrium]:
     rested = contacts.sample()
-    _, state = balance_of(rested, rested.network())
+    _, state = equilibrium_of(rested, rested.network())
     state.steps = step
     return rested, state
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.packing.contact_law import GLASS, RADIUS, Material
-from modal.preparation.durations import REFERENCE, own_time
+from modal.preparation.durations import REFERENCE, inertial_time
 
 INERTIAL_NUMBER = 0.01
 """Largest strain rate of the servo times the own time."""
@@ -53,7 +53,7 @@ class Servo:
         shares: Sequence[float] = (1.0, 1.0, 1.0),
     ) -> None:
         self.target, self.targets = target, target * np.array(shares)
-        self.limit = inertial_number / own_time(target, radius, material)
+        self.limit = inertial_number / inertial_time(target, radius, material)
         self.rates = np.full(3, FIRST * self.limit)
         self.stress = np.zeros(3)
 

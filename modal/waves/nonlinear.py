@@ -114,6 +114,12 @@ def propagate_nonlinear(
     it is. `friction` is the sample's own; of a network, which has none, it must be given. Other
     arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
     quite at rest is told, not taken off.
+
+    >>> import modal
+    >>> net = modal.fcc(cells=(1, 1, 20))
+    >>> wave = modal.propagate(net, 5e-5, nonlinear=True, friction=0.3, time_step=2e-7)
+    >>> wave.signals.balance is None or wave.signals.balance.kept
+    True
     """
     if direction not in DIRECTIONS:
         raise InputError(f"direction {direction!r}: choose x, y or z")

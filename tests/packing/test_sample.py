@@ -1,12 +1,14 @@
 """The compact form: neighbour search against all pairs, rebuilt network against its source."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
 from modal.packing.neighbours import periodic_pairs, tangents
-from modal.packing.sample import Sample, read_sample, shear_components, write_sample
+from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.tools.errors import InputError
 
 
@@ -82,7 +84,25 @@ def test_shear_forces_survive_the_file(tmp_path):
     assert again.angular_velocity is None
     network = again.network()
     # A frame of unit vectors: the components come back to a few eps of the force.
-    assert shear_components(network) == pytest.approx(sample.shear, abs=1e-17)
+    assert sample_of_network(network, 0.3).shear == pytest.approx(sample.shear, abs=1e-17)
+    # Listed in another order, some from the other end: the same sample.
+    random = np.random.default_rng(1)
+    listed = network.with_contacts(random.permutation(network.n_contacts))
+    other = (listed.particle_j >= 0) & (random.random(listed.n_contacts) < 0.5)
+    sign = np.where(other, -1, 1)[:, None]
+    i, j = listed.particle_i, listed.particle_j
+    turned = replace(
+        listed,
+        particle_i=np.where(other, j, i),
+        particle_j=np.where(other, i, j),
+        cell_shift=sign * listed.cell_shift,
+        normal=sign * listed.normal,
+        force_tangential=sign * listed.force_tangential,
+        lever_i=np.where(other[:, None], listed.lever_j, listed.lever_i),
+        lever_j=np.where(other[:, None], listed.lever_i, listed.lever_j),
+    )
+    assert other.any()
+    assert sample_of_network(turned, 0.3).shear == pytest.approx(sample.shear, abs=1e-17)
     normal_part = (network.force_tangential * network.normal).sum(axis=1)
     assert abs(normal_part).max() < 1e-17
     assert network.study["case"] == "31"

@@ -15,7 +15,7 @@ from modal.preparation import relax as relaxation
 from modal.preparation.elastic_rest import STRIDE, elastic_motion
 from modal.preparation.loose_rest import loose_rest
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import FIRST, LOOK, RESERVE, Balance, balance_of, relax
+from modal.preparation.relax import FIRST, LOOK, RESERVE, Equilibrium, equilibrium_of, relax
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +83,10 @@ def test_each_step_gains_a_digit(rested):
     share of the overlap that a step goes; the solver stops at an error of 1e-2 in the energy.
     """
     contacts = MovingContacts(shaken(rested, 1e-3))
-    residuals = [balance_of(*_both(contacts))[1].residual]
+    residuals = [equilibrium_of(*_both(contacts))[1].residual]
     for _ in range(3):
         contacts.move(elastic_motion(contacts, contacts.sample()))
-        residuals.append(balance_of(*_both(contacts))[1].residual)
+        residuals.append(equilibrium_of(*_both(contacts))[1].residual)
     assert (np.array(residuals[1:]) < 0.1 * np.array(residuals[:-1])).all()
 
 
@@ -159,7 +159,7 @@ def turns_of(sliding, taken):
     """Steps after `FIRST` at which springs are asked whose residual stays; contacts by the step."""
     turns, steps = relaxation._Turns(), []
     for step in range(0, FIRST + 48 * LOOK, LOOK):
-        state = Balance(1e-6, 1e-5, np.nan, sliding(step - FIRST), 100_000, step)
+        state = Equilibrium(1e-6, 1e-5, np.nan, sliding(step - FIRST), 100_000, step)
         if turns.of_springs(state):
             turns.note(state, taken)
             steps.append(step - FIRST)
@@ -182,7 +182,7 @@ def test_springs_are_asked_out_of_turn_once_nothing_slides():
 
 
 def test_springs_are_not_asked_while_many_contacts_slide():
-    sliding = Balance(1e-3, 1e-2, np.nan, 60, 1000, FIRST)
+    sliding = Equilibrium(1e-3, 1e-2, np.nan, 60, 1000, FIRST)
     assert not relaxation._Turns().of_springs(sliding)
     assert relaxation._Turns().of_springs(replace(sliding, sliding=0))
 
@@ -269,6 +269,6 @@ def test_rest_after_a_loose_sphere_is_that_of_the_law(longer):
     """Springs and the loose sphere's own way in turn: balance and friction from the positions."""
     middle = int(np.argmin(abs(longer.position[:, 2] - longer.walls.mean())))
     rested, state = relax(pushed_aside(longer, middle, 1.0).sample())
-    again = balance_of(rested, rested.network())[1]
+    again = equilibrium_of(rested, rested.network())[1]
     assert state.at_rest and again.residual == state.residual
     assert again.friction_used <= RESERVE * (1 + 1e-9)

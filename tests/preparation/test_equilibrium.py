@@ -1,4 +1,4 @@
-"""Balance of the law: against wall forces, rigid motions, friction, and the exact tangent."""
+"""Equilibrium of the law: against wall forces, rigid motions, friction, and the exact tangent."""
 
 import json
 from dataclasses import replace
@@ -20,7 +20,7 @@ from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation import relax as relaxation
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import NEAR, RESERVE, Balance, balance_of, relax
+from modal.preparation.relax import NEAR, RESERVE, Equilibrium, equilibrium_of, relax
 from modal.system.assembly import stiffness_matrix
 from modal.tools.errors import InputError
 
@@ -51,8 +51,8 @@ def test_rest_is_reached_and_stress_kept(packed):
     before = packed.network()
     rested, state = relax(packed)
     network = rested.network()
-    assert state.residual < 1e-9 < balance_of(packed, before)[1].residual
-    assert balance_of(rested, network)[1].residual == pytest.approx(state.residual)
+    assert state.residual < 1e-9 < equilibrium_of(packed, before)[1].residual
+    assert equilibrium_of(rested, network)[1].residual == pytest.approx(state.residual)
     # In balance the two walls carry the same force: their difference is what the spheres lack.
     wall = [network.force_normal[network.particle_j == code].sum() for code in (-1, -2)]
     lacking = abs(net_forces(network)[:, 2]).sum()
@@ -86,7 +86,7 @@ def test_contacts_slide_until_friction_holds_them(packed):
     shake *= np.median(packed.network().overlap)
     shake[:, 3:] /= packed.radius
     weak = replace(moved(packed, shake), friction=0.01)
-    _, before = balance_of(weak, weak.network())
+    _, before = equilibrium_of(weak, weak.network())
     rested, state = relax(weak)
     assert before.sliding > 0 == state.sliding
     # RESERVE limits the forces while spheres move; what is left over from there is round-off.
@@ -263,7 +263,7 @@ def test_command_writes_a_sample_at_rest_and_its_network(packed, tmp_path, capsy
     assert shown["residual"] < 1e-9 < shown["residual_before"]
     rested = read_sample(out)
     assert rested.friction == 0.5 and network.exists()
-    assert balance_of(rested, rested.network())[1].residual < 1e-9
+    assert equilibrium_of(rested, rested.network())[1].residual < 1e-9
     network.unlink()
     assert main([*arguments, "--network", str(network), "--skip-current"]) == 0
     exported = read_network(network)
@@ -318,7 +318,7 @@ def test_tolerance_that_is_not_reached_is_said(packed, approach, tmp_path, capsy
     steps = next(state.steps for state in approach if state.within(0.5 * NEAR))
     short = partial(relax, max_steps=steps)
     rested, state = short(packed, tolerance=1e-12)
-    reached = balance_of(rested, rested.network())[1]
+    reached = equilibrium_of(rested, rested.network())[1]
     assert state.residual == reached.residual > 10 * max(state.tolerance, state.attainable)
     assert state.tolerance == 1e-12 and not state.at_rest
     assert relax(packed)[1].at_rest
@@ -334,7 +334,7 @@ def test_tolerance_that_is_not_reached_is_said(packed, approach, tmp_path, capsy
 
 def test_a_single_sphere_out_of_balance_is_not_at_rest():
     """A mean far below the tolerance says nothing of one sphere among many."""
-    one_of_many = Balance(1e-11, 1e-8, 0.5, 0, 100)
+    one_of_many = Equilibrium(1e-11, 1e-8, 0.5, 0, 100)
     assert not one_of_many.within(1e-10)
     assert one_of_many.within(1e-9)
 
@@ -342,7 +342,7 @@ def test_a_single_sphere_out_of_balance_is_not_at_rest():
 def test_rest_is_that_of_the_sample_that_is_given_back(packed):
     """Round-off of the positions included; 10 eps L / overlap is what they allow."""
     rested, state = relax(packed, tolerance=1e-300)
-    again = balance_of(rested, rested.network())[1]
+    again = equilibrium_of(rested, rested.network())[1]
     assert state.at_rest and again.within(state.attainable)
     overlap = np.median(rested.network().overlap)
     length = rested.walls[1] - rested.walls[0]

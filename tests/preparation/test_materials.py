@@ -18,7 +18,7 @@ from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
 from modal.preparation import compress
-from modal.preparation.durations import own_time
+from modal.preparation.durations import inertial_time
 from modal.preparation.protocol import Stage, Study
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import relax
@@ -129,7 +129,7 @@ def test_protocol_goes_by_the_density_and_the_stiffest_contact():
     assert light == pytest.approx(plain.time_step(1e5) / 2, rel=1e-12)
     rigid = Study(walls="1e14 0.2").time_step(1e5)
     assert rigid == pytest.approx(plain.time_step(1e5) / 2 ** (1 / 3), rel=1e-3)
-    assert own_time(1e5, RADIUS, GLASS) == own_time(1e5)
+    assert inertial_time(1e5, RADIUS, GLASS) == inertial_time(1e5)
 
 
 def test_compacted_cloud_keeps_its_materials():

@@ -9,7 +9,7 @@ import pytest
 from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.cloud import random_places
-from modal.preparation.durations import duration, highest_frequency, own_time, steps_of
+from modal.preparation.durations import duration, highest_frequency, inertial_time, steps_of
 from modal.preparation.protocol import PREPARATION, Stage, Study
 from modal.preparation.strain_control import Servo
 from modal.theory.fcc import FccLattice
@@ -73,7 +73,7 @@ def test_highest_frequency_scales_as_the_crystals():
 
 
 def test_own_time():
-    assert own_time(1e5) == pytest.approx(2 * RADIUS * math.sqrt(GLASS.density / 1e5))
+    assert inertial_time(1e5) == pytest.approx(2 * RADIUS * math.sqrt(GLASS.density / 1e5))
 
 
 def test_servo_reaches_the_stress_of_a_spring():

@@ -103,6 +103,21 @@ def test_small_waves_are_the_linear_wave(rested, direction):
     assert (np.array(differences[1]) < 0.12 * np.array(differences[0]) + 5e-5).all()
 
 
+def test_crystal_one_sphere_wide_is_the_wider_one():
+    """Spheres that touch their own images; the difference from the linear wave is the law's."""
+    waves = []
+    for wide in (1, 2):
+        crystal = gallery.fcc(cells=(wide, wide, 12))
+        options = {"motion": Pulse(1e-10, 1e5)}
+        wave = modal.propagate(
+            crystal, 4e-5, nonlinear=True, friction=0.3, time_step=2e-8, **options
+        ).signals
+        linear = modal.propagate(crystal, 4e-5, pre_stress="full", **options).signals
+        assert off(wave.chain_displacement, linear.chain_displacement) < 3e-4
+        waves.append(wave.receiver_stress)
+    assert off(*waves) < 1e-7
+
+
 @pytest.mark.parametrize("direction", ["z", "y"])
 def test_energy_adds_up_where_contacts_slide_and_open(rested, direction):
     """A quarter of a micrometre, a third of an overlap; the wall stops displaced, too."""
