@@ -17,6 +17,8 @@ from types import ModuleType, SimpleNamespace
 import pytest
 from places import ROOT
 
+from modal.cli.main import parser
+
 pytest.importorskip("snakemake")
 yaml = pytest.importorskip("yaml")
 LEFT_BEHIND = (".git", ".venv", ".snakemake", "products", "__pycache__", "*.egg-info")
@@ -471,13 +473,18 @@ def test_crystals_that_ran_first_say_nothing_of_random_packings(in_workflow, tmp
 
 
 def test_a_job_of_the_convergence_study_asks_for_its_size(study):
-    """Not for what Slurm gives by default: memory and time, of all of its rules."""
+    """Not for what Slurm gives by default: memory and time, of all of its rules.
+
+    Its compressions are commands that `pack` takes.
+    """
     command = [sys.executable, "-m", "snakemake", "-s", "workflow/convergence.smk", "-n", "-c", "1"]
-    options = ["--config", "table=slender", "seeds=1"]
+    options = ["-p", "--config", "table=slender", "seeds=1"]
     done = subprocess.run([*command, *options], cwd=study, capture_output=True, text=True)
     jobs = re.findall(r"^rule (\w+):(?s:.*?)^    resources: (.*)$", done.stdout, re.M)
     known = {rule for rule, resources in jobs if "mem_mb" in resources and "runtime" in resources}
     assert known == {"compression", "rest", "numbers"}, done.stderr
+    packed = re.findall(r"-m modal (pack --friction [^)&]*)", done.stdout)
+    assert packed and all(parser("pack").parse_args(told.split()).spheres for told in packed)
 
 
 def test_every_rule_has_an_expected_cost(study):

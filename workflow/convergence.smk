@@ -19,7 +19,7 @@ workdir: Path(workflow.basedir).parent
 sys.path.insert(0, workflow.basedir)
 from analysis.packings.seeds import QUANTITIES, Seeds
 from cost import listed, resources
-from study import FULL, PYTHON
+from study import FULL, PYTHON, option_of
 
 FOLDER = config.get("folder", "products/convergence")
 try:
@@ -60,7 +60,7 @@ def command(w):
             f"ln -f {folder}/01_*.sample.h5 {folder}/{float(row['stresses']):g}Pa.sample.h5"
         )
     if row["program"] == "modal":
-        given = " ".join(f"--{n.replace('_', '-')} {row[n]}" for n in STUDY if n != "mu_comp")
+        given = " ".join(f"{option_of(n)} {row[n]}" for n in STUDY if n != "mu_comp")
         stresses = row["stresses"].replace(",", " ")
         return f"{PYTHON} -m modal pack --friction {row['mu_comp']} {given} --seed {w.seed} --stress {stresses} -o {folder}"
     head, line = " ".join([*STUDY, "seed", "highest"]), " ".join(row[n] for n in STUDY)

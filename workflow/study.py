@@ -20,6 +20,7 @@ from cost import Cost, expected, resources
 from jsonschema import Draft202012Validator
 
 from analysis.batch_table import Line, cases, lines_by, short, value, word
+from modal.cli.pack import option_of
 from modal.preparation.protocol import STRESSES
 
 FULL = 35201
@@ -177,7 +178,7 @@ class Study:
             job = f"workflow/yade_job.sh {table} {mu} yade_scripts/compress.py {walks} {log}"
             return f"{made}{job} {last}"
         own = {name: word(cell) for name, cell in row.items() if name != "mu_comp"}
-        given = " ".join(f"--{name.replace('_', '-')} {text}" for name, text in own.items())
+        given = " ".join(f"{option_of(name)} {text}" for name, text in own.items())
         return f"{PYTHON} -m modal pack --friction {mu} {given} -o {walks}/compression_mu{mu}"
 
     def of_yade(self) -> set[str]:

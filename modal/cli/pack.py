@@ -106,7 +106,7 @@ def add(commands: Any) -> None:
     advanced = pack.add_argument_group("with friction alone, advanced")
     for name, text in WITH_FRICTION.items():
         (advanced if name in ADVANCED else with_friction).add_argument(
-            _typed(name), dest=name, type=float, metavar="X",
+            option_of(name), dest=name, type=float, metavar="X",
             help=f"{text} (default {getattr(study, name):g})",
         )  # fmt: skip
     pack.add_argument(
@@ -115,7 +115,12 @@ def add(commands: Any) -> None:
     )  # fmt: skip
 
 
-def _typed(name: str) -> str:
+def option_of(name: str) -> str:
+    """The option that sets a number of the protocol, as it is typed.
+
+    >>> option_of("hot_stress"), option_of("residual")
+    ('--agitation-stress', '--residual')
+    """
     return TYPED.get(name, typed(name))
 
 
@@ -139,7 +144,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     for name in unused:
         if getattr(options, name) is not None:
             kind = "with" if options.friction != 0 else "without"
-            raise InputError(f"{_typed(name)}: has no meaning {kind} friction; leave it out")
+            raise InputError(f"{option_of(name)}: has no meaning {kind} friction; leave it out")
     tolerance = options.tolerance
     if tolerance is not None and not 0 < tolerance < 1:
         raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; {TOLERANCE:g} is usual")
