@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Set up what the tests need, then run them. Arguments go to pytest, which then runs once, as in
 #   ./run_tests.sh -m slow      or      GRANULAR_WITHOUT=numba,pypardiso ./run_tests.sh -k modes
-# Without arguments the whole suite runs, with numba and PARDISO, and then what may depend on them
-# once more without, with scipy alone.
+# Without arguments the whole suite runs, with numba and PARDISO, and then what goes another way
+# without them once more, with scipy alone.
 set -euo pipefail
 cd "$(dirname "$0")"
 ./setup.sh --extra test
@@ -11,9 +11,4 @@ export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
 [ $# -eq 0 ] || exec "${pytest[@]}" "$@"
 "${pytest[@]}"
-# What runs other programs, reads and draws, or prepares at length has no second way of its own;
-# that steps of moving spheres are the same with numpy is tested in the first run.
-export GRANULAR_WITHOUT=numba,pypardiso
-other=("*/test_"{"*yade",faults,workflow,analysis,docs,watch,benchmark,compress,"*damaged"}"*.py")
-other+=("*/test_"{study,convergence,walk_jobs,lammps,types,dynamics}"*.py")
-exec "${pytest[@]}" "${other[@]/#/--ignore-glob=}" tests
+GRANULAR_WITHOUT=numba,pypardiso exec "${pytest[@]}" -m "two_ways and not slow"

@@ -24,6 +24,8 @@ from modal.modes.mode_set import read_modes, write_modes
 from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 
+pytestmark = pytest.mark.two_ways
+
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
     *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),

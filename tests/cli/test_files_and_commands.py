@@ -22,6 +22,8 @@ from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals, read_signals, source_pulse, write_signals
 
+pytestmark = pytest.mark.two_ways
+
 
 @pytest.fixture
 def network_file(tmp_path):

@@ -21,6 +21,8 @@ from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 CUBE = {"<100>": (1, 1, 0), "<001>": (0, 0, 1), "<110>": (1, 0, 0), "<111>": (0, 1, np.sqrt(0.5))}
 """Directions of the cube in the axes of the packing, which are turned by 45 degrees about z."""
 

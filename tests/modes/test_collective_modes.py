@@ -19,6 +19,8 @@ from modal.system.contacts import with_sliding
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 SHARES = 0.3, 0.45, 0.5
 """Of contacts left out of a crystal without tangential springs: 1, 6 and 19 zero modes of 960 that
 structure does not show, with 1.35, 1.04 and 0.97 springs for each motion that it leaves."""

@@ -13,6 +13,8 @@ from modal.solvers.factor import SOLVERS, available, factorise
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 
 @pytest.mark.parametrize("share", [0.0, 0.4])
 def test_counts_are_exact(share):

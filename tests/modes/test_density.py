@@ -21,6 +21,8 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 
 @pytest.fixture(scope="module")
 def packing():

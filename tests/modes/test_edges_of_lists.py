@@ -20,6 +20,8 @@ from modal.solvers.factor import SOLVERS, available
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 
 def unstable(cells: tuple[int, int, int]) -> Network:
     """A crystal of which some springs push away, put in beside the checks of a network."""

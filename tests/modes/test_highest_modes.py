@@ -18,6 +18,8 @@ from modal.solvers.factor import SOLVERS, SingularError, available, factorise
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 
 def columns(copies: int, step: float = 0.0) -> tuple[Network, np.ndarray]:
     """Uncoupled columns of two spheres, and all their frequencies, ascending.

@@ -24,6 +24,8 @@ from modal.solvers.factor import SOLVERS, available, factorise
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
+pytestmark = pytest.mark.two_ways
+
 
 def residual_promised(system: LinearSystem, found: ModeSet) -> np.ndarray:
     """Bound of the residuals of a search: a residual r of (A - sigma)^-1 below TOLERANCE theta

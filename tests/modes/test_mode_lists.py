@@ -28,6 +28,8 @@ from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 EPS = np.finfo(float).eps
 
 

@@ -19,6 +19,8 @@ from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 PACKINGS = {
     "friction": lambda: packings.sheared(),
     "mixture": lambda: packings.polydisperse(),

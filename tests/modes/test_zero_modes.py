@@ -13,6 +13,8 @@ from modal.packing import crystal as gallery
 from modal.system.contacts import with_sliding
 from modal.system.linear_system import Limits, LinearSystem
 
+pytestmark = pytest.mark.two_ways
+
 
 def zero_modes(system: LinearSystem) -> int:
     """Rank deficiency of the dense matrix; round-off is some 1e-14 of the largest eigenvalue."""

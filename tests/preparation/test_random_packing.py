@@ -35,6 +35,8 @@ from modal.preparation.sizes import radii_of
 from modal.tools import progress
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 
 def _crowd(spheres=200, aspect=2.0):
     sample = cloud(spheres, aspect, 3)

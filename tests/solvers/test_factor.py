@@ -24,6 +24,8 @@ from modal.solvers.factor import (
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 HERE = [solver for solver in SOLVERS if available(solver)]
 
 

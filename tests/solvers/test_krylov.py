@@ -15,6 +15,8 @@ from modal.solvers.lanczos import (
     modes_nearest,
 )
 
+pytestmark = pytest.mark.two_ways
+
 EPS = np.finfo(float).eps
 
 

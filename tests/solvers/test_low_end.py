@@ -8,6 +8,8 @@ from numpy.polynomial.chebyshev import Chebyshev
 from modal.solvers.lanczos import TOLERANCE, Held, modes_below
 from modal.solvers.low_end import REACH, LowEnd
 
+pytestmark = pytest.mark.two_ways
+
 
 class Known:
     """A = Q diag(square) Q^T with a random orthogonal Q."""

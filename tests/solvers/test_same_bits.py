@@ -9,6 +9,8 @@ import pytest
 
 from modal.solvers.same_bits import same_bits_product
 
+pytestmark = pytest.mark.two_ways
+
 EPS = np.finfo(float).eps
 
 

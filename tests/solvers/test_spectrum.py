@@ -27,6 +27,8 @@ from modal.waves.chebyshev import Recurrence, summed
 from modal.waves.propagate import propagate
 from modal.waves.weights import Expansion
 
+pytestmark = pytest.mark.two_ways
+
 
 class Diagonal:
     """An operator with a known spectrum, that counts its products."""

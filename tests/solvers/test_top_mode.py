@@ -13,6 +13,8 @@ from modal.solvers.top_mode import top_mode
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 
+pytestmark = pytest.mark.two_ways
+
 MOST = 330
 
 

@@ -19,6 +19,8 @@ from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 BEAM = {"EA": 8e3, "GA": 3e3, "EI": 2e-3, "GJ": 1.5e-3, "line": 0.7, "turning": 4e-7}
 """Stiffnesses, N, N, N m^2, N m^2, mass and moment of inertia per length, kg/m, kg m."""
 LENGTH = 0.1

@@ -17,6 +17,8 @@ from modal.system.operator import ContactOperator
 from modal.tools import loops
 from modal.tools.errors import InputError
 
+pytestmark = pytest.mark.two_ways
+
 EPS = np.finfo(float).eps
 
 

@@ -13,6 +13,8 @@ from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal
 from modal.waves.sources import Plane
 
+pytestmark = pytest.mark.two_ways
+
 SLAB = polydisperse(n=40)
 """One contact in five slides."""
 CELL = polydisperse(periodic_z=True, n=40)

@@ -18,6 +18,8 @@ from modal.system.linear_system import LinearSystem
 from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
 
+pytestmark = pytest.mark.two_ways
+
 DAMPING = ContactDamping(0.05, 0.03)
 
 

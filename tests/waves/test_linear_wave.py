@@ -28,6 +28,8 @@ from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, SampledMotion, read_motion
 from modal.waves.weights import Expansion, fast_length
 
+pytestmark = pytest.mark.two_ways
+
 
 def test_pulse_response_solves_the_oscillator():
     """y'' + omega^2 y = d by central differences: the error falls with the step squared."""

@@ -19,6 +19,8 @@ from modal.waves.response import frequency_response, read_response
 from modal.waves.signals import Signals
 from modal.waves.source import Pulse
 
+pytestmark = pytest.mark.two_ways
+
 
 @pytest.mark.parametrize("network", [gallery.column(5), gallery.fcc(cells=(2, 2, 6))])
 def test_equal_to_dense_solves(network):

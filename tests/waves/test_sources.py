@@ -27,6 +27,8 @@ from modal.waves.source import SampledMotion
 from modal.waves.sources import Plane, Point, Wall
 from modal.waves.taylor import Taylor
 
+pytestmark = pytest.mark.two_ways
+
 EVERY, RECORDS = 1e-6, 30
 MOTION = SampledMotion(EVERY * np.array([0, 2, 5, 9, 14]), 1e-9 * np.array([0, 2, -1, 1.5, 0]))
 DAMPING = ContactDamping(0.05, 0.03)
