@@ -1,4 +1,4 @@
-"""Tables of yade-batch, as those of the cases: a line a job, its cells by the names in the first.
+"""Tables of yade-batch: a line a job, its cells by the names in the first.
 
 Read as YADE itself reads them: cells stand apart by blanks, `#` begins a comment, `=` repeats the
 cell above.
@@ -11,8 +11,6 @@ from pathlib import Path
 from modal.tools.errors import InputError
 
 Line = dict[str, str]
-KINDS = "fcc", "random"
-"""Tables of the cases."""
 
 
 def lines_of(path: str | Path) -> list[Line]:
@@ -33,41 +31,6 @@ def lines_of(path: str | Path) -> list[Line]:
         above = found[-1] if found else line
         found.append({name: above[name] if cell == "=" else cell for name, cell in line.items()})
     return found
-
-
-def lines_by(path: str | Path, column: str) -> dict[str, Line]:
-    """Lines by the numbers of a column, in short form; InputError where one stands there twice."""
-    found: dict[str, Line] = {}
-    for line in lines_of(path):
-        if column not in line:
-            raise InputError(f"{path}: its first line names no column {column}; add it")
-        try:
-            key = short(line[column])
-        except ValueError:
-            raise InputError(f"{path}: {column} {line[column]!r} is no number") from None
-        if key in found:
-            raise InputError(f"{path}: {column} {key} stands there twice; remove one of the lines")
-        found[key] = line
-    return found
-
-
-def cases(folder: Path) -> dict[str, dict[str, Line]]:
-    """Lines of the cases in the tables of a folder, by kind and by name, as case02."""
-    found: dict[str, dict[str, Line]] = {kind: {} for kind in KINDS}
-    for kind in KINDS:
-        path = folder / f"{kind}.table"
-        for key, line in (lines_by(path, "case") if path.is_file() else {}).items():
-            if not key.isdecimal():
-                raise InputError(f"{path}: case {key} is no whole number")
-            found[kind][f"case{int(key):02d}"] = line
-    if both := found["fcc"].keys() & found["random"].keys():
-        raise InputError(f"{', '.join(sorted(both))}: a line in each of the tables; remove one")
-    return found
-
-
-def short(text: str) -> str:
-    """A number in the short form that names of files have."""
-    return f"{float(text):g}"
 
 
 def word(cell: str) -> str:

@@ -15,7 +15,6 @@ from analysis.estimators.own_wave import INTERVAL, RECORD, affine_frequency, own
 from analysis.estimators.settled import MARK, why_unsettled
 from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import StructureFactor, read_structure
-from analysis.paper import has_its_spheres, is_its_specimen, matching_case
 from modal.elasticity.moduli import ElasticModuli, read_moduli
 from modal.exchange.registry import read_remarked
 from modal.modes.density import read_density
@@ -59,19 +58,6 @@ class Case(CaseFiles):
         study = self.network.study
         friction = study.get("mu_comp", float(study.get("mu_wave", np.nan)) - 0.1)
         return round(float(friction), 6)
-
-    @cached_property
-    def paper_case(self) -> int | None:
-        """The paper's case of this kind, stress and friction, of the same spheres; or None."""
-        if not has_its_spheres(self.network):
-            return None
-        return matching_case(self.is_crystal, self.stress, self.mu_comp)
-
-    @property
-    def compared_case(self) -> int | None:
-        """That case, if this is one of the study or as large; else no number is compared."""
-        own = self.short != self.name or is_its_specimen(self.network, self.is_crystal)
-        return self.paper_case if own else None
 
     @property
     def diameter(self) -> float:

@@ -46,6 +46,8 @@ class CaseFiles:
     files: dict[str, Path] | None = None
     notes: list[str] = field(default_factory=list)
     """What a reader should know: products that do not say which packing they are of."""
+    stated: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Lower and upper end of what a study states of it, by quantity: figures show it."""
     _belonging: set[str] = field(default_factory=set, init=False, repr=False)
     """Kinds of product that are known to be of this packing: each file is opened for it once."""
 

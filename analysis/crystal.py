@@ -1,4 +1,4 @@
-"""The comparison: a quantity by theory, eigenmodes, linear wave, YADE, and as the paper has it.
+"""The comparison of a crystal: each quantity by theory, eigenmodes, linear wave and YADE.
 
 Theory, modes and the linear wave are those of the springs, without the pre-stress of the contacts;
 what that changes of V_P has a row of its own.
@@ -6,7 +6,6 @@ what that changes of V_P has a row of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,15 +31,11 @@ from analysis.estimators.transfer import (
     wall_velocity,
 )
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
-from analysis.paper import stated
-from analysis.table import Table
 from modal.packing.state import void_ratio
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
-COLUMNS = ("theory", "modal", "linear", "yade", "paper")
-DEVIATIONS = ("modal/theory %", "linear/theory %", "yade/theory %", "to paper %")
-HEADER = ("quantity", "unit", *COLUMNS, *DEVIATIONS, "note")
+COLUMNS = ("theory", "modal", "linear", "yade")
 
 
 @dataclass
@@ -53,25 +48,11 @@ class Row:
     values: dict[str, float | None] = field(default_factory=dict)
     note: str = ""
 
-    def deviation(self, column: str, reference: str) -> float | None:
-        """Relative deviation in percent; None where either is absent."""
-        value, base = self.values.get(column), self.values.get(reference)
-        if value is None or base is None or not np.isfinite([value, base]).all() or base == 0:
-            return None
-        return 100 * (value / base - 1)
-
     def cells(self) -> list[str]:
-        """The row as text, in the order of `HEADER`."""
+        """Its id, quantity, unit, the values in the order of `COLUMNS` and the note, as text."""
         numbers = [self.values.get(name) for name in COLUMNS]
-        deviations = [
-            self.deviation("modal", "theory"),
-            self.deviation("linear", "theory"),
-            self.deviation("yade", "theory"),
-            self.deviation("yade" if self.values.get("yade") is not None else "modal", "paper"),
-        ]
         shown = [f"{v:.6g}" if v is not None and np.isfinite(v) else "" for v in numbers]
-        percent = [f"{d:+.3f}" if d is not None else "" for d in deviations]
-        return [self.quantity, self.unit, *shown, *percent, self.note]
+        return [self.id, self.quantity, self.unit, *shown, self.note]
 
 
 def compare(case: Case) -> list[Row]:
@@ -80,24 +61,24 @@ def compare(case: Case) -> list[Row]:
     rows: dict[str, Row] = {}
 
     def put(key: str, text: str, unit: str, note: str = "", **values: float | None) -> None:
-        row = rows.setdefault(key, Row(key, text, unit, {"paper": stated(key, case.compared_case)}))
+        row = rows.setdefault(key, Row(key, text, unit))
         row.values.update(values)
         row.note = row.note or note
 
     omega, _ = lattice.eigenmodes()
-    put("f_min", "lowest natural frequency", "kHz")
-    put("f_max", "highest natural frequency", "kHz")
-    put("f_1", "first P resonance", "kHz", theory=omega[0] / 2e3 / np.pi)
-    put("f_200", "last P resonance", "kHz", theory=omega[-1] / 2e3 / np.pi)
+    put("f_min_khz", "lowest natural frequency", "kHz")
+    put("f_max_khz", "highest natural frequency", "kHz")
+    put("f_1_khz", "first P resonance", "kHz", theory=omega[0] / 2e3 / np.pi)
+    put("f_200_khz", "last P resonance", "kHz", theory=omega[-1] / 2e3 / np.pi)
     put("resonances", "number of P resonances", "1", theory=float(lattice.layers))
     f_theory = lattice.low_pass_frequency
     note = "theory Eq. 10; others: band edge, unbiased"
-    put("f_low_pass", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
+    put("band_edge_theory_khz", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
     note = "theory Eq. 6; others: slope at long waves, unbiased"
     put("velocity", "V_P, long waves", "m/s", note, theory=lattice.velocity)
     lam = wavelength(lattice.velocity, f_theory) / case.diameter
     note = "theory Eq. 7; modal: last resonance; others: where the waves turn round"
-    put("lambda_edge", "lambda_low-pass / D, band edge", "1", note, theory=lam)
+    put("lambda_edge_yade_over_d", "lambda_low-pass / D, band edge", "1", note, theory=lam)
     text = "void ratio, wall to wall"
     put("void_ratio", text, "1", "of the contact network", modal=void_ratio(network))
     _modal_rows(case, put)
@@ -117,20 +98,20 @@ def _modal_rows(case: Case, put) -> None:
         return
     full = len(modes.frequency) == 6 * case.network.n_particles
     note = "" if full else "of the modes in the file"
-    put("f_min", "", "", note, modal=modes.frequency[0] / 1e3)
-    put("f_max", "", "", note, modal=modes.frequency[-1] / 1e3)
+    put("f_min_khz", "", "", note, modal=modes.frequency[0] / 1e3)
+    put("f_max_khz", "", "", note, modal=modes.frequency[-1] / 1e3)
     if modes.resonance_frequency is not None and len(modes.resonance_frequency) > 3:
         f, shape = modes.resonance_frequency, modes.resonance_shape
-        put("f_1", "", "", modal=f[0] / 1e3)
-        put("f_200", "", "", modal=f[-1] / 1e3)
+        put("f_1_khz", "", "", modal=f[0] / 1e3)
+        put("f_200_khz", "", "", modal=f[-1] / 1e3)
         put("resonances", "", "", modal=float(len(f)))
         if shape is not None and shape.shape[1] > 3:
             measured = disp.mode_dispersion(f, shape, lattice.distance)
             edge, speed = measured.low_pass_frequency, measured.velocity
-            put("f_low_pass", "", "", modal=edge / 1e3)
+            put("band_edge_theory_khz", "", "", modal=edge / 1e3)
             put("velocity", "", "", modal=speed)
             kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / lattice.distance
-            put("lambda_edge", "", "", modal=2 * np.pi / kappa / case.diameter)
+            put("lambda_edge_yade_over_d", "", "", modal=2 * np.pi / kappa / case.diameter)
             rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
             text = "dispersion, RMS deviation from Eq. 9"
             put("rms", text, "%", "up to kappa l = 0.9 pi", modal=100 * rms)
@@ -145,7 +126,7 @@ def _modal_rows(case: Case, put) -> None:
                 put(name, text, "m/s", note, modal=value, theory=exact)
     if case.translations is not None:
         ratio = case.translations.frequency[-1] / lattice.low_pass_frequency
-        put("translations_only", "f_max without rotations / f_low-pass", "1", modal=ratio)
+        put("translations_only_over_edge", "f_max without rotations / f_low-pass", "1", modal=ratio)
 
 
 def _inside(lattice: LayerLattice) -> float:
@@ -162,9 +143,14 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
     lattice = case.lattice
     measured = disp.chain_dispersion(signals)
     edge, speed = measured.low_pass_frequency, measured.velocity
-    put("f_low_pass", "", "", **{producer: edge / 1e3})
+    put("band_edge_theory_khz", "", "", **{producer: edge / 1e3})
     put("velocity", "", "", **{producer: speed})
-    put("lambda_edge", "", "", **{producer: ridge(signals).edge_wavelength / case.diameter})
+    put(
+        "lambda_edge_yade_over_d",
+        "",
+        "",
+        **{producer: ridge(signals).edge_wavelength / case.diameter},
+    )
     rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
     text = "dispersion, RMS deviation from Eq. 9"
     put("rms", text, "%", "up to kappa l = 0.9 pi", **{producer: 100 * rms})
@@ -193,7 +179,7 @@ def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
         distance = record.chain_position - origin
         curves = threshold_curves(*spectra(time, u, highest))
         for percent, values in zip((2, 1), curves, strict=False):
-            key, text = f"threshold_{percent}", f"f_low-pass, {percent} % rule"
+            key, text = f"f_low_pass_{percent}_khz", f"f_low-pass, {percent} % rule"
             found = at_stretch(distance, values, length, STRETCH[True]).value
             at = "at {:g}-{:g} % of the length".format(*(100 * part for part in STRETCH[True]))
             put(key, f"{text}, {at}", "kHz", biased, **{column: found / 1e3})
@@ -221,11 +207,6 @@ def _gain_rows(case: Case, put) -> None:
             frequency, height = found.first_maximum()
             put("gain_f", "gain factor, first maximum", "kHz", note, **{column: frequency / 1e3})
             put("gain", "gain factor at its first maximum", "1", note, **{column: height})
-
-
-def comparison_table(rows: Iterable[Row]) -> Table:
-    """The rows as a table of text."""
-    return Table("Comparison", HEADER, [row.cells() for row in rows])
 
 
 def stress_rows(cases: list[Case]) -> dict[str, np.ndarray]:

@@ -34,7 +34,10 @@ class Row:
     there; `values` by their column in table1.csv, with the error of the estimator and of the choice
     of the chain; `samples` their scatter over packings of other seeds, `packings` how many these
     are with its own; `flat` says of thresholds whether they stand on a plateau; `curves` are arrays
-    by name; `absent` says which products are not there.
+    by name; `absent` says which products are not there; `state` is one that is no case; `tables`
+    are cells of text by name; `of_record` maps a column of its record to that of one producer, `{}`
+    in its place; `provenance` has a line for each file that was read; `stated` are lower and upper
+    end of what a study states of the case, and no part of its result.
     """
 
     number: int | None
@@ -53,6 +56,11 @@ class Row:
     texts: dict[str, str] = field(default_factory=dict)
     absent: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    state: bool = False
+    tables: dict[str, list[list[str]]] = field(default_factory=dict)
+    of_record: dict[str, str] = field(default_factory=dict)
+    provenance: list[list[str]] = field(default_factory=list)
+    stated: dict[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def value(self, name: str) -> float:
         """A number; NaN where it is not known."""
@@ -75,8 +83,8 @@ class Row:
 
 def number_of(name: str) -> int | None:
     """The case's number in the study, from its name."""
-    match = re.fullmatch(r"case(\d\d)", name)
-    return int(match[1]) if match and 1 <= int(match[1]) <= 32 else None
+    match = re.fullmatch(r"case(\d+)", name)
+    return int(match[1]) if match else None
 
 
 def groups_of(rows: Iterable[Row]) -> dict[str, list[Row]]:
@@ -126,13 +134,13 @@ def _measured(m: Measures) -> Row:
     row.values["record_passages"] = Estimate(m.passband.common)
     add_low_pass(row, m, MAPS)
     own = "yade" if row.record == "yade" else "linear"
-    row.values["v_p_first_peaks_m_per_s"] = row.values[f"v_p_first_peaks_{own}_m_per_s"]
+    row.of_record["v_p_first_peaks_m_per_s"] = "v_p_first_peaks_{}_m_per_s"
     for percent in PERCENT.values():
         for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d")):
-            row.values[f"{quantity}_{percent}_{unit}"] = row.values[
-                f"{quantity}_{percent}_{own}_{unit}"
-            ]
+            name = f"{quantity}_{percent}"
+            row.of_record[f"{name}_{unit}"] = f"{name}_{{}}_{unit}"
         row.flat[percent] = row.flat[f"{percent}_{own}"]
+    row.values |= {name: row.values[column.format(own)] for name, column in row.of_record.items()}
     row.texts["gain_height"] = m.gain_height
     row.texts["chi_z_high"] = m.largest_chi(HIGH * m.f_max, np.inf, chain=True)[1]
     _curves(m, row)
@@ -179,6 +187,8 @@ def _curves(m: Measures, row: Row) -> None:
     gain = m.gain
     row.curves["gain"] = (gain.frequency, gain.gain)
     row.curves["gain_orders"] = m.gain_orders
+    for k, order in enumerate(m.gain_orders[0][:5]):
+        row.values[f"gain_order_{k + 1}"] = Estimate(float(order))
     row.curves["free_held"] = (m.free_held,)
     row.curves["first"] = (np.array([m.first_resonance]),)
     row.curves["resonances"] = m.resonances

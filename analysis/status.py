@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.batch_table import cases, value
 from analysis.case import Case
 from analysis.case_files import EXTRA_KINDS, KINDS, OTHER_WAVES
 from analysis.estimators import structure_factor
@@ -53,23 +52,25 @@ def names_in(folder: Path) -> list[str]:
     return sorted(names)
 
 
-def stale_files(folder: Path, tables: Path, names: Sequence[str]) -> list[Path]:
+Settings = Mapping[str, Mapping[str, Any]]
+"""What a study says of each case, by name."""
+
+
+def stale_files(folder: Path, settings: Settings, names: Sequence[str]) -> list[Path]:
     """The products of these cases that are stale: made from what has changed since."""
-    settings = _settings_of_cases(tables)
     named = [Case(name, folder) for name in names]
     return [case.path(kind) for case in named for kind in _stale(case, settings)]
 
 
-def status_table(folder: Path, tables: Path) -> str:
+def status_table(folder: Path, settings: Settings) -> str:
     """One line per case that has any product: `yes`, `stale` or `-` for each kind.
 
     Below it, of each stale product what has changed: a file that it was made from, or a setting
-    of the tables of cases in the folder `tables`.
+    of the study.
     """
     names = names_in(folder)
     width = max(map(len, ("case02", *names)))
     lines, reasons = ["  ".join(("case".ljust(width), *KINDS))], []
-    settings = _settings_of_cases(tables)
     for name in names:
         case = Case(name, folder)
         stale = _stale(case, settings)
@@ -83,14 +84,14 @@ def status_table(folder: Path, tables: Path) -> str:
     return "\n".join([*lines, *reasons])
 
 
-def _stale(case: Case, settings: dict[str, dict[str, Any]]) -> dict[str, list[str]]:
+def _stale(case: Case, settings: Settings) -> dict[str, list[str]]:
     """Kinds of a case's products that are stale, and what of each has changed."""
     row = settings.get(case.name, {})
     kinds = [kind for kind in (*KINDS, *EXTRA_KINDS) if case.has(kind)]
     return {kind: why for kind in kinds if (why := _changes(case, kind, row))}
 
 
-def _changes(case: Case, kind: str, row: dict[str, Any]) -> list[str]:
+def _changes(case: Case, kind: str, row: Mapping[str, Any]) -> list[str]:
     """What has changed since the product was made, as far as its file and those beside it tell."""
     form = FORMATS[kind.split(".")[-1]]
     try:
@@ -99,7 +100,8 @@ def _changes(case: Case, kind: str, row: dict[str, Any]) -> list[str]:
         known = {name: OTHER_NAMES.get(name, name) for name in made.settings or {}}
         if kind in OTHER_WAVES:  # what sets them apart stands in the workflow, not in a table
             known = {}
-        shared = {name: row[column] for name, column in known.items() if column in row}
+        known = {name: column for name, column in known.items() if row.get(column) is not None}
+        shared = {name: _given(column, row[column]) for name, column in known.items()}
         old = {name: made.settings[name] for name in shared} if made.settings else {}
         changed = differing_settings(Provenance(settings=old), shared)
         now = tuple(source for old in made.sources for source in _as_it_is(case, kind, old))
@@ -120,12 +122,10 @@ def _as_it_is(case: Case, kind: str, old: Source) -> tuple[Source, ...]:
     return ()
 
 
-def _settings_of_cases(folder: Path) -> dict[str, dict[str, Any]]:
-    """Settings by case, from the tables that yade-batch reads; empty without them."""
-    found: dict[str, dict[str, Any]] = {}
-    for lines in cases(folder).values():
-        for case, line in lines.items():
-            # What yade_scripts/wave.py reads in place of a column.
-            given = {name: os.environ.get(f"WAVE_{name.upper()}") or line[name] for name in line}
-            found[case] = {name: value(cell) for name, cell in given.items()}
-    return found
+def _given(column: str, value: Any) -> Any:
+    """A setting of a study, or what YADE's scripts read in its place."""
+    text = os.environ.get(f"WAVE_{column.upper()}", value)
+    try:
+        return float(text)
+    except ValueError:
+        return text

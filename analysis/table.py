@@ -8,17 +8,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
 
 @dataclass
 class Table:
-    """A title, a header and rows of text, each row as long as the header."""
+    """A title, a header and rows of text, each row as long as the header; name of its file."""
 
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    name: str = ""
 
     def markdown(self) -> str:
         """As Markdown, without the title."""
@@ -55,6 +58,28 @@ def read_csv(path: Path, title: str) -> Table:
     if not lines or any(len(line) != len(lines[0]) for line in lines):
         raise InputError(f"{path}: no table, for its rows are not equally long; make it again")
     return Table(title, lines[0], lines[1:])
+
+
+NONE = 1e-6
+"""In parts of a value: an uncertainty that no reader is shown."""
+
+
+def number(value: float, error: float = np.nan, digits: int = 4) -> str:
+    """A value, to the first digit of its uncertainty where there is one, else to `digits`.
+
+    Counts are whole; empty where there is no value. An uncertainty below `NONE` of the value, as of
+    a natural frequency, is none for a reader.
+
+    >>> number(21.897, 0.93)
+    '21.9 ± 0.9'
+    """
+    if not np.isfinite(value):
+        return ""
+    if not (np.isfinite(error) and error > NONE * abs(value)):
+        return f"{value:.0f}" if value == round(value) else f"{value:.{digits}g}"
+    error = float(f"{error:.0e}")  # one digit, which may carry: 0.96 is 1
+    places = -int(np.floor(np.log10(error)))
+    return f"{round(value, places):.{max(places, 0)}f} ± {error:.{max(places, 0)}f}"
 
 
 def _is_number(cell: str) -> bool:

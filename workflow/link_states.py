@@ -21,7 +21,7 @@ def main(folder: Path, wanted: dict[str, str], outputs: list[Path]) -> int:
     for path in sorted(folder.rglob("*Pa.sample.h5")):
         study = read_sample(path).study
         for name, own in wanted.items():
-            if study.get(name) not in (own, value(own)):
+            if name in study and study[name] not in (own, value(own)):
                 print(
                     f"{path}: made with {name} {study.get(name)}, not {own}; move {folder} away",
                     file=sys.stderr,

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.comparable import of_one_producer, of_three_packings, spread_of_highest
+from analysis.comparable import end_frictions, of_one_producer, spread_of_highest
 from analysis.estimators.power_law import power_law
-from analysis.figures.groups import PAPER, STRESS_MARKS, column, points, styles
+from analysis.figures.groups import STATED, STRESS_MARKS, column, points, styles
 from analysis.figures.picture import Panel, Picture
-from analysis.paper import FRICTIONS, RANGES, stated
 from analysis.rows import Row, law_of
 from modal.tools.errors import InputError
 
@@ -38,7 +37,7 @@ def velocity_cases(rows: list[Row]) -> Picture:
     start = min(column(rows, "v_p_first_peaks_m_per_s"), default=np.nan)
     if np.isfinite(start):
         line = 0.93 * start * (slope / slope[0]) ** (1 / 6)
-        right.line(slope / 1e3, line, "paper: 1/6 for FCC, more for random", color="k", ls="--")
+        right.line(slope / 1e3, line, "1/6", color="k", ls="--")
     return Picture([left, right], columns=2, shape=(12, 4.6))
 
 
@@ -48,13 +47,14 @@ def highest_frequency(rows: list[Row]) -> Picture:
     left.legend = "lower right"
     right = Panel("stress (kPa)", "$f_{max}$ over that of FCC", "(c)", xscale="log")
     right.legend = "outside"
+    ends = end_frictions(rows)
     of_crystal = {row.stress: row.value("f_max_khz") for row in rows if row.crystal}
     for name, members, style in styles(rows):
         stress = np.array([row.stress for row in members])
         top = column(members, "f_max_khz")
         law = power_law(stress, top)
         text = name + (f": {law}" if np.isfinite(law.exponent) else "")
-        if name == "FCC" or members[0].mu_comp in (FRICTIONS[0], FRICTIONS[-1]):
+        if name == "FCC" or members[0].mu_comp in ends:
             left.line(stress / 1e3, top, name, **style)
         over = top / np.array([of_crystal.get(row.stress, np.nan) for row in members])
         if np.isfinite(over).any():
@@ -65,22 +65,25 @@ def highest_frequency(rows: list[Row]) -> Picture:
             only = edge * column(members, "translations_only_over_edge")
             look = {"marker": "x", "ls": "none", "color": "k"}
             left.line(stress / 1e3, only, "FCC, translations only", **look)
-    known = [(r.stress / 1e3, stated("f_max", r.number)) for r in rows if stated("f_max", r.number)]
+    known = [(r.stress / 1e3, r.stated["f_max_khz"][0]) for r in rows if "f_max_khz" in r.stated]
     if known:
         at, said = zip(*known, strict=True)
-        left.line(at, said, "paper", **PAPER)
+        left.line(at, said, "stated", **STATED)
     if not right.series:
         return Picture([left])
     far = Panel("stress (kPa)", "highest over lowest $f_{max}$, less 1 (%)", "(b)", xscale="log")
     for text, chosen, mark in (
-        ("FCC, frictions 0 and 0.4", of_three_packings(rows), "o"),
+        ("FCC, lowest, highest friction", [r for r in rows if r.crystal or r.mu_comp in ends], "o"),
         ("all packings", rows, "x"),
     ):
         apart = spread_of_highest(chosen)
         style = {"marker": mark, "ls": "none", "color": "k", "mfc": "none"}
         far.line([s / 1e3 for s in apart], list(apart.values()), text, **style)
-    far.add("hline", [0], [3.0], None, "paper: less than 3 %", color="k", ls="--")
-    far.ylim = (0, 1.4 * max([3.0, *apart.values()]))
+    limit = next((row.stated["f_max_apart"][1] for row in rows if "f_max_apart" in row.stated), 0)
+    if limit:
+        text = f"stated: less than {limit:g} %"
+        far.add("hline", [0], [limit], None, text, color="k", ls="--")
+    far.ylim = (0, 1.4 * max([limit, *apart.values()]))
     return Picture([left, far, right], columns=3, shape=(14, 4))
 
 
@@ -97,10 +100,11 @@ def low_pass_cases(rows: list[Row]) -> Picture:
         one = column(members, of_one_producer(members, "f_low_pass_1")[0])
         text = "1 %" if not any(s.label == "1 %" for s in right.series) else ""
         right.line(stress, one, text, marker="+", ls="none", color="0.4")
-    known = [(r, stated("threshold_2", r.number)) for r in rows if stated("threshold_2", r.number)]
+    known = [row for row in rows if "f_low_pass_2_khz" in row.stated]
     if known:
-        left.line([r.value("void_ratio") for r, _ in known], [f for _, f in known], **PAPER)
-        right.line([r.stress / 1e3 for r, _ in known], [f for _, f in known], "paper", **PAPER)
+        said = [row.stated["f_low_pass_2_khz"][0] for row in known]
+        left.line(column(known, "void_ratio"), said, **STATED)
+        right.line([row.stress / 1e3 for row in known], said, "stated", **STATED)
     return Picture([left, right], columns=2, shape=(12, 4.4))
 
 
@@ -122,15 +126,18 @@ def velocity_low_pass(rows: list[Row]) -> Picture:
         first = min(random, key=lambda row: row.value("v_p_first_peaks_m_per_s"))
         v, f = first.value("v_p_first_peaks_m_per_s"), first.value("f_low_pass_2_khz")
         span = np.array([1, 3.0])
-        for slope, ls in ((1.2, "--"), (1.4, ":")):
-            panel.line(v * span, 0.8 * f * span**slope, f"paper: {slope}", color="k", ls=ls, lw=0.9)
+        for slope, ls in zip(
+            first.stated.get("low_pass_power_of_v_p", ()), ("--", ":"), strict=False
+        ):
+            text = f"stated: {slope}"
+            panel.line(v * span, 0.8 * f * span**slope, text, color="k", ls=ls, lw=0.9)
     return Picture([panel], shape=(8.4, 4.8))
 
 
 def wavelength_cases(rows: list[Row]) -> Picture:
     """Fig. 18: lambda_low-pass / D against void ratio, 2 % and 1 %; the paper's ranges."""
     panels = []
-    for percent, key, letter in (("2", "lambda_over_d", "(a)"), ("1", "lambda_over_d_1", "(b)")):
+    for percent, letter in (("2", "(a)"), ("1", "(b)")):
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %", letter, yscale="log")
         seen = [row.value(f"lambda_{percent}_over_d") for row in rows]
         panel.ylim = (1, max(40.0, 1.3 * np.nanmax([*seen, 0.0])))
@@ -150,31 +157,27 @@ def wavelength_cases(rows: list[Row]) -> Picture:
                 text = "" if any(s.label == text for s in panel.series) else text
                 own = column(members, of_one_producer(members, "lambda_2_own")[0])
                 panel.line(e, own, text, marker=".", ls="none", color="0.55", ms=4)
-        limits = next(r for r in RANGES if r.id == key)
-        span = [0.5, 0.75]
-        text = f"paper: {limits.text}"
-        panel.add("band", span, [limits.low] * 2, [limits.high] * 2, text, color="0.88", zorder=0)
+        said = [r.stated[k] for r in rows if (k := f"lambda_{percent}_over_d") in r.stated]
+        for low, high in said[:1]:
+            text, ends = f"stated: {low:g} to {high:g}", ([low] * 2, [high] * 2)
+            panel.add("band", [0.5, 0.75], *ends, text, color="0.88", zorder=0)
         panel.add("hline", [0], [2**0.5], None, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
         panels.append(panel)
     return Picture(panels, columns=2, shape=(12, 4.4))
 
 
 def gain_cases(rows: list[Row]) -> Picture:
-    """Fig. 19: gain factor of FCC and friction 0 over stress, and below 10 kHz the resonances."""
+    """Fig. 19: gain factor of FCC and the lowest friction over stress; below, the resonances."""
+    known = [row for row in rows if "gain" in row.curves]
+    if not known:
+        raise InputError("no case has a gain factor; measure one")
+    groups = [members for _, members, _ in styles(known)][:2]
     panels = []
-    numbered = {row.number: row for row in rows}
-    for letter, cases, what in (
-        ("(a)", (2, 3, 4), "FCC"),
-        ("(b)", (6, 7, 8), "random, friction 0"),
-    ):
-        members = [numbered[n] for n in cases if n in numbered]
-        if not members:
-            continue
-        panel = Panel("frequency over $f_1$", "gain factor", f"{letter} {what}", yscale="log")
-        panel.ylim = (1e-6, 10)
-        for row, (colour, ls) in zip(
-            members, (("k", "-"), ("#0060a8", "--"), ("#c05000", ":")), strict=False
-        ):
+    looks = ("k", "-"), ("#0060a8", "--"), ("#c05000", ":"), ("0.5", "-.")
+    for letter, members in zip(("(a)", "(b)"), groups, strict=False):
+        title = f"{letter} {members[0].group}"
+        panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
+        for row, (colour, ls) in zip(members, looks, strict=False):
             f, gain = row.curves["gain"]
             width = row.value("gain_resolution_hz")
             text = f"{row.stress / 1e3:g} kPa, resolution {width:.0f} Hz"
@@ -182,18 +185,18 @@ def gain_cases(rows: list[Row]) -> Picture:
             edge = np.inf if row.crystal else 2 * 1e3 * row.value("f_low_pass_2_linear_khz")
             f, gain = (values[~(f > edge)] for values in (f, gain))
             panel.line(f / row.curves["first"][0], gain, text, color=colour, ls=ls, lw=0.9)
-        panel.add("hline", [0], [1.0], None, "paper: maximum above 1", color="0.5", lw=0.8)
+        panel.add("hline", [0], [1.0], None, "1", color="0.5", lw=0.8)
         panels.append(panel)
-    for letter, case in (("(c)", 2), ("(d)", 6)):
-        if case not in numbered:
-            continue
-        row = numbered[case]
+    for letter, members in zip(("(c)", "(d)"), groups, strict=False):
+        row = members[min(1, len(members) - 1)]
         f, gain = row.curves["gain"]
         f_r = row.curves["resonances"][0]
-        keep, top = f < 1e4, 10.0
-        panel = Panel("frequency (kHz)", "gain factor", f"{letter} {row.label}", xlim=(0, top))
+        top = 10 * row.curves["first"][0][0]
+        keep = f < top
+        panel = Panel("frequency (kHz)", "gain factor", f"{letter} {row.label}")
+        panel.xlim = (0, top / 1e3)
         panel.line(f[keep] / 1e3, gain[keep], "gain", color="k")
-        f_r = f_r[f_r < 1e4] / 1e3
+        f_r = f_r[f_r < top] / 1e3
         if len(f_r):
             style = {"color": "#0060a8", "ls": ":", "lw": 1}
             panel.add("vline", f_r, 0 * f_r, None, "resonances $f_r$, both walls held", **style)
@@ -203,6 +206,4 @@ def gain_cases(rows: list[Row]) -> Picture:
         panel.ylim = (0, 1.4 * float(gain[keep].max()))
         panel.legend = "upper right"
         panels.append(panel)
-    if not panels:
-        raise InputError("none of the cases 2, 3, 4, 6, 7, 8 is there")
     return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))

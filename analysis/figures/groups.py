@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 
 from analysis.figures.picture import Panel
-from analysis.paper import FRICTIONS
 from analysis.rows import Row, groups_of
 
 MARKERS = "o^vD<>p"
 """Of the frictions, in their order; crystals are squares."""
 SHADES = "#08306b", "#2258a0", "#4080b8", "#6a9a6a", "#b08a30", "#d07028", "#c04000"
-"""From friction 0 to 0.4, darkest first: read in grey by the marker."""
-PAPER: dict[str, Any] = {
+"""Of the same, darkest first: read in grey by the marker."""
+STATED: dict[str, Any] = {
     "marker": "*",
     "ls": "none",
     "ms": 10,
@@ -28,15 +27,16 @@ STRESS_MARKS = {1e4: "v", 1e5: "o", 1e6: "D", 1e7: "^"}
 def styles(rows: list[Row]) -> list[tuple[str, list[Row], dict[str, Any]]]:
     """Name, members and look of each group; of a friction also its void ratio at 1 kPa."""
     found = []
+    frictions = sorted({row.mu_comp for row in rows if not row.crystal})
     for name, members in groups_of(rows).items():
         style: dict[str, Any] = {"marker": "s", "color": "k", "ls": "none", "mfc": "none"}
         if not members[0].crystal:
             mu = members[0].mu_comp
-            at = int(np.argmin(abs(np.array(FRICTIONS) - mu))) if np.isfinite(mu) else 0
-            style |= {"marker": MARKERS[at], "color": SHADES[at]}
+            at = frictions.index(mu) if np.isfinite(mu) else 0
+            style |= {"marker": MARKERS[at % len(MARKERS)], "color": SHADES[at % len(SHADES)]}
             name = rf"$\mu_{{comp}}$ {mu:g}"
-            e = members[0].value("void_ratio_at_1_kpa")
-            name += rf", $e_{{1\,kPa}}$ {e:.3f}" if np.isfinite(e) else ""
+            e = members[0].value("void_ratio_of_state")
+            name += rf", $e_0$ {e:.3f}" if np.isfinite(e) else ""
         found.append((name, members, style))
     return found
 

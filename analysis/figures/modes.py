@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.columns import HIGH, LOW
 from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.measures import Measures
-from analysis.paper import stated
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
 
@@ -42,10 +42,9 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
             right.line(f / 1e3, 1e3 * density / dof, **look)
         else:
             continue
-        top = stated("f_max", case.compared_case)
-        if top:
-            text = "paper, highest" if case.is_crystal else ""
-            left.line([1.0], [top], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
+        if top := case.stated.get("f_max_khz"):
+            text = "stated, highest" if case.is_crystal else ""
+            left.line([1.0], top[:1], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
         panels += [left, right]
     if not panels:
         raise InputError(
@@ -84,9 +83,10 @@ def chi_z(cases: list[Measures]) -> Picture:
         if f_r is not None and len(f_r):
             style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
             panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
-        if m.case.compared_case == 6:
-            panel.line([0, 10], [0.9, 0.9], "paper: > 0.9 below 10 kHz", color="k", ls="--")
-            panel.line([15, 20], [0.33, 0.33], "paper: 0.33 above 15 kHz", color="k", ls=":")
+        for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
+            if name in m.case.stated:
+                level = [m.case.stated[name][0]] * 2
+                panel.line([end * m.f_max / 1e3 for end in ends], level, "stated", color="k", ls=ls)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 
@@ -132,7 +132,6 @@ def mode_shapes(cases: list[Measures]) -> Picture:
             continue
         z = case.network.position[chain, 2] - case.network.wall_position[0]
         orders = (1, 2, 5, 10, 50, 200) if case.is_crystal else (1, 2, 5, 10, 15, 20)
-        paper = {(2, 1): stated("f_1", 2), (2, 200): stated("f_200", 2)}
         known = sorted({min(r, len(shapes)) for r in orders})
         known += [r for r in (3, 7) if r < len(shapes)][: len(orders) - len(known)]
         for r in sorted(known):
@@ -146,8 +145,8 @@ def mode_shapes(cases: list[Measures]) -> Picture:
                 order = np.argsort(z)
                 panel.line(1e3 * z[order], sine[order], "Eq. 3", color="0.6", lw=2)
             text = "mode"
-            if (case.compared_case, r) in paper:
-                text += f"; paper: {paper[case.compared_case, r]:g} kHz"
+            if said := case.stated.get(f"f_{r}_khz"):
+                text += f"; stated: {said[0]:g} kHz"
             panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
             panels.append(panel)
     if not panels:

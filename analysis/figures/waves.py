@@ -11,7 +11,6 @@ from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
 from analysis.figures.picture import Panel, Picture, columns_for, merged, share_limits
 from analysis.measures import Measures
-from analysis.paper import stated
 from modal.waves.signals import Signals
 
 POINTS = 130
@@ -178,10 +177,9 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
                 continue
             place = [edge.value / 1e3] * 2
             panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
-        paper = stated("threshold_2", case.compared_case)
-        if paper:
+        if said := case.stated.get("f_low_pass_2_khz"):
             dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
-            panel.add("hline", [0], [paper], None, f"paper: {paper:g} kHz", **dashed)
+            panel.add("hline", [0], said[:1], None, f"stated: {said[0]:g} kHz", **dashed)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 

@@ -1,129 +1,185 @@
-"""Every packing of the study measured, one after the other or side by side in own processes.
-
-A case is let go of once it is measured: what stays are its row and the panels of those figures that
-show it, of a packing of another seed the row alone.
-"""
+"""One case measured: its result, and beside it the panels of those figures that show it."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import partial
-from multiprocessing import get_context
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from analysis.case import Case
-from analysis.case_tables import choices_of, table_2
+from analysis.case_files import EXTRA_KINDS, KINDS
+from analysis.columns import VALUES
+from analysis.crystal import compare
+from analysis.estimators.low_pass import Edge
 from analysis.figures import compose
-from analysis.figures.picture import Panel
+from analysis.figures.picture import write_picture
+from analysis.measurement import measure
 from analysis.measures import Measures
-from analysis.report import provenance_table, without_folder
-from analysis.rows import Row, row_of
-from analysis.study.arrangement import wanted
-from analysis.study.elasticity import add_elasticity
-from analysis.study.other_seeds import row_of_seed
-from analysis.table import Table
-from modal.cli.terminal import put
+from analysis.measures.estimate import Estimate
+from analysis.measures.shear_wave import velocities_of
+from analysis.estimators.settled import why_unsettled
+from analysis.rows import MAPS, Row, add_low_pass, bare_row, row_of
+from analysis.study.results import write_result
+from analysis.table import number
+from modal.formats.hdf5 import sha256
+from modal.formats.provenance import read_provenance
+from modal.packing.network import Network
+from modal.packing.plausibility import read_remarked
+from modal.packing.reading import read_packing
+from modal.packing.state import contacts_per_particle, void_ratio
 from modal.tools.errors import InputError
+from modal.waves.signals import Signals
 
-SECOND_TABLE = 2, 6, 10, 14, 18, 22, 26, 30
-"""Cases of Table 2: all that are under 100 kPa."""
-
-THREADS = "OMP_NUM_THREADS"
-"""How many threads a process takes: heeded by BLAS and by the loops of `modal.tools.loops`."""
-
-
-@dataclass(frozen=True)
-class Packing:
-    """A case in a folder: the study's own, or the same case of another seed."""
-
-    folder: Path
-    name: str
-    other_seed: bool = False
-
-    @property
-    def size(self) -> int:
-        """Bytes of its products, by which to guess how long it takes."""
-        return sum(path.stat().st_size for path in self.folder.glob(f"{self.name}.*.h5"))
+RESONANCES = 10
+"""Rows of the table of resonances."""
+AT_REST = "particles", "length_over_d", "void_ratio", "coordination_number", "f_max_khz"
+"""Columns of another seed's packing that need no wave."""
 
 
-@dataclass
-class Measured:
-    """What stays of a case: its row, panels by figure, Table 2, choices, provenance."""
+class OtherSeed(Case):
+    """Its packing without remarks for readers, its wave on one chain and the layers."""
 
-    row: Row
-    panels: dict[str, list[Panel]] = field(default_factory=dict)
-    second: Table | None = None
-    choices: list[list[str]] = field(default_factory=list)
-    provenance: list[list[str]] = field(default_factory=list)
+    @cached_property
+    def network(self) -> Network:
+        """Contact network."""
+        return read_packing(self.packing_path)
+
+    @cached_property
+    def wave(self) -> Signals:
+        """The linear wave, from wall to wall and back."""
+        return self.linear_wave(particles=False)
 
 
-def measure(packing: Packing) -> Measured:
-    """Measure one packing; of the study's own also draw the panels of the figures that show it."""
-    if packing.other_seed:
-        return Measured(row_of_seed(packing.name, packing.folder))
-    case = Case(packing.name, packing.folder)
+def of_case(
+    name: str,
+    folder: Path,
+    output: Path,
+    figures: Sequence[str] = (),
+    stated: Mapping[str, tuple[float, float]] | None = None,
+) -> Row:
+    """Measure a case of a folder; write its result, and its panels of `figures` beside it.
+
+    `stated` are lower and upper ends of numbers that figures show beside its own.
+    """
+    case = Case(name, folder, stated=dict(stated or {}))
     case.check()
     m = Measures(case)
-    found = Measured(row_of(m))
-    add_elasticity(found.row, m)
-    for figure in wanted(found.row.number):
+    row = row_of(m)
+    _add_elasticity(row, m)
+    _add_tables(row, m)
+    row.provenance = _provenance(case)
+    for figure in figures:
         try:
-            found.panels[figure] = compose(figure, [m]).panels
+            write_picture(output.with_suffix(f".{figure}.csv"), compose(figure, [m]))
         except InputError as error:
-            found.row.notes.append(f"figure {figure}: {error}")
-    if found.row.number in SECOND_TABLE:
-        found.second = table_2([m])
-        found.choices = choices_of(m)
-    found.provenance = [list(row) for row in provenance_table([m]).rows]
-    found.row.notes = [without_folder(note, [m]) for note in found.row.notes]
-    return found
+            row.notes.append(f"figure {figure}: {error}")
+    row.notes = [note.replace(f"{folder}/", "") for note in row.notes]
+    write_result(output, row)
+    return row
 
 
-def measure_all(
-    packings: Sequence[Packing], jobs: int
-) -> tuple[list[tuple[Packing, Measured]], list[str]]:
-    """Each packing with what was measured of it, and one line for each that was not.
+def of_seed(name: str, folder: Path, output: Path) -> Row:
+    """Of a case's packing of another seed, the numbers whose scatter is shown.
 
-    Where several are measured at once the long ones come first: no core waits for another's.
+    These are Table 1's and what sets packings apart. Errors are not among them: along every column
+    of a packing f_low-pass and V_P are had for the study's own packings alone.
     """
-    found: list[tuple[Packing, Measured]] = []
-    failed: list[str] = []
-    with _side_by_side(packings, jobs) as results:
-        for packing, result in zip(packings, results, strict=True):
-            seed = f" of {packing.folder.name}" if packing.other_seed else ""
-            try:
-                found.append((packing, result()))
-                put(f"{packing.name}{seed}: measured")
-            except Exception as error:  # one case must not cost the others
-                kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
-                failed.append(f"{packing.name}{seed}: {kind}{error}")
-    return found, failed
+    case = OtherSeed(name, folder)
+    case.check()
+    m, row = Measures(case), bare_row(case)
+    row.values = {column: Estimate.of(VALUES[column](m)) for column in AT_REST}
+    row.values["v_p_first_peaks_yade_m_per_s"] = m.yade_first_peak
+    row.values["v_p_first_peaks_linear_m_per_s"] = m.first_peak
+    add_low_pass(row, m, {"": MAPS[""]})
+    write_result(output, row)
+    return row
 
 
-@contextmanager
-def _side_by_side(packings: Sequence[Packing], jobs: int) -> Iterator[list[Callable[[], Measured]]]:
-    """Calls that wait for what is measured of each packing."""
-    if jobs == 1 or len(packings) == 1:
-        yield [partial(measure, packing) for packing in packings]
-        return
-    order = sorted(packings, key=lambda packing: (packing.other_seed, -packing.size))
-    with _shared_cores(jobs), ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = {packing: pool.submit(measure, packing) for packing in order}
-        yield [waiting[packing].result for packing in packings]
+def of_quantities(name: str, files: Sequence[Path], output: Path, quantities: Sequence[str]) -> Row:
+    """Of any packing, quantities by their name in the registry; files are it and its waves."""
+    packing, *records = files
+    case = Case(name, packing.parent, {packing.name.split(".")[-2]: packing})
+    found = measure(packing, *records, quantities=quantities)
+    row = bare_row(case)
+    for quantity, value in found.items():
+        if value.at is None:
+            row.values[quantity] = Estimate(float(value.value), float(value.error))
+        else:
+            row.curves[quantity] = tuple(map(np.asarray, (value.at, value.value, value.error)))
+        row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]
+    row.provenance = _provenance(case)
+    write_result(output, row)
+    return row
 
 
-@contextmanager
-def _shared_cores(jobs: int) -> Iterator[None]:
-    """Processes that are started in here share the cores: as many threads each, unless told so."""
-    told = os.environ.get(THREADS)
-    if told is None:
-        os.environ[THREADS] = str(max(1, len(os.sched_getaffinity(0)) // jobs))
-    try:
-        yield
-    finally:
-        if told is None:
-            del os.environ[THREADS]
+def of_state(name: str, sample: Path, output: Path) -> Row:
+    """Of a state that is no case: density, contacts, and whether it has settled."""
+    network = read_remarked(sample, lambda note: None)
+    study = network.study
+    stress, mu = float(study["stress"]), float(study.get("mu_comp", 0.0))
+    why = why_unsettled(network, stress)
+    row = Row(None, name, f"random, {stress / 1e3:g} kPa", False, stress, mu, "", why, state=True)
+    row.values["void_ratio"] = Estimate(void_ratio(network))
+    row.values["coordination_number"] = Estimate(float(contacts_per_particle(network).mean()))
+    write_result(output, row)
+    return row
+
+
+def _add_elasticity(row: Row, m: Measures) -> None:
+    """Moduli and S-waves of a case, as far as their files are there."""
+    moduli = m.case.moduli
+    if moduli is not None:
+        v_p, v_s = velocities_of(moduli)
+        for name, value in (
+            ("bulk_modulus_mpa", moduli.bulk_modulus / 1e6),
+            ("shear_modulus_mpa", moduli.shear_modulus / 1e6),
+            ("poisson", moduli.poisson),
+            ("v_p_moduli_m_per_s", v_p),
+            ("v_s_moduli_m_per_s", v_s),
+        ):
+            row.values[name] = Estimate(value)
+    for wave in m.shear:
+        producer, edge = wave.record.producer, wave.low_pass
+        row.values[f"v_s_long_waves_{producer}_m_per_s"] = wave.long_wave
+        row.values[f"v_s_first_peaks_{producer}_m_per_s"] = wave.first_peak
+        low_pass = Estimate(edge.value / 1e3, edge.error / 1e3)
+        row.values[f"f_low_pass_2_shear_{producer}_khz"] = low_pass
+
+
+def _add_tables(row: Row, m: Measures) -> None:
+    """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
+    (f, kappa), lines = m.resonances, []
+    if len(f):
+        share = [] if m.standing is None else [f"{v:.2f}" for v in m.standing.share]
+        columns = [[number(v) for v in f / 1e3], [number(v) for v in kappa]]
+        columns += [] if m.case.is_crystal else [share]
+        head = ["r", "f_r, kHz", "kappa_r, rad/m", "share of the mode"][: 1 + len(columns)]
+        lines = [[(c[r : r + 1] or [""])[0] for c in columns] for r in range(RESONANCES)]
+        row.tables["resonances"] = [head, *([str(r + 1), *line] for r, line in enumerate(lines))]
+    choices = [[text, _chosen(edge)] for text, edge in m.passband.choices()]
+    row.tables["choices"] = [["f_low-pass, kHz", "f_low-pass"], *choices]
+    if m.case.is_crystal:
+        row.tables["comparison"] = [line.cells() for line in compare(m.case)]
+
+
+def _chosen(edge: Edge) -> str:
+    """A threshold's frequency in kHz, marked where it stands on no plateau; else why none."""
+    text = number(1e-3 * edge.value, 1e-3 * edge.error)
+    if not text:
+        return f"none: {edge.why}" if edge.why else ""
+    return text if edge.flat else f"{text}, no plateau"
+
+
+def _provenance(case: Case) -> list[list[str]]:
+    """Every file that was read, its digest, its command and its sources as far as it says."""
+    lines = []
+    for kind in (*KINDS, *EXTRA_KINDS):
+        if case.has(kind):
+            path = case.path(kind)
+            made = read_provenance(path)
+            sources = ", ".join(map(str, made.sources))
+            how = made.command or "of unknown origin"
+            lines.append([path.name, sha256(path)[:16], how, sources])
+    return lines

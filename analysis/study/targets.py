@@ -1,198 +1,50 @@
-"""Each number that the paper states and this study can meet: ours, the rule, met or not, and why.
+"""A study's targets: numbers that it should find, each with its rule as data.
 
-`targets` takes the rows of the cases at hand. Where a target speaks of several cases, `value` is
-the one that is furthest from it, and `why` names the others' range. A case that is not there makes
-no number: the target is then not met, and `why` says what is missing.
+A target says which cases (`select`), which `quantity` of them, and how near or within which
+bounds; stated numbers come from the study's table. Each rule returns a `Finding`. Where it speaks
+of several cases, the value is the one that is furthest off, and `why` names the others' range.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from analysis.rows import Row
-from analysis.study.low_pass_targets import dem_edge, slopes, wavelengths
-from analysis.study.target_rules import (
-    CRYSTALS,
-    RANDOM,
-    Finding,
-    all_within,
-    chi_high,
-    coordination,
-    crystal_exponent,
-    gain,
-    highest_apart,
-    near,
-    paper,
-    random_exponents,
-    rounds,
-)
-from analysis.table import Table
+from analysis.estimators.power_law import power_law
+from analysis.study.description import Study
+from analysis.study.powers import powers
+from analysis.study.selection import missing, numbers, of_one_producer, runs, select, spreads
+from analysis.table import Table, number
+from modal.tools.errors import InputError
 
+Spec = Mapping[str, Any]
 HEADER = ("id", "value", "error", "target", "rule", "met", "why")
 
 
 @dataclass(frozen=True)
-class Target:
-    """A stated number: its id, as the paper has it, our rule in words, and the rule."""
+class Finding:
+    """What a rule found: value and error, whether the target is met, and why (or why not).
 
-    id: str
-    stated: str
-    rule: str
-    find: Callable[[dict[int, Row]], Finding]
+    `off` is how far the value is from the stated one, where that is one number; `short` the reason
+    in few words.
+    """
 
-
-CHAIN = "one chain, {} % of the maximum of the whole map, at 50-60 % of the length, on a plateau"
-TARGETS = (
-    Target(
-        "fcc_f_min",
-        "0.7534 kHz, within 0.1 %",
-        "lowest of all modes",
-        near(2, "f_min_khz", paper("f_min", 2), 1e-3),
-    ),
-    Target(
-        "fcc_f_max",
-        "211.2 kHz, within 0.1 %",
-        "highest mode",
-        near(2, "f_max_khz", paper("f_max", 2), 1e-3),
-    ),
-    Target(
-        "fcc_f_1",
-        "1.06 kHz, rounds to it",
-        "first pure P mode",
-        rounds(2, "f_1_khz", paper("f_1", 2), 2),
-    ),
-    Target(
-        "fcc_f_200",
-        "137.6 kHz, within 0.1 %",
-        "200th pure P mode",
-        near(2, "f_200_khz", paper("f_200", 2), 1e-3),
-    ),
-    Target("fcc_n_modes", "200", "number of pure P modes", near(2, "resonances", 200, 0)),
-    Target(
-        "fcc_flow_theory",
-        "137.7 kHz, within 0.1 %",
-        "Eq. 10",
-        near(2, "band_edge_theory_khz", paper("f_low_pass", 2), 1e-3),
-    ),
-    Target(
-        "fcc_flow_modal",
-        "137.6 kHz, within 0.1 %",
-        "band edge of the modes' dispersion",
-        near(2, "band_edge_modes_khz", paper("f_low_pass_modal", 2), 1e-3),
-    ),
-    Target(
-        "fcc_flow_dem",
-        "138.1 kHz, within 1.5 % (rule) and 0.5 % (unbiased)",
-        "one chain, 2 % of the maximum of the whole map, at 5-15 % of the length; damped transform",
-        dem_edge,
-    ),
-    Target(
-        "fcc_e",
-        "0.353, rounds to it",
-        "wall to wall",
-        rounds(2, "void_ratio", paper("void_ratio", 2), 3),
-    ),
-    Target(
-        "fcc_lambda",
-        "1.4142, within 1 %",
-        "wavelength where the record's waves turn round",
-        all_within(CRYSTALS, "lambda_edge_yade_over_d", 0.99 * 2**0.5, 1.01 * 2**0.5),
-    ),
-    Target("fcc_b", "1/6, within 0.002", "V_P by first peaks over stress", crystal_exponent),
-    Target(
-        "fcc_trans_only",
-        "1, within 0.5 %",
-        "highest mode without rotations over Eq. 10",
-        near(2, "translations_only_over_edge", 1.0, 5e-3),
-    ),
-    Target(
-        "rnd_n", "35201", "particles of the packing", all_within(RANDOM, "particles", 35201, 35201)
-    ),
-    Target("rnd_length", "141-146", "length / D", all_within(RANDOM, "length_over_d", 141, 146)),
-    *(
-        Target(
-            f"rnd_e_{n}",
-            f"{paper('void_ratio', n)}, within {off}",
-            "wall to wall",
-            near(n, "void_ratio", paper("void_ratio", n), off, relative=False),
-        )
-        for n, off in ((6, 0.01), (7, 0.01), (8, 0.01), (22, 0.01), (30, 0.015))
-    ),
-    Target(
-        "rnd_fmax_6",
-        "216.1 kHz, within 2 %",
-        "highest mode",
-        near(6, "f_max_khz", paper("f_max", 6), 0.02),
-    ),
-    Target(
-        "rnd_fmax_30",
-        "214.1 kHz, within 2 %",
-        "highest mode",
-        near(30, "f_max_khz", paper("f_max", 30), 0.02),
-    ),
-    Target(
-        "fmax_spread",
-        "below 3 %",
-        "largest over smallest of FCC, friction 0 and 0.4 at one stress",
-        highest_apart,
-    ),
-    Target(
-        "rnd_flow_6",
-        "21.9 kHz, within 10 %",
-        CHAIN.format(2),
-        near(6, "f_low_pass_2_khz", paper("threshold_2", 6), 0.1, plateau="2"),
-    ),
-    Target(
-        "rnd_b",
-        "above 1/6, grows with e at 1 kPa",
-        "V_P by first peaks over stress, each friction; b over e at 1 kPa has a slope of more than "
-        "twice its standard error",
-        random_exponents,
-    ),
-    Target(
-        "rnd_chi_low",
-        "above 0.9",
-        "largest of the chain below 0.05 f_max, where the paper has 10 kHz",
-        all_within([6], "chi_z_low", 0.9, np.inf),
-    ),
-    Target(
-        "rnd_chi_high",
-        "about 0.33",
-        "largest of the chain above 0.07 f_max, where the paper has 15 kHz",
-        chi_high,
-    ),
-    Target(
-        "rnd_lambda_2",
-        "7-18",
-        CHAIN.format(2) + ", wave number of the same record",
-        wavelengths("2"),
-    ),
-    Target(
-        "rnd_lambda_1",
-        "5-12",
-        CHAIN.format(1) + ", wave number of the same record",
-        wavelengths("1"),
-    ),
-    Target(
-        "rnd_slope", "1.2-1.4", "slope of log f_low-pass (2 %) over log V_P, each friction", slopes
-    ),
-    Target("gain_peak", "above 1", "largest receiver over source stress", gain),
-)
-
-
-AT_1_KPA = (
-    ("rnd_cn_dense", "5.91, within 0.1", 0.0, 0.1),
-    ("rnd_cn_loose", "3.84, within 0.2", 0.4, 0.2),
-)
-"""Id, as the paper has it, friction, how near: of states that are no case."""
+    value: float
+    error: float
+    met: bool
+    why: str
+    off: str = ""
+    short: str = ""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What was found of a target: its id, the paper's words, our rule, the finding."""
+    """A target and what was found of it."""
 
     id: str
     stated: str
@@ -205,27 +57,276 @@ class Answer:
         return "yes" if self.finding.met else "no"
 
 
-def answers(rows: Iterable[Row], states: dict[float, Row] | None = None) -> list[Answer]:
-    """Of every target; `states` are the packings at 1 kPa by their friction."""
-    numbered = {row.number: row for row in rows if row.number is not None}
-    found = [Answer(t.id, t.stated, t.rule, t.find(numbered)) for t in TARGETS]
-    after = 1 + next(k for k, target in enumerate(TARGETS) if target.id == "rnd_e_30")
-    for key, stated, friction, within in reversed(AT_1_KPA):
-        finding = coordination(friction, within, states or {}, numbered.values())
-        rule = "contacts a particle of the state at 1 kPa"
-        found.insert(after, Answer(key, stated, rule, finding))
+class Rules:
+    """The rules, over the frame of a study's cases and its table of stated numbers."""
+
+    def __init__(self, frame: pd.DataFrame, stated: pd.DataFrame) -> None:
+        self.frame, self.table = frame, stated
+
+    def find(self, spec: Spec) -> Finding:
+        """What the one rule that a target names finds."""
+        kinds = {"near": self.near, "rounds": self.rounds, "inside": self.inside}
+        kinds |= {"power": self.power, "apart": self.apart}
+        named = spec.keys() & kinds.keys()
+        if len(named) != 1:
+            raise InputError(f"target {spec.get('id')}: give it one of {', '.join(kinds)}")
+        (kind,) = named
+        return kinds[kind](spec[kind])
+
+    def stated(self, quantity: str, cases: pd.DataFrame) -> pd.Series | None:
+        """What is stated of a quantity for any of these cases; None where nothing is."""
+        for _, line in self.table[self.table["quantity"] == quantity].iterrows():
+            text = line["select"] if isinstance(line["select"], str) else ""
+            if cases.index.isin(select(self.frame, text).index).any():
+                return line
+        return None
+
+    def stated_of(self, case: str) -> dict[str, tuple[float, float]]:
+        """Lower and upper end of all that is stated of a case, by quantity."""
+        found = {}
+        for _, line in self.table.iterrows():
+            text = line["select"] if isinstance(line["select"], str) else ""
+            if case in select(self.frame, text).index:
+                low, high = line["low"], line["high"]
+                ends = (line["value"],) * 2 if np.isfinite(line["value"]) else (low, high)
+                found[line["quantity"]] = (float(ends[0]), float(ends[1]))
+        return found
+
+    def _of(self, spec: Spec) -> tuple[pd.DataFrame, str, str]:
+        """Cases, producer and quantity of a rule."""
+        cases = select(self.frame, spec.get("select", ""))
+        return cases, *of_one_producer(cases, spec["quantity"])
+
+    def _wanted(self, spec: Spec, cases: pd.DataFrame) -> float:
+        line = self.stated(spec.get("stated", spec["quantity"]), cases)
+        if "value" not in spec and line is None:
+            raise InputError(f"{spec['quantity']}: no stated value; add it to stated.csv")
+        return float(spec["value"] if "value" in spec else line["value"])
+
+    def near(self, spec: Spec) -> Finding:
+        """One case's number within so much of the stated; `within` in its unit, or per cent.
+
+        `also` names further quantities and how near these have to be. On no plateau, and of a state
+        that has not settled, no number meets a target.
+        """
+        cases, _, name = self._of(spec)
+        values = numbers(cases, name)
+        if not np.isfinite(values).any():
+            return _absent(missing(cases, name))
+        row = cases.loc[np.isfinite(values).idxmax()]
+        value, wanted = float(values[row.name]), self._wanted(spec, cases)
+        met, by = _near(value, wanted, spec["within"])
+        why = f"off by {by}"
+        for other, within in spec.get("also", {}).items():
+            also, apart = _near(float(row[other]), wanted, within)
+            met, why = met and also, f"{why}; {other} {row[other]:.2f}: {apart}"
+        if (percent := spec.get("plateau")) and not row.get(f"plateau_{percent}", False):
+            met, why = False, f"{why}; on no plateau, where the rule has no answer"
+        unsettled = row.get(spec.get("unsettled", "unsettled"))
+        if isinstance(unsettled, str) and unsettled:
+            where = "inside" if met else "outside"
+            met, why = False, f"{why}, {where}, but the state has not settled: {unsettled}"
+        error = float(row.get(f"{name}_spread", np.nan))
+        return Finding(value, error, met, why + _mention(spec, row), by, f"{value:.4g} ({by})")
+
+    def rounds(self, spec: Spec) -> Finding:
+        """One case's number that rounds to the stated digits."""
+        cases, _, name = self._of(spec)
+        values = numbers(cases, name).dropna()
+        if values.empty:
+            return _absent(missing(cases, name))
+        value, wanted, digits = float(values.iloc[0]), self._wanted(spec, cases), spec["digits"]
+        met = round(value, digits) == wanted
+        error = float(cases.loc[values.index[0]].get(f"{name}_spread", np.nan))
+        off = f"{100 * (value / wanted - 1):+.2f} %"
+        return Finding(value, error, met, f"rounds to {value:.{digits}f}", off)
+
+    def inside(self, spec: Spec) -> Finding:
+        """Numbers of several cases, all within bounds: `low`, `high`, else the stated ones.
+
+        `aim` is what the furthest is furthest from, by default the middle. `others` are further
+        quantities by name, which are only said.
+        """
+        cases, _, name = self._of(spec)
+        values = numbers(cases, name)
+        seen = values[np.isfinite(values)]
+        low, high = self._bounds(spec, cases)
+        if seen.empty:
+            return _absent(missing(cases, name))
+        middle = spec.get("aim", 0.5 * (low + high))
+        far = abs(seen - middle) if np.isfinite(middle) else (-seen if np.isinf(high) else seen)
+        worst = cases.loc[far.idxmax()]
+        outside = seen[~seen.between(low, high)]
+        errors = spreads(cases, name)
+        text = f"{seen.min():.5g} to {seen.max():.5g}"
+        why = f"case {runs(cases.loc[seen.index, 'case'])}: {text}"
+        if len(outside):
+            why += f"; outside: case {runs(cases.loc[outside.index, 'case'])}"
+        if len(seen) < len(cases):
+            why += "; " + missing(cases, name)
+        met = outside.empty and (len(seen) == len(cases) or not spec.get("complete", True))
+        if "plateau" in spec:
+            why += _outside(cases, outside, errors, low, high)
+            there = cases[cases["there"]]
+            bare = there[there[f"plateau_{spec['plateau']}"] != True]  # noqa: E712
+            who = {"yade": "YADE"}.get(*set(there["record"]), "linear wave in some cases")
+            why += f"; {who}"
+            if len(bare):
+                met, why = False, f"{why}; no plateau at {spec['plateau']} % in case "
+                why += runs(bare["case"])
+        for text, other in spec.get("others", {}).items():
+            known = numbers(cases, of_one_producer(cases, other)[1]).dropna()
+            if len(known):
+                span = f"{known.min():.3g} to {known.max():.3g}"
+                why += f"; {text}: {span}, {known.between(low, high).sum()} of {len(known)} inside"
+        short = f"{len(seen) - len(outside)} of {len(seen)}, {seen.min():.3g} to {seen.max():.3g}"
+        why += _mention(spec, worst)
+        return Finding(float(seen[worst.name]), float(errors[worst.name]), met, why, "", short)
+
+    def _bounds(self, spec: Spec, cases: pd.DataFrame) -> tuple[float, float]:
+        """Lower and upper end, of which one may be infinite; a stated value is both."""
+        line = self.stated(spec.get("stated", spec.get("quantity", "")), cases)
+        found = {} if line is None else {"low": line["low"], "high": line["high"]}
+        if line is not None and np.isfinite(line["value"]):
+            part = spec.get("within", 0.0)
+            found = {"low": line["value"] * (1 - part), "high": line["value"] * (1 + part)}
+        found |= {name: spec[name] for name in ("low", "high") if name in spec}
+        if not found:
+            raise InputError(f"{spec.get('quantity')}: no bounds; give low or high")
+        low, high = (float(found.get(name, np.nan)) for name in ("low", "high"))
+        return (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+
+    def power(self, spec: Spec) -> Finding:
+        """Quantity `y` as a power of `x` within each group, all inside the stated bounds.
+
+        With `within` the power of all cases is that near to the stated one. `grows`: with the void
+        ratio, beyond twice its standard error.
+        """
+        cases = select(self.frame, spec.get("select", ""))
+        producer, x, y = of_one_producer(cases, spec["x"], spec["y"])
+        found = powers(cases, x, y)
+        if found is None:
+            return _absent(missing(cases, y))
+        if "within" in spec:
+            wanted = float(self.stated(spec["stated"], cases)["value"])
+            value, error = float(found.power[0]), float(found.error[0])
+            known = cases[np.isfinite(numbers(cases, y))]
+            why = f"over case {runs(known['case'])}, {producer}"
+            why += "" if found.whole else "; " + missing(cases, y)
+            met = abs(value - wanted) <= spec["within"] and found.whole
+            return Finding(value, error, met, why, f"{value - wanted:+.4f}")
+        low, high = self._bounds(spec, cases)
+        inside = (found.power > low) & (found.power <= high)
+        aim = 0.5 * (low + high)
+        far = abs(found.power - aim) if np.isfinite(aim) else -found.power
+        worst = int(np.argmax(far))
+        least, most = found.power.min(), found.power.max()
+        share = f"{inside.sum()} of {len(inside)}"
+        why = f"{producer}: {share} inside; power = {found}"
+        if "plateau" in spec:
+            flat = f"plateau_{spec['plateau']}_{'yade' if producer == 'YADE' else 'linear'}"
+            there = cases[cases["there"]]
+            bare = there[there.get(flat, pd.Series(None, there.index)) != True]  # noqa: E712
+            if len(bare):
+                why += f"; no plateau at {spec['plateau']} % in case {runs(bare['case'])}"
+        for text, other in spec.get("others", {}).items():
+            by = powers(cases, x, of_one_producer(cases, other)[1])
+            if by is not None:
+                why += f"; {text}: {by.power.min():.3g} to {by.power.max():.3g}"
+        met = bool(inside.all()) and (found.whole or not spec.get("complete", True))
+        met = met and (found.grows or not spec.get("grows"))
+        slope, error = found.trend
+        short = f"{share} groups, {least:.2f} to {most:.2f}; {slope:+.1f} ± {error:.1g} over e"
+        return Finding(float(found.power[worst]), float(found.error[worst]), met, why, "", short)
+
+    def apart(self, spec: Spec) -> Finding:
+        """Largest over smallest number of some cases at each stress, less one, in per cent."""
+        cases, _, name = self._of(spec)
+        found, expected = apart(cases, name), cases["stress"].nunique()
+        if found.empty:
+            return _absent(missing(cases, name))
+        _, high = self._bounds({"stated": spec["stated"]}, self.frame)
+        worst = float(found.max())
+        why = "in %: " + ", ".join(f"{v:.2f} at {s / 1e3:g} kPa" for s, v in found.items())
+        if len(found) < expected:
+            why += "; " + missing(cases, name)
+        if worst >= high:
+            members = cases[cases["stress"] == found.idxmax()]
+            each = (f"{row['group']} {row[name]:.2f}" for _, row in members.iterrows())
+            why += f"; at {found.idxmax() / 1e3:g} kPa {', '.join(each)}"
+            why += "".join(_mention(spec, row) for _, row in members.iterrows())
+            laws = ((g, power_law(m["stress"], m[name])) for g, m in cases.groupby("group"))
+            why += "; powers over stress: " + ", ".join(f"{g} {b.exponent:.4f}" for g, b in laws)
+        why += f"; of all packings at most {apart(self.frame, name).max():.2f}"
+        return Finding(worst, np.nan, worst < high and len(found) == expected, why)
+
+
+def apart(frame: pd.DataFrame, name: str) -> pd.Series:
+    """Largest over smallest number at each stress, Pa, less 1, in %; where two or more are known.
+
+    Only stresses at which as many groups are known as anywhere count.
+    """
+    known = frame[np.isfinite(numbers(frame, name))]
+    by = known.groupby("stress")[name]
+    found = 100 * (by.max().astype(float) / by.min().astype(float) - 1)
+    return found[(by.count() > 1) & (by.count() == by.count().max())]
+
+
+def _near(value: float, wanted: float, within: str | float) -> tuple[bool, str]:
+    """Whether a value is so near to another, and how far off it is."""
+    percent = re.fullmatch(r"([\d.]+) %", str(within))
+    if percent:
+        off = 100 * (value / wanted - 1)
+        return bool(abs(off) <= float(percent[1])), f"{off:+.2f} %"
+    off = value - wanted
+    return bool(abs(off) <= float(within)), f"{off:+.4f}"
+
+
+def _absent(what: str) -> Finding:
+    """A number that no case gives, and what is not there."""
+    return Finding(np.nan, np.nan, False, f"not measured: {what}")
+
+
+def _mention(spec: Spec, row: pd.Series) -> str:
+    """What a target says besides, of one case: texts with its numbers, if these are known."""
+    found = ""
+    for text in spec.get("mention", []):
+        names = re.findall(r"{(\w+)", text)
+        if all(name in row and row[name] == row[name] and row[name] != "" for name in names):
+            found += "; " + text.format(**row)
     return found
+
+
+def _outside(
+    cases: pd.DataFrame, outside: pd.Series, errors: pd.Series, low: float, high: float
+) -> str:
+    """Each case outside with its error, and of how many the range is within twice that."""
+    if outside.empty:
+        return ""
+    each = [f"{cases['case'][n]}: {number(value, errors[n])}" for n, value in outside.items()]
+    gap = np.maximum(outside - high, low - outside)
+    near = (gap <= 2 * errors[outside.index]).sum()
+    return f" ({', '.join(each)}; {near} of them by less than twice their error)"
+
+
+def answers(study: Study, frame: pd.DataFrame) -> list[Answer]:
+    """Of every target of a study."""
+    rules = Rules(frame, study.stated())
+    return [
+        Answer(spec["id"], spec["stated"], spec["rule"], rules.find(spec))
+        for spec in study.part("targets")
+    ]
 
 
 def targets(found: list[Answer]) -> Table:
     """The table of targets, for files."""
     cells = [[a.id, *_value(a), a.stated, a.rule, a.met, a.finding.why] for a in found]
-    return Table("The paper's numbers as targets", HEADER, cells)
+    return Table("Targets", HEADER, cells, "targets")
 
 
 def targets_seen(found: list[Answer]) -> Table:
-    """The same for readers, with how far each is from what the paper has."""
-    header = ["target", "here", "±", "the paper", "deviation", "rule", "met", "why"]
+    """The same for readers, with how far each is from what is stated."""
+    header = ["target", "here", "±", "stated", "deviation", "rule", "met", "why"]
     cells = [
         [a.id, *_value(a), a.stated, a.finding.off, a.rule, a.met, a.finding.why] for a in found
     ]

@@ -1,174 +1,132 @@
-"""The whole study: every case of a folder measured, its tables and figures written, one page.
+"""The whole study from the results of its cases: tables, figures, targets, one page.
 
 A case that is not there is said to be missing; nothing stands in for it.
 """
 
 from __future__ import annotations
 
-import re
+import shlex
 from pathlib import Path
 
-from analysis.comparable import scatter_of_samples
-from analysis.estimators.settled import why_unsettled
+import pandas as pd
+
 from analysis.measures.estimate import Estimate
-from analysis.page import Section, list_html, made_by, page, table_html
-from analysis.report import provenance_table, shown
 from analysis.rows import Row
-from analysis.status import names_in
 from analysis.study.arrangement import arrange
-from analysis.study.elasticity import table_of_elasticity
-from analysis.study.measuring import Packing, measure_all
-from analysis.study.statements import statements
-from analysis.study.summary import summary
-from analysis.study.tables import (
-    table_1,
-    table_1_seen,
-    table_2_of,
-    table_of_choices,
-    table_of_density,
-    table_of_energy,
-    table_of_highest,
-    table_of_scattering,
-)
-from analysis.study.targets import answers, targets, targets_seen
-from analysis.study.velocity_rules import table_of_biases, table_of_laws, velocities
-from analysis.table import Table, read_csv
-from modal.exchange.registry import read_remarked
+from analysis.study.description import Study
+from analysis.study.page import PLAIN, page
+from analysis.study.results import frame_of, read_results
+from analysis.study.selection import runs
+from analysis.study.tables import tables, whole
+from analysis.study.targets import Answer, Rules, answers, targets, targets_seen
+from analysis.table import Table, number, read_csv
 from modal.formats.hdf5 import write_text
-from modal.packing.state import contacts_per_particle, void_ratio
 from modal.tools.errors import InputError
 
-CASES = range(1, 33)
 
+def write_study(study: Study, results: Path, output: Path, command: list[str]) -> tuple[Path, int]:
+    """Write tables, figures and the page of a study to `output`; the page, and missing cases.
 
-def states_at_1_kpa(folders: list[Path]) -> dict[float, Row]:
-    """Void ratio and coordination number of the packings under 1 kPa, by their friction."""
-    found: dict[float, Row] = {}
-    patterns = "compression_mu*/1000Pa.sample.h5", "compression_mu*/*_1kPa.sample.h5"
-    for folder in folders:
-        for pattern in (*patterns, "mu*_1kPa.sample.h5"):
-            for path in sorted(folder.glob(pattern)):
-                match = re.search(r"mu([0-9.]+)", str(path.relative_to(folder)))
-                if match is None or float(match[1].rstrip(".")) in found:
-                    continue
-                mu = float(match[1].rstrip("."))
-                network = read_remarked(path, lambda note: None)
-                row = Row(
-                    None, path.name, path.name, False, 1e3, mu, "", why_unsettled(network, 1e3)
-                )
-                row.values["void_ratio"] = Estimate(void_ratio(network))
-                z = float(contacts_per_particle(network).mean())
-                row.values["coordination_number"] = Estimate(z)
-                found[mu] = row
-    return found
-
-
-def splits(folder: Path) -> dict[str, Table]:
-    """What the differences between YADE and the linear wave come from, of cases that were split."""
-    found = {}
-    for path in sorted(folder.glob("case??.agreement.csv")):
-        name = path.name.split(".")[0]
-        title = f"YADE against the linear wave by cause, {name}"
-        found[f"split_{name}"] = read_csv(path, title)
-    return found
-
-
-def study(
-    folder: Path,
-    output: Path,
-    command: list[str],
-    *,
-    jobs: int = 1,
-    seeds: list[Path] | None = None,
-    states: list[Path] | None = None,
-) -> tuple[Path, list[str]]:
-    """Measure the study's cases in a folder, and write tables, figures and the page to `output`.
-
-    Returns the page, and a line for each case that could not be measured.
-    `seeds` are folders with the same cases of other seeds, `states` those with states at 1 kPa
-    beside the folder's own compressions.
+    `results` is a folder of results with the panels of their figures, and of the tables that
+    `python -m analysis agreement` has made of a case.
     """
-    names = [name for name in names_in(folder) if re.fullmatch(r"case\d\d", name)]
-    names = [name for name in names if _has_packing(folder, name)]
-    if not names:
-        raise InputError(f"{folder}: no case has a packing; run the cases first")
-    packings = [Packing(folder, name) for name in names]
-    packings += [
-        Packing(other, name, other_seed=True)
-        for other in seeds or []
-        for name in names_in(other)
-        if _has_packing(other, name)
-    ]
-    measured, failed = measure_all(packings, jobs)
-    found = [one for packing, one in measured if not packing.other_seed]
-    if not found:
-        raise InputError(f"{folder}: no case can be read; {failed[0]}")
-    rows = [one.row for one in found]
-    others = [one.row for packing, one in measured if packing.other_seed]
-    at_1_kpa = states_at_1_kpa([folder, *(states or [])])
-    for row in rows:
-        row.samples = scatter_of_samples(row, others)
-        row.packings += sum(other.name == row.name for other in others)
-        if not row.crystal and row.mu_comp in at_1_kpa:
-            row.values["void_ratio_at_1_kpa"] = at_1_kpa[row.mu_comp].values["void_ratio"]
-            row.texts["unsettled_at_1_kpa"] = at_1_kpa[row.mu_comp].unsettled
+    rows = read_results(results)
+    frame = frame_of(rows, study.cases)
+    if not frame["there"].any():
+        raise InputError(f"{results}: no result of {study.path}; run its cases first")
+    rules, found = Rules(frame, study.stated()), answers(study, frame)
     output.mkdir(parents=True, exist_ok=True)
-    table_1(rows).write_csv(output / "table1.csv")
-    found_of_targets = answers(rows, at_1_kpa)
-    targets(found_of_targets).write_csv(output / "targets.csv")
-    for name, seen in (
-        ("table1", table_1_seen(rows)),
-        ("targets", targets_seen(found_of_targets)),
-    ):
-        write_text(output / f"{name}.md", seen.markdown())
-    tables = {
-        "table2": table_2_of([x.second for x in found if x.second is not None]),
-        "velocities": velocities(rows),
-        "biases": table_of_biases(),
-        "laws": table_of_laws(rows, at_1_kpa),
-        "statements": statements(rows),
-        "highest": table_of_highest(rows),
-        "density": table_of_density(rows),
-        "energy": table_of_energy(rows),
-        "scattering": table_of_scattering(rows),
-        "elasticity": table_of_elasticity(rows),
-        "choices": table_of_choices({x.row.label: x.choices for x in found if x.choices}),
-        **splits(folder),
-    }
-    for name, table in tables.items():
-        if table.rows:
-            table.write_csv(output / f"{name}.csv")
-    panels = {one.row.number: one.panels for one in found if one.row.number is not None}
-    figures, absent = arrange(panels, rows, output)
-    missing = [n for n in CASES if n not in {row.number for row in rows}]
-    failed = [text.replace(f"{folder}/", "") for text in failed]
-    sections = [
-        Section("Summary", summary(rows, found_of_targets, missing, failed)),
-        Section("Targets", table_html(targets_seen(found_of_targets), words=True)),
-        Section("Table 1", table_html(table_1_seen(rows))),
-        *(Section(table.title, table_html(table)) for table in tables.values() if table.rows),
-        Section("Figures", "".join(figures)),
+    shown = tables(study.settings["tables"] or study.part("tables"), frame, rules, rows)
+    shown += [
+        read_csv(path, f"YADE against the linear wave by cause, {path.name.split('.')[0]}")
+        for path in sorted(results.glob("*.agreement.csv"))
     ]
-    if absent:
-        sections.append(Section("Not drawn", list_html(absent)))
-    notes = sorted({f"{row.name}: {note}" for row in rows for note in row.notes})
-    if notes:
-        sections.append(Section("Notes", list_html(notes)))
-    made = Table("", provenance_table([]).header, [row for one in found for row in one.provenance])
-    details = f"<details><summary>{len(made.rows)} files</summary>{table_html(made)}</details>"
-    sections.append(Section("Provenance", details))
-    above = (
-        "<p>After Otsubo, O'Sullivan, Hanley and Sim, Granular Matter 19:50 (2017). Each number's "
-        "file names its columns; ± is the error of the estimator and of the choice of the chain, "
-        "in figures and targets the scatter of samples where that is known and larger. "
-        "YADE is the recorded run; linear, the wave of its network's springs.</p>"
-        + made_by(shown(command))
-    )
+    for table in (whole(frame, rows), targets(found), *shown):
+        if table.rows and table.name:
+            table.write_csv(output / f"{table.name}.csv")
+    for row in rows:
+        row.values |= _of_state(frame, row)
+        row.stated = rules.stated_of(row.name) if row.name in frame.index else {}
+    specs = study.settings["figures"] or study.part("figures")
+    figures, absent = arrange(specs, frame, rows, results, output)
+    template = study.folder / "page.html.j2"
+    away = frame[~frame["there"]]
+    content = {
+        "title": study.settings["title"] or study.settings["name"],
+        "command": _shown(command),
+        "summary": _summary(frame, found),
+        "targets": targets_seen(found),
+        "tables": shown,
+        "figures": figures,
+        "absent": absent,
+        "notes": sorted({f"{row.name}: {note}" for row in rows for note in row.notes}),
+        "provenance": Table(
+            "Provenance",
+            ["file", "SHA-256, first 16 digits", "command", "made from"],
+            [line for row in rows for line in row.provenance],
+        ),
+        "frame": frame,
+        "headlines": study.settings["headlines"],
+        "number": number,
+    }
     path = output / "study.html"
-    text = page("Waves in sphere packings: the study", above, sections, contents=True)
-    write_text(path, text)
-    return path, failed
+    write_text(path, page(template if template.is_file() else PLAIN, content))
+    for name in ("targets", "table1_seen"):
+        seen = {"targets": targets_seen(found)} | {table.name: table for table in shown}
+        if name in seen and seen[name].rows:
+            write_text(output / f"{name}.md", seen[name].markdown())
+    return path, len(away)
 
 
-def _has_packing(folder: Path, name: str) -> bool:
-    return any((folder / f"{name}.{kind}.h5").is_file() for kind in ("network", "sample"))
+def _of_state(frame: pd.DataFrame, row: Row) -> dict[str, Estimate]:
+    """By which void ratio figures order packings: that of the state before the cases."""
+    if "void_ratio_of_state" not in frame or row.name not in frame.index:
+        return {}
+    return {"void_ratio_of_state": Estimate(float(frame["void_ratio_of_state"][row.name]))}
+
+
+def _summary(frame: pd.DataFrame, found: list[Answer]) -> list[str]:
+    """How many cases and targets, and what is missing."""
+    there, away = frame[frame["there"]], frame[~frame["there"]]
+    runs_ = int((there["record"] == "yade").sum())
+    lines = [f"{len(there)} of {len(frame)} cases are there, {runs_} of them with a YADE run."]
+    if len(away):
+        lines.append(f"No result of case {runs(away['case'])}.")
+    for kind in sorted({kind for kinds in there["absent"] for kind in kinds.split()}):
+        cases = there[[kind in kinds.split() for kinds in there["absent"]]]["case"]
+        lines.append(f"Absent: {kind} of case {runs(cases)}; what needs it is empty.")
+    several = there[there["packings"] > 1]
+    if len(several):
+        most = int(several["packings"].max())
+        lines.append(f"Scatter of {most} samples at most: of case {runs(several['case'])}.")
+    else:
+        lines.append("One sample a case: no error of the sample is known.")
+    if len(unsettled := there[there["unsettled"] != ""]):
+        lines.append(f"Not settled: {', '.join(unsettled.index)}.")
+    if found:
+        open_ = [answer.id for answer in found if not answer.finding.met]
+        lines.append(f"{len(found) - len(open_)} of {len(found)} targets are met.")
+        if open_:
+            lines.append(f"Not met: {', '.join(open_)}; the column why says why.")
+    return lines
+
+
+def _shown(command: list[str]) -> str:
+    """The command without a folder of this machine: paths from here on, or their last part."""
+    here, parts = Path.cwd(), []
+    for part in command:
+        path = Path(part)
+        if path.is_absolute():
+            part = str(path.relative_to(here)) if path.is_relative_to(here) else path.name
+        parts.append(part)
+    return shlex.join(parts)
+
+
+def case_of(study: Study, results: Path, name: str) -> tuple[Row, pd.DataFrame, Rules]:
+    """One case's result, with what its table needs; InputError where it is not there."""
+    rows = read_results(results)
+    frame = frame_of(rows, study.cases)
+    found = next((row for row in rows if row.name == name), None)
+    if found is None:
+        raise InputError(f"{results}: no result of {name}; run it first")
+    return found, frame, Rules(frame, study.stated())

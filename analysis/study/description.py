@@ -1,0 +1,196 @@
+"""A study as its YAML file describes it: groups of cases by factors, each with its settings.
+
+    name: friction_width
+    groups:
+      - kind: random
+        factors: {friction: [0, 0.4], width: [8, 12], seed: [1, 2]}
+        stress: 1e5
+        wave_friction: friction + 0.1
+
+Each combination of factors is a case. A setting is a value; a text with a factor's name in it,
+which is computed; or a mapping with `by`, which a factor's value picks from. `cases` names
+exceptions.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from modal.tools.errors import InputError
+
+KINDS = "fcc", "random"
+OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave"}
+"""Words of a study, and what the programs call them."""
+OF_STUDY = {
+    *("name", "title", "names", "groups", "cases", "make", "measure", "prepare", "spheres"),
+    *("layers", "seed", "states", "amplitude", "band", "bands", "lowest_modes", "samples"),
+    *("tables", "figures", "headlines", "quick"),
+}
+OF_CASE = {
+    *("kind", "factors", "stress", "friction", "wave_friction", "width", "seed", "spheres"),
+    *("input_frequency", "fraction", "passage", "amplitude", "duration", "interval", "particles"),
+    *("direction", "layers", "sizes", "densities", "approach_rate", "agitated_damping"),
+    *("inertial_number", "hot_stress", "damping", "residual"),
+}
+NUMBERS = OF_CASE - {"kind", "factors", "direction", "sizes", "densities"}
+DEFAULTS: dict[str, Any] = {
+    "names": "",
+    "prepare": "modal",
+    "spheres": 35201,
+    "layers": 200,
+    "seed": 1,
+    "states": [],
+    "amplitude": 2.5e-9,
+    "lowest_modes": 100,
+    "band": [15000, 15500],
+    "bands": {},
+    "samples": "",
+    "make": {"fcc": [], "random": []},
+    "measure": [],
+    "tables": [],
+    "cases": {},
+    "headlines": [],
+    "figures": [],
+}
+
+
+class Study:
+    """A study: its settings as attributes of `settings`, its `cases` one line each.
+
+    InputError, in one line that says what may stand there, where its file means no study.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.folder = self.path.parent
+        found = self._yaml(self.path)
+        self._known(found, OF_STUDY, "setting")
+        if "groups" not in found:
+            raise InputError(f"{path}: no groups; give at least one, with kind and factors")
+        self.settings: dict[str, Any] = DEFAULTS | {"name": self.path.stem, "title": ""} | found
+        lines = [line for group in found["groups"] for line in self._group(group)]
+        pattern = self.settings["names"]
+        names = [
+            pattern.format(k + 1) if pattern else _name(line.pop("factors", {}))
+            for k, line in enumerate(lines)
+        ]
+        self.rows: dict[str, dict[str, Any]] = dict(zip(names, lines, strict=True))
+        for line in lines:
+            line.pop("factors", None)
+        if len(self.rows) < len(lines):
+            raise InputError(f"{path}: two cases of one name; give each its own factors")
+        for name, own in self.settings["cases"].items():
+            if name not in self.rows:
+                raise InputError(f"{path}: cases: {name} is none of {names[0]} ... {names[-1]}")
+            self._known(own, OF_CASE, f"{name}: setting")
+            self.rows[name] |= {OTHER_NAMES.get(key, key): value for key, value in own.items()}
+        self._check()
+
+    def _yaml(self, path: Path) -> Any:
+        try:
+            return _numbers(yaml.safe_load(path.read_text()))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error}); name a study's YAML") from None
+        except yaml.YAMLError as error:
+            text = " ".join(str(error).split())
+            raise InputError(f"{path}: not YAML ({text}); mend the line that it names") from None
+
+    def _known(self, found: Any, known: set[str], what: str) -> None:
+        if not isinstance(found, Mapping):
+            raise InputError(f"{self.path}: {what}s have names; write NAME: VALUE")
+        if unknown := sorted(map(str, found.keys() - known)):
+            texts = ", ".join(unknown), ", ".join(sorted(known))
+            raise InputError(f"{self.path}: {what} {texts[0]} is unknown; known are {texts[1]}")
+
+    def _group(self, group: Any) -> list[dict[str, Any]]:
+        """The cases of a group: each combination of its factors, the last one fastest."""
+        self._known(group, OF_CASE, "group's setting")
+        if group.get("kind") not in KINDS:
+            raise InputError(f"{self.path}: kind {group.get('kind')} is none of {', '.join(KINDS)}")
+        factors = {
+            name: values if isinstance(values, list) else [values]
+            for name, values in group.get("factors", {}).items()
+        }
+        self._known(factors, OF_CASE, "factor")
+        shared = {name: group[name] for name in group if name not in ("factors",)}
+        lines = []
+        for values in itertools.product(*factors.values()):
+            own = dict(zip(factors, values, strict=True))
+            line = shared | own
+            for name, value in shared.items():
+                line[name] = self._value(name, value, line)
+            line = {OTHER_NAMES.get(name, name): value for name, value in line.items()}
+            lines.append(line | {"factors": own})
+        return lines
+
+    def _value(self, name: str, value: Any, line: Mapping[str, Any]) -> Any:
+        """A setting of one case."""
+        if isinstance(value, Mapping):
+            by = value.get("by")
+            if by not in line:
+                raise InputError(f"{self.path}: {name}: by {by} is no factor; name one")
+            return value.get(line[by], value.get("else"))
+        known = {n: v for n, v in line.items() if isinstance(v, int | float)}
+        if isinstance(value, str) and set(re.findall(r"[a-z_]+", value)) & known.keys():
+            try:
+                return round(float(pd.eval(value, local_dict=known)), 12)
+            except (SyntaxError, NameError, TypeError, ValueError) as error:
+                raise InputError(f"{self.path}: {name}: {value} ({error}) is no sum") from None
+        return value
+
+    def _check(self) -> None:
+        for name, row in self.rows.items():
+            for key in ("mu_comp", "mu_wave", "stress"):
+                if row.get(key) is None:
+                    words = {new: word for word, new in OTHER_NAMES.items()}
+                    raise InputError(f"{self.path}: {name} has no {words.get(key, key)}; add it")
+            for key, value in row.items():
+                word = key if key not in OTHER_NAMES.values() else "friction"
+                if word in NUMBERS and value is not None and not isinstance(value, int | float):
+                    raise InputError(f"{self.path}: {name}: {key} {value} is no number")
+            if row["stress"] <= 0:
+                raise InputError(f"{self.path}: {name}: stress {row['stress']} Pa; above 0")
+        make = self.settings["make"]
+        self._known(make, set(KINDS), "make: kind")
+
+    @property
+    def cases(self) -> pd.DataFrame:
+        """A line a case, by name: `case`, its number from 1 on, and its settings."""
+        frame = pd.DataFrame.from_dict(self.rows, orient="index")
+        frame.insert(0, "case", range(1, len(frame) + 1))
+        frame["name"] = frame.index
+        return frame
+
+    def part(self, name: str) -> Any:
+        """The content of a YAML file beside the study's; empty where there is none."""
+        path = self.folder / f"{name}.yaml"
+        return self._yaml(path) if path.is_file() else []
+
+    def stated(self) -> pd.DataFrame:
+        """Stated numbers: `quantity`, `cases` (a selection), `value`, `low`, `high`, `where`."""
+        path = self.folder / "stated.csv"
+        columns = ["quantity", "select", "value", "low", "high", "unit", "where"]
+        return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=columns)
+
+
+def _name(factors: Mapping[str, Any]) -> str:
+    """A case's name from its factors, as friction0.1_width10."""
+    return "_".join(f"{name}{value:g}" for name, value in factors.items()) or "case"
+
+
+def _numbers(value: Any) -> Any:
+    """YAML takes 1e5 for a text; here it is a number."""
+    if isinstance(value, dict):
+        return {_numbers(name): _numbers(cell) for name, cell in value.items()}
+    if isinstance(value, list):
+        return [_numbers(cell) for cell in value]
+    if isinstance(value, str) and re.fullmatch(r"[+-]?[\d.]+e[+-]?\d+", value):
+        return float(value)
+    return value

@@ -1,0 +1,76 @@
+"""Numbers of a study's cases by their name: quantities, expressions of them, one producer's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from modal.tools.errors import InputError
+
+PRODUCERS = {"yade": "YADE", "linear": "linear"}
+
+
+def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
+    """The cases that an expression of their columns is true of; all for an empty one."""
+    if not text:
+        return frame
+    try:
+        return frame.query(text, engine="python")
+    except (SyntaxError, ValueError, TypeError, pd.errors.UndefinedVariableError) as error:
+        raise InputError(f"select: {text}: {error}; name columns of the cases") from None
+
+
+def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
+    """A quantity of each case, or an expression of quantities; NaN where it is not known."""
+    if text in frame.columns:
+        return pd.to_numeric(frame[text], errors="coerce")
+    if text.isidentifier():
+        return pd.Series(np.nan, frame.index)
+    try:
+        return frame.eval(text, engine="python").astype(float)
+    except pd.errors.UndefinedVariableError:
+        return pd.Series(np.nan, frame.index)
+    except (SyntaxError, TypeError, ValueError) as error:
+        raise InputError(f"quantity {text}: {error}; write names of quantities") from None
+
+
+def spreads(frame: pd.DataFrame, text: str) -> pd.Series:
+    """Uncertainty of a quantity of each case; NaN where it is not known, as of an expression."""
+    return numbers(frame, f"{text}_spread" if text.isidentifier() else "unknown")
+
+
+def of_one_producer(frame: pd.DataFrame, *texts: str) -> tuple[str, ...]:
+    """Quantities with `{record}` in them as those of one producer, whose name comes first.
+
+    YADE's where all cases at hand have a run, else the linear wave's: never some of one and some
+    of the other, which differ where contacts slide.
+    """
+    there = frame[frame["there"]]
+    yade = len(there) > 0 and bool((there["record"] == "yade").all())
+    producer = "yade" if yade else "linear"
+    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in texts)
+
+
+def runs(cases: Iterable[int]) -> str:
+    """Numbers of cases as 1-4, 7."""
+    found: list[list[int]] = []
+    for n in sorted(cases):
+        if found and n == found[-1][-1] + 1:
+            found[-1].append(n)
+        else:
+            found.append([n])
+    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in found)
+
+
+def missing(frame: pd.DataFrame, text: str) -> str:
+    """What is not there for a quantity of these cases."""
+    away = frame[~frame["there"]]
+    blank = frame[frame["there"] & ~np.isfinite(numbers(frame, text))]
+    parts = [f"no packing of case {runs(away['case'])}"] if len(away) else []
+    if len(blank):
+        absent = sorted({kind for kinds in blank["absent"] for kind in kinds.split()})
+        why = f" (absent: {', '.join(absent)})" if absent else ""
+        parts.append(f"case {runs(blank['case'])} does not give it{why}")
+    return "; ".join(parts) or "nothing to measure it on"

@@ -1,0 +1,393 @@
+"""What the rules need to know of a study: what a case starts from, its files, a job's command.
+
+Read by the Snakefiles alone. Which cases there are, and their settings, stands in the study's YAML
+(`analysis.study.description`).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from math import pi
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+import h5py
+import pandas as pd
+
+from analysis.study.description import KINDS, Study
+from modal.tools.errors import InputError
+
+PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
+"""The project's Python, on every node; by the same name wherever the project lies."""
+FULL = 35201
+"""Spheres of the packings that costs.tsv is of."""
+ACROSS = 16
+"""Spheres of a layer of a crystal."""
+LEAST = 750
+"""Spheres of the smallest packing that is wide enough."""
+LAYERS = 40
+"""Of the crystals of a reduced study."""
+OF_CRYSTAL = "case", "mu_comp", "mu_wave", "stress", "layers", "crystal"
+OF_EXPORT = "case", "mu_wave", "stress", "sample"
+"""Columns of YADE's other jobs; the last names their table."""
+OF_WAVE = (
+    *("case", "mu_wave", "input_frequency", "fraction", "passage", "amplitude", "duration"),
+    *("interval", "particles", "direction"),
+)
+"""Columns of a case that yade_scripts/wave.py takes."""
+OF_WALK = (
+    *("mu_comp", "spheres", "width", "seed", "sizes", "densities", "approach_rate", "hot_stress"),
+    *("agitated_damping", "inertial_number", "damping", "residual"),
+)
+"""Columns that shape a compression, by YADE or its twin."""
+STAGES = {
+    "sample": ["sample"],
+    "highest": ["highest.modes"],
+    "wave": ["signals"],
+    "linear": ["linear.signals"],
+    "modes": ["modes", "translations.modes"],
+    "response": ["response"],
+    "density": ["density"],
+    "structure": ["structure"],
+    "shear": ["shear.signals"],
+    "moduli": ["moduli"],
+}
+"""Stage of the front door: the files of a case that it makes."""
+ON_REQUEST = "shear", "moduli"
+AMPLITUDES = {"reverse": -1.0, "tenth": 0.1, "small": 0.01, "small_reverse": -0.01}
+"""Further YADE waves that split the difference to the linear one: in parts of the amplitude."""
+SPLIT = *AMPLITUDES, "no_slip", "half_step"
+FURTHER = "100kHz", "shear_yade", *SPLIT
+SLOWER = 1.75
+"""Times that an S-wave needs, in those of the P-wave: a record of one passage or more."""
+
+
+class Jobs:
+    """The jobs of a study in one folder of products; `config` is Snakemake's."""
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        self.study = Study(config["study"])
+        own = self.study.settings
+        self.folder, self.stage = config["products"], config.get("stage", "page")
+        if self.stage not in (known := (*STAGES, "split", "result", "page")):
+            raise InputError(f"--stage {self.stage}: choose one of {', '.join(known)}")
+        if int(config.get("spheres", LEAST)) < LEAST:
+            raise InputError(f"--spheres {config['spheres']}: at least {LEAST}, 4 diameters across")
+        self.reduced, self.seed = "spheres" in config, config.get("seed")
+        self.scratch = bool(config.get("from_scratch")) or self.reduced or self.seed is not None
+        self.prepare = "modal" if self.reduced else config.get("prepare", own["prepare"])
+        self.rows = self.study.rows
+        for number, row in enumerate(self.rows.values(), 1):
+            full = row.setdefault("spheres", own["spheres"])
+            row |= {"case": number, "seed": self.seed or row.get("seed", own["seed"])}
+            row.setdefault("amplitude", own["amplitude"])
+            if row["kind"] == "fcc":
+                row["layers"] = LAYERS if self.reduced else row.get("layers", own["layers"])
+                row["spheres"] = ACROSS * row["layers"]
+            elif self.reduced:
+                row["spheres"] = int(config["spheres"])
+                if row.get("width") is not None:
+                    row["width"] = round(row["width"] * (row["spheres"] / full) ** (1 / 3), 4)
+        self.cases = _chosen(config.get("cases"), self.rows)
+        if config.get("bands"):
+            own["bands"] = config["bands"]
+
+    def of_kind(self, kind: str) -> list[str]:
+        """Names of all cases of a kind."""
+        return [name for name, row in self.rows.items() if row["kind"] == kind]
+
+    def walk_of(self, case: str) -> str:
+        """Name of the compression that a random case's state is of."""
+        row = self.rows[case]
+        kinds = {n: {other.get(n) for other in self.rows.values()} for n in ("width", "seed")}
+        varied = [n for n in kinds if len(kinds[n]) > 1 and self.study.settings["names"] == ""]
+        return f"mu{row['mu_comp']:g}" + "".join(f"_{n}{row[n]:g}" for n in varied)
+
+    @property
+    def walks(self) -> dict[str, list[str]]:
+        """Cases of each compression."""
+        found: dict[str, list[str]] = {}
+        for case in self.of_kind("random"):
+            found.setdefault(self.walk_of(case), []).append(case)
+        return found
+
+    @property
+    def stresses(self) -> list[float]:
+        """Stresses, Pa, of the states of every compression."""
+        own = {float(self.rows[case]["stress"]) for case in self.of_kind("random")}
+        return sorted(own | set(map(float, self.study.settings["states"])))
+
+    def state(self, walk: str, stress: float) -> str:
+        """File of a state."""
+        return f"{self.folder}/states/{walk}/{stress:g}Pa.sample.h5"
+
+    def product(self, case: str, kind: str) -> str:
+        """File of a case's product."""
+        return f"{self.folder}/{case}.{kind}.h5"
+
+    def committed(self, case: str) -> str | None:
+        """The finished sample that a case starts from; not where it has a state of its own."""
+        folder, row = self.study.settings["samples"], self.rows[case]
+        path = Path(folder) / f"{case}.sample.h5"
+        own = Path(self.state(self.walk_of(case), row["stress"])).exists()
+        if self.scratch or own or not folder or not path.exists():
+            return None
+        same = all(_noted(path, n) in (None, float(row[n])) for n in ("stress", "mu_comp"))
+        return str(path) if same else None
+
+    def ready(self, case: str) -> bool:
+        """Whether the finished sample is at rest with the friction of the wave."""
+        path = self.committed(case)
+        return path is not None and _noted(Path(path), "mu_wave") in (
+            None,
+            float(self.rows[case]["mu_wave"]),
+        )
+
+    def start(self, case: str) -> str:
+        """What the sample of a random case is made from."""
+        walk = self.walk_of(case)
+        return self.committed(case) or self.state(walk, float(self.rows[case]["stress"]))
+
+    def settings(self, *columns: str) -> Callable[[Any], dict[str, Any]]:
+        """Settings of a case that shape a product: a change of one makes it again."""
+        return lambda w: {name: self.rows[w.case].get(name) for name in columns}
+
+    def walk_command(self, walk: str) -> str:
+        """Command of a compression, which keeps its states in walks/."""
+        row = self.rows[self.walks[walk][0]]
+        if row["mu_comp"] == 0:
+            return self.frictionless_command(walk)
+        line = {name: row[name] for name in OF_WALK if row.get(name) is not None}
+        folder, log = f"{self.folder}/walks", f"{self.folder}/log/states/{walk}.yade.log"
+        if self.prepare == "yade":
+            made = f"{folder}/compression_mu{row['mu_comp']:g}"
+            last, own = f"{made}/{self.stresses[-1]:g}Pa.sample.h5", f"{folder}/{walk}.table"
+            job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
+            return f"{write_line(line, own)} && {job} {folder} {log} {last}"
+        given = " ".join(
+            f"--{name.replace('_', '-')} {cell}" for name, cell in line.items() if name != "mu_comp"
+        )
+        given += " --stress " + " ".join(f"{stress:g}" for stress in self.stresses)
+        friction = f"{PYTHON} -m modal pack --friction {row['mu_comp']}"
+        return f"{friction} {given} -o {folder}/compression_{walk}"
+
+    def noted_of(self, walk: str) -> str:
+        """What each state of a compression notes of it, as link_states.py takes it."""
+        row = self.rows[self.walks[walk][0]]
+        names = OF_WALK if row["mu_comp"] > 0 else ("spheres", "seed")
+        noted = {name: row[name] for name in names if row.get(name) is not None}
+        return " ".join(f"{name}={quote(str(cell))}" for name, cell in noted.items())
+
+    def frictionless_command(self, walk: str) -> str:
+        """Command of a compression without friction; states below 100 kPa branch off there."""
+        row, folder = self.rows[self.walks[walk][0]], f"{self.folder}/walks/compression_{walk}"
+        pack = f"{PYTHON} -m modal pack --spheres {row['spheres']} --seed {row['seed']}"
+        if row.get("width"):
+            pack += f" --aspect {row['spheres'] * pi / 6 / 0.6 / row['width'] ** 3:.4f}"
+        low = [s for s in self.stresses if s < 1e5]
+        high = [s for s in self.stresses if s >= 1e5][::-1] or [1e5]
+        text = f"{pack} --stress {' '.join(f'{s:g}' for s in high)} -o {folder}"
+        if low:
+            some = " ".join(f"{s:g}" for s in [1e5, *low[::-1]])
+            text += f" && mkdir -p {folder}/low && cp -n {folder}/0[01]_*.h5 {folder}/low"
+            text += f" && {pack} --stress {some} -o {folder}/low"
+        return text
+
+    def table(self, case: str, columns: Sequence[str]) -> str:
+        """Command that writes the table of one of YADE's jobs, and its path as shell variable."""
+        line = {n: v for n in columns if (v := self.rows[case].get(n)) is not None}
+        path = f"{self.folder}/tables/{case}.{columns[-1]}.table"
+        return f"own={path}; mkdir -p {self.folder}/tables; {write_line(line, '$own')}"
+
+    def wave(self, case: str, run: str = "") -> str:
+        """The same of a wave, or of one of its further waves, in its folder."""
+        folder = f"{self.folder}/waves/{run}" if run else f"{self.folder}/tables"
+        line = write_line(self.wave_line(case, run), "$own")
+        return f"mkdir -p {folder}; own={folder}/{case}.wave.table; {line}"
+
+    def wave_line(self, case: str, run: str = "") -> dict[str, Any]:
+        """Line of a case's YADE wave, or of one of its further waves."""
+        line = {n: v for n in OF_WAVE if (v := self.rows[case].get(n)) is not None}
+        line["amplitude"] *= AMPLITUDES.get(run, 1.0)
+        if run == "100kHz":
+            line["input_frequency"] = 1e5
+        elif run == "shear_yade":
+            line |= {"direction": "x", "passage": SLOWER * line.get("passage", 1.0)}
+        elif run == "no_slip":
+            line["mu_wave"] = 10
+        elif run == "half_step":
+            # Every step is recorded, and for longer: the case's own times are then among them.
+            passage = 1.02 * line.get("passage", 1.0)
+            line |= {
+                "fraction": 0.5 * line.get("fraction", 0.05),
+                "passage": passage,
+                "interval": 0,
+            }
+        return line
+
+    def duration(self, case: str) -> float:
+        """Seconds in which a wave goes from wall to wall, and somewhat more."""
+        row = self.rows[case]
+        slowest = 1.2e-3 * (row["spheres"] / FULL) ** (1 / 3)
+        if row["kind"] == "fcc":
+            slowest = 5e-4 * row["layers"] / 200
+        return round(slowest * (1e5 / row["stress"]) ** (1 / 6), 7)
+
+    def linear(self, case: str, times: float, options: str = "") -> str:
+        """Options of a linear wave as the case's, so many times as long as a P-wave needs."""
+        row, direction = self.rows[case], self.rows[case].get("direction", "z")
+        own, slower = (options, times) if direction == "z" else (f"--direction {direction}", 2)
+        pulse = f"--amplitude {row['amplitude']} --input-frequency {row['input_frequency']}"
+        # Every step of YADE's, which a line may ask for as 0, is none of the linear wave's.
+        interval = f"--interval {row['interval']}" if float(row.get("interval") or 0) > 0 else ""
+        return f"{own} {pulse} {interval} --duration {slower * self.duration(case)}"
+
+    def band(self, case: str) -> str:
+        """Options of the modes of a case's band; shapes are kept as far as they fit."""
+        low, high = self.study.settings["bands"].get(case, self.study.settings["band"])
+        return "--hours 4 " + (f"--between {low} {high}" if low > 0 else f"--below {high}")
+
+    def made(self, case: str) -> list[str]:
+        """Kinds of product that a case's result is measured from."""
+        kinds = list(self.study.settings["make"].get(self.rows[case]["kind"], []))
+        kinds += ["band.modes"] if case in self.study.settings["bands"] else []
+        if self.rows[case].get("input_frequency", 1e5) != 1e5 and "signals" in kinds:
+            kinds.append("100kHz.signals")
+        if self.seed is not None:
+            kinds = [kind for kind in kinds if kind in ("sample", "network", "highest.modes")]
+        return kinds or ["sample"]
+
+    def read(self, case: str) -> list[str]:
+        """Files that a case's result is made of: those of its kind, and on request, if there."""
+        further = [self.product(case, kind) for stage in ON_REQUEST for kind in STAGES[stage]]
+        kinds = dict.fromkeys(self.made(case))
+        return [self.product(case, kind) for kind in kinds] + [p for p in further if _there(p)]
+
+    @property
+    def results(self) -> str:
+        """Folder of the results; other seeds' stand in one of theirs, among the study's own."""
+        if self.seed is None:
+            return f"{self.folder}/results"
+        return f"{Path(self.folder).parent}/results/seed_{self.seed}"
+
+    def of_page(self) -> list[str]:
+        """Results that the page is made of: of all cases and states, and what else is there."""
+        found = [f"{self.results}/{case}.json" for case in self.cases]
+        walks = {self.walk_of(case) for case in self.cases if case in self.of_kind("random")}
+        extra = set(map(float, self.study.settings["states"]))
+        states = [(walk, stress) for walk in sorted(walks) for stress in sorted(extra)]
+        # Of a case that starts from a finished sample no compression is made for a state alone.
+        if self.seed is not None:
+            states = []
+        found += [
+            f"{self.results}/{walk}_{stress:g}Pa.json"
+            for walk, stress in states
+            if self.finished(walk, stress) or not all(map(self.committed, self.walks[walk]))
+        ]
+        there = ("seed_*/*.json", "*.agreement.csv")
+        return found + sorted(str(p) for text in there for p in Path(self.results).glob(text))
+
+    def finished(self, walk: str, stress: float) -> str | None:
+        """A finished sample of a state that is no case."""
+        path = Path(self.study.settings["samples"]) / f"{walk}_{stress / 1e3:g}kPa.sample.h5"
+        return str(path) if path.exists() and not self.scratch else None
+
+    def how_measured(self) -> str:
+        """Options of a case's measurement."""
+        return "--scatter" if self.seed is not None and not self.study.settings["measure"] else ""
+
+    def targets(self) -> list[str]:
+        """What is asked for, by the cases and the stage."""
+        if self.stage == "page":
+            return [f"{self.folder}/study/study.html"]
+        if self.stage == "result":
+            return [f"{self.results}/{case}.json" for case in self.cases]
+        if self.stage == "split":
+            return [f"{self.results}/{case}.agreement.csv" for case in self.cases]
+        found = []
+        for case in self.cases:
+            kinds = {*self.made(case), *(k for s in ON_REQUEST for k in STAGES[s])}
+            found += [self.product(case, kind) for kind in STAGES[self.stage] if kind in kinds]
+        return found
+
+    def needs(self, rule: str) -> dict[str, Callable[..., int]]:
+        """What a rule's jobs ask for, by their size: memory, MB, and minutes, times the try."""
+
+        def size(w: Any) -> float:
+            case = getattr(w, "case", None) or self.walks.get(getattr(w, "walk", ""), [None])[0]
+            return self.rows[case or self.cases[0]]["spheres"] / FULL
+
+        return resources(rule, size)
+
+
+def resources(rule: str, size: Callable[[Any], float]) -> dict[str, Callable[..., int]]:
+    """Memory, MB, and run time, minutes, of a rule's jobs, whose `size` is over `FULL` spheres."""
+    row = _costs().loc[rule]
+
+    def mem_mb(wildcards: Any, attempt: int) -> int:
+        return int(attempt * 1.5 * (row["m"] + row["n"] * size(wildcards)))
+
+    def runtime(wildcards: Any, attempt: int) -> int:
+        seconds = row["s"] + row["b"] * size(wildcards) ** row["p"]
+        return int(attempt * (10 + seconds / 30))
+
+    return {"mem_mb": mem_mb, "runtime": runtime}
+
+
+@cache
+def _costs() -> pd.DataFrame:
+    path = Path(__file__).with_name("costs.tsv")
+    return pd.read_csv(path, sep="\t", comment="#", index_col="rule")
+
+
+def write_line(line: Mapping[str, Any], path: str) -> str:
+    """Command that writes a table of one line for yade-batch, which takes cells for Python."""
+    cells = [
+        f'"{cell.replace(" ", "_")}"' if isinstance(cell, str) else f"{cell:.12g}"
+        for cell in line.values()
+    ]
+    return f"printf '%s\\n' '{' '.join(line)}' '{' '.join(cells)}' > {path}"
+
+
+def environment() -> str:
+    """What the caller has set for YADE's waves, as shell assignments."""
+    return " ".join(f"{n}={quote(v)}" for n, v in sorted(os.environ.items()) if n[:5] == "WAVE_")
+
+
+def one_of(names: Any) -> str:
+    """Pattern of a wildcard that is one of these; of none, one that nothing is like."""
+    return "|".join(names) or "none"
+
+
+def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
+    """Cases by name or number; all where none is asked for."""
+    names = list(rows)
+    found: list[str] = []
+    for one in wanted or ["all"]:
+        text = str(one)
+        if text in ("all", *KINDS):
+            found += [name for name, row in rows.items() if text in ("all", row["kind"])]
+            continue
+        name = names[int(text) - 1] if text.isdecimal() and 0 < int(text) <= len(names) else text
+        if name not in rows:
+            raise InputError(f"case {one}: none of the study's: {names[0]} to {names[-1]}")
+        found.append(name)
+    return list(dict.fromkeys(found))
+
+
+def _there(path: str) -> bool:
+    return Path(path).exists()
+
+
+@cache
+def _noted(path: Path, name: str) -> float | None:
+    """What a sample notes of itself in its study; None where that cannot be read."""
+    try:
+        with h5py.File(path) as file:
+            return float(file["study"].attrs[name])
+    except (OSError, KeyError):
+        return None

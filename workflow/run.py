@@ -1,0 +1,128 @@
+"""One run of a study by Snakemake, as ./run_cases.sh asks for it: locks, what is stale, tables.
+
+run.py PROFILE ONLY JOBS NAME=VALUE ...     settings of the Snakefile; ONLY: dry-run, status or none
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import yaml
+from jobs import PYTHON, Jobs
+
+from modal.tools.errors import InputError
+from modal.tools.workload import memory_at_hand
+
+OF_YADE = "crystal", "network", "yade_wave", "further_wave", "states"
+"""Rules that may need YADE."""
+
+
+def main(profile: str, only: str, asked: str, *given: str) -> int:
+    """Run; the exit status."""
+    config = {name: yaml.safe_load(value) for name, _, value in (t.partition("=") for t in given)}
+    jobs = Jobs(config)
+    folder, study = Path(jobs.folder), str(config["study"])
+    local = profile == "local"
+    count = asked or (str(len(os.sched_getaffinity(0))) if local else "20")
+    snakemake = [sys.executable, "-m", "snakemake", "-s", "workflow/Snakefile"]
+    snakemake += ["--workflow-profile", f"workflow/profiles/{profile}"]
+    # No more jobs side by side than the memory that is free now, or granted, has room for.
+    memory = f"mem_mb={int(memory_at_hand() / 2**20)}"
+    snakemake += ["--cores", count, "--resources", memory] if local else ["--jobs", count]
+    if profile == "slurm":
+        if not shutil.which("sbatch"):
+            raise InputError("--slurm: no sbatch in PATH; run it where jobs are submitted")
+        if subprocess.run(["sacct", "--noheader"], capture_output=True).returncode:
+            snakemake += ["--slurm-status-command", "squeue"]  # where accounting is off
+    if not only:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = wait(folder / ".driver", "another run is at work: waiting for it")
+        # A kill leaves jobs behind: what they make counts, and nothing is made twice.
+        wait(folder / ".jobs", "jobs of a run that was killed are at work: waiting").close()
+        while profile == "slurm" and at_work():
+            time.sleep(10)
+    status = [
+        sys.executable,
+        "-m",
+        "analysis",
+        "status",
+        "--products",
+        str(folder),
+        "--study",
+        study,
+    ]
+    stale = []
+    if any(folder.glob("*.h5")):
+        stale = output([*status, "--stale", *jobs.cases]).split()
+        if only == "status":
+            print(output(status), end="")
+    settings = ["--config", *given]
+    again = ["--forcerun", *stale] if stale else []
+    if only:
+        return subprocess.run([*snakemake, "--dry-run", *again, *settings]).returncode and 2
+    if local and subprocess.run(["./setup.sh", "--is-yade-there"], capture_output=True).returncode:
+        plan = output([*snakemake, "--dry-run", *again, *settings])
+        if any(line.split()[:1] in ([rule] for rule in OF_YADE) for line in plan.splitlines()):
+            done = subprocess.run(["./setup.sh", "--extra", "workflow"]).returncode
+            if done:
+                return done
+    failed = folder / ".failed"
+    failed.unlink(missing_ok=True)
+    # Where this driver is killed, Snakemake goes on and holds the lock.
+    command = [*snakemake, *again, *settings]
+    done = subprocess.run(command, pass_fds=[lock.fileno()]).returncode
+    if jobs.stage == "result":
+        for case in jobs.cases:
+            path = Path(jobs.results) / f"{case}.json"
+            if path.exists() and not jobs.seed:
+                table = [PYTHON, "-m", "analysis", "study", study, "--results", jobs.results]
+                subprocess.run([*table, "--case", case])
+    elif jobs.stage == "page" and not done:
+        print(f"{folder}/study/study.html")
+        report = str(folder / "study/workflow.html")
+        done = subprocess.run([*snakemake, "--report", report, *settings]).returncode
+    lock.close()
+    return 2 if done and failed.exists() and failed.read_text() == "2" else int(bool(done))
+
+
+def wait(path: Path, text: str):
+    """The lock on a file, once it is free."""
+    file = path.open("w")  # open as long as the lock is held
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        print(text, flush=True)
+        fcntl.flock(file, fcntl.LOCK_EX)
+    return file
+
+
+def at_work() -> bool:
+    """Whether Slurm jobs of this folder wait or run, but for one that this driver runs in."""
+    text = output(["squeue", "--me", "--noheader", "--format=%i|%Z"])
+    own = os.environ.get("SLURM_JOB_ID")
+    rows = [line.strip().split("|") for line in text.splitlines()]
+    return any(job != own and folder == os.getcwd() for job, folder in rows)
+
+
+def output(command: list[str]) -> str:
+    """What a command prints; InputError with its last line where it fails."""
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise InputError((done.stderr.strip().splitlines() or [f"{command[0]} failed"])[-1])
+    return done.stdout
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(*sys.argv[1:]))
+    except (InputError, OSError) as error:
+        print(f"run_cases.sh: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
