@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.batch_table import lines_of
+from analysis.study.description import Study
 from benchmarks import dem, density, modes, preparation, time_step, wave
 from benchmarks.harness import report
 from benchmarks.harness.measure import ROOT
@@ -46,9 +46,9 @@ def assigned(script: str, pattern: str) -> tuple[float, ...]:
 
 
 def steps_of_random_cases() -> list[float]:
-    """Column `fraction` of cases/random.table, each value once, the largest first."""
-    lines = lines_of(ROOT / "cases" / "random.table")
-    return sorted({float(line["fraction"]) for line in lines}, reverse=True)
+    """Setting `fraction` of the study's random cases, each value once, the largest first."""
+    cases = Study(ROOT / "studies/otsubo2017/study.yaml").cases
+    return sorted(cases["fraction"].dropna().unique(), reverse=True)
 
 
 def wave_of_crystal(rows: Rows) -> Iterator[Default]:

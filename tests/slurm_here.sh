@@ -44,7 +44,7 @@ SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU_Memory
 JobAcctGatherType=jobacct_gather/none
 AccountingStorageType=accounting_storage/none
-# A finished job is remembered for an hour: workflow/slurm/sacct asks for it.
+# A finished job is remembered for an hour: squeue is asked for it.
 MinJobAge=3600
 ReturnToService=2
 # A job past its time limit, or cancelled, has so many seconds to end.

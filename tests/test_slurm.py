@@ -41,7 +41,7 @@ def start(tmp_path_factory, yade) -> Iterator[Path]:
         pytest.skip("no Slurm that could be started: tests/slurm_here.sh install, as root")
     folder = tmp_path_factory.mktemp("slurm") / "start"
     folder.mkdir()
-    for name in ("modal", "analysis", "yade_scripts", "cases", "workflow"):
+    for name in ("modal", "analysis", "yade_scripts", "studies", "workflow"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("run_cases.sh", "setup.sh", "pyproject.toml"):
         shutil.copy(ROOT / name, folder)
@@ -152,7 +152,7 @@ def test_failing_job(local, whole):
 def test_cancelled_job(local, whole):
     """A walk that is cancelled starts once more, or goes on in the next run."""
     case = [f"case10.{kind}.h5" for kind in ("sample", "network", "highest.modes", "signals")]
-    before = without(whole, "compression_mu0.01", "walks/compression_mu0.01", *case)
+    before = without(whole, "states/mu0.01", "walks/compression_mu0.01", *case)
     study = run(whole, "--slurm")
     subprocess.run(["scancel", job("states", whole)], check=True)
     if ended(study) != 0:

@@ -44,7 +44,7 @@ def test_states_of_the_study_are_linked(walked, monkeypatch):
     "other", ["seed=2", "width=4.3", "spheres=121", "mu_comp=0.3", "sizes=two 2 0.5"]
 )
 def test_states_of_another_study_are_refused(other, walked, monkeypatch):
-    """As they are left over where a line of cases/compressions.table was changed."""
+    """As they are left over where the study was changed."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     name = other.split("=")[0]
     said, status, output = link(walked, *(w for w in OWN if not w.startswith(name)), other)
@@ -68,7 +68,9 @@ def test_a_job_of_yade_fails_with_its_script(says, there, status, walked, tmp_pa
     (tmp_path / "yade").write_text("#!/bin/sh\necho 2023.02a\n")
     (tmp_path / "yade").chmod(0o755)
     product = walked / ("100000Pa.sample.h5" if there else "1e+06Pa.sample.h5")
-    job = [ROOT / "workflow/yade_job.sh", ROOT / "cases/compressions.table", "0.4"]
+    table = tmp_path / "own.table"
+    table.write_text("mu_comp spheres width seed\n0.4 120 4.2 1\n")
+    job = [ROOT / "workflow/yade_job.sh", table, "0.4"]
     job += ["yade_scripts/compress.py", walked.parent, tmp_path / "walk.log", product]
     done = subprocess.run(
         [str(word) for word in job],

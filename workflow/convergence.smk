@@ -1,8 +1,8 @@
-# What the settings of a compression change: cases/convergence.table, each row for several seeds.
+# What the settings of a compression change: studies/convergence/convergence.table, each row for several seeds.
 #
 #   snakemake -s workflow/convergence.smk -c 2 --keep-going
 #
-# Another table of the same columns: --config table=NAME, of cases/NAME.table, with a folder of its own.
+# Another table of the same columns: --config table=NAME, of studies/convergence/NAME.table, with a folder of its own.
 # Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
 # tables and figures of them. States are kept: a row added later runs alone. Where states are gone and their numbers
 # kept (seeds.csv beside the tables), --config first=6 makes the seeds from 6 on, which join the others there.
@@ -16,14 +16,14 @@ from snakemake.exceptions import WorkflowError
 workdir: Path(workflow.basedir).parent
 
 
-sys.path.insert(0, workflow.basedir)
+sys.path[:0] = [workflow.basedir, str(Path(workflow.basedir).parent)]
 from analysis.packings.seeds import QUANTITIES, Seeds
-from cost import listed, resources
-from study import FULL, PYTHON, option_of
+from jobs import FULL, PYTHON, resources
+from modal.cli.pack import option_of
 
 FOLDER = config.get("folder", "products/convergence")
 try:
-    settings = Seeds(f"cases/{config.get('table', 'convergence')}.table").settings
+    settings = Seeds(f"studies/convergence/{config.get('table', 'convergence')}.table").settings
 except (OSError, ValueError) as error:
     raise WorkflowError(str(error)) from error
 NUMBERS = " ".join(QUANTITIES.values())
@@ -33,10 +33,7 @@ ROWS = {f"{name}_mu{friction}": row for (name, friction), row in settings.items(
 def needs(rule):
     """What a job of one row asks for: as a rule of the study, by the number of its spheres."""
 
-    def cost(w):
-        return listed({"crystal": 1.0, "random": int(ROWS[w.row]["spheres"]) / FULL})[rule, "random"]
-
-    return resources(cost)
+    return resources(rule, lambda w: int(ROWS[w.row]["spheres"]) / FULL)
 
 
 STUDY = (
@@ -120,6 +117,6 @@ rule numbers:
     output:
         f"{FOLDER}/{{row}}/{{seed}}/{{state}}Pa.json",
     resources:
-        **needs("comparison"),
+        **needs("page"),
     shell:
         "{PYTHON} -m analysis measure {input} --quantities {NUMBERS} -o {output} || [ $? = 3 ]"

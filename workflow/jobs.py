@@ -31,7 +31,7 @@ LEAST = 750
 """Spheres of the smallest packing that is wide enough."""
 LAYERS = 40
 """Of the crystals of a reduced study."""
-OF_CRYSTAL = "case", "mu_comp", "mu_wave", "stress", "layers", "crystal"
+OF_CRYSTAL = "case", "mu_comp", "mu_wave", "stress", "width", "layers", "crystal"
 OF_EXPORT = "case", "mu_wave", "stress", "sample"
 """Columns of YADE's other jobs; the last names their table."""
 OF_WAVE = (

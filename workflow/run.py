@@ -88,7 +88,10 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
         report = str(folder / "study/workflow.html")
         done = subprocess.run([*snakemake, "--report", report, *settings]).returncode
     lock.close()
-    return 2 if done and failed.exists() and failed.read_text() == "2" else int(bool(done))
+    status_, *reasons = failed.read_text().splitlines() if failed.exists() else ["1"]
+    for reason in reasons:
+        print(f"run_cases.sh: {reason}", file=sys.stderr)
+    return int(status_) if done else 0
 
 
 def wait(path: Path, text: str):

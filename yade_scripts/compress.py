@@ -1,7 +1,7 @@
 """One friction coefficient's walk from a cloud of spheres to `highest`: a state at each stress.
 
     yade -n -x -j1 yade_scripts/compress.py              (mu_comp = 0.4, 35,201 spheres)
-    yade-batch cases/compressions.table yade_scripts/compress.py
+    yade-batch own.table yade_scripts/compress.py
 
 Columns `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes), `densities` ("2230_7800") and
 `walls` ("2.1e11_0.3") make a mixture (`modal.preparation.sizes`).

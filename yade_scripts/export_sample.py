@@ -1,6 +1,6 @@
 """Contact network of a random sample at rest as YADE has it, and its noise; caseNN.network.h5.
 
-    yade-batch cases/random.table yade_scripts/export_sample.py
+    yade-batch own.table yade_scripts/export_sample.py
 
 Loads products/caseNN.sample.h5, which stays as it is, refuses it where YADE's own forces are not of
 its stress or not in balance, and lets it run for a while without a wave: what moves by itself is

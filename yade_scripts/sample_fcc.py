@@ -1,7 +1,7 @@
 """Sample of an FCC case: placed in balance, checked, written as products/caseNN.network.h5.
 
     yade -n -x -j1 yade_scripts/sample_fcc.py            (case 2)
-    yade-batch cases/fcc.table yade_scripts/sample_fcc.py
+    yade-batch own.table yade_scripts/sample_fcc.py
 
 Environment: WAVE_PRODUCTS names the folder of products (default: products).
 """

@@ -1,7 +1,7 @@
 """Wave through a case's sample: the source wall moves by one pulse; caseNN.signals.h5.
 
     yade -n -x -j1 yade_scripts/wave.py                  (case 2)
-    yade-batch cases/fcc.table yade_scripts/wave.py
+    yade-batch own.table yade_scripts/wave.py
 
 Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction` of 2 / omega_max,
 the exact limit of the leapfrog scheme. Columns of the table, or environment variables WAVE_FRACTION

@@ -15,7 +15,7 @@ from modal.tools.errors import InputError
 def add(commands: Any) -> None:
     """The commands' options."""
     text = "one case of a study measured: its result, a JSON file, for `study`"
-    example = "result case02 --study studies/otsubo2017/study.yaml -o products/results/case02.json"
+    example = "result mine --study studies/friction_width.yaml -o mine.json"
     result = add_command(commands, "result", text, example, _result)
     result.add_argument("case", metavar="CASE", help="its name in the study, or of a state")
     result.add_argument("file", nargs="*", metavar="FILE", help="its packing and waves, or a state")
@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
     kind.add_argument("--scatter", action="store_true", help="only numbers that show a scatter")
     result.add_argument("-o", "--output", required=True, metavar="FILE", help="*.json")
     text = "all results of a study: tables, figures, targets, one page; in seconds"
-    example = "study studies/otsubo2017/study.yaml --results results/study/cases -o page"
+    example = "study studies/friction_width.yaml --results products/results"
     whole = add_command(commands, "study", text, example, _study)
     whole.add_argument("study", metavar="YAML", help="the study")
     whole.add_argument("--results", default="products/results", metavar="DIR", help="to read")

@@ -1,6 +1,6 @@
 """What the settings of a compression change: means over seeds, limits, and modal against YADE.
 
-Rows are those of cases/convergence.table, their packings made by workflow/convergence.smk. A row
+Rows are those of studies/convergence/*.table, their packings made by workflow/convergence.smk. One
 that differs from `own` in one setting is a rung of that setting's ladder; where the setting is an
 error to be made small (a step, a rate, the size of the cell), a straight line through the ladder,
 weighted with the standard errors, gives the limit.

@@ -1,4 +1,4 @@
-"""Numbers of each packing of cases/convergence.table, by row, stress and seed, and their one file.
+"""Numbers of each packing of studies/convergence/*.table, by row, stress and seed; their one file.
 
 The packings are large and stay where they were made. `KEPT` holds the settings and numbers of each
 with all digits, so that seeds made later join those made before. Of some earlier seeds only mean

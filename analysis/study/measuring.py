@@ -23,11 +23,10 @@ from analysis.estimators.settled import why_unsettled
 from analysis.rows import MAPS, Row, add_low_pass, bare_row, row_of
 from analysis.study.results import write_result
 from analysis.table import number
+from modal.exchange.registry import read_packing, read_remarked
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
 from modal.packing.network import Network
-from modal.packing.plausibility import read_remarked
-from modal.packing.reading import read_packing
 from modal.packing.state import contacts_per_particle, void_ratio
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals

@@ -69,7 +69,7 @@ def powers(frame: pd.DataFrame, x: str, y: str) -> Powers | None:
         groups += 1
         if np.isfinite(law.exponent):
             known = members[np.isfinite(members["y"])]
-            e = members["e"].iloc[0] if by_rest else known["void_ratio"].iloc[0]
+            e = members["e"].iloc[0] if by_rest else numbers(known, "void_ratio").iloc[0]
             moving += bool(by_rest and known["unsettled_of_state"].iloc[0])
             found.append((e, law.exponent, law.error, len(known), len(known) == len(members)))
     if not found:

@@ -21,14 +21,15 @@ from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
 SCHEMA, VERSION = "case_result", 1
-DIGITS = 12
-"""Significant digits that a result keeps of a number."""
+DIGITS, OF_CURVES = 12, 6
+"""Significant digits that a result keeps of a number, and of those of a curve."""
 
 
 def write_result(path: Path, row: Row) -> None:
     """Write the result of a case; numbers that are not known are null."""
     found = {"schema": SCHEMA, "version": VERSION} | asdict(row)
     del found["stated"]
+    found["curves"] = _plain(found["curves"], OF_CURVES)
     lines = (f"{json.dumps(name)}: {json.dumps(_plain(value))}" for name, value in found.items())
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
@@ -41,7 +42,8 @@ def read_result(path: str | Path) -> Row:
             raise KeyError("schema, version")
         known = {field.name for field in fields(Row)}
         row = Row(**{name: _numbers(value) for name, value in found.items() if name in known})
-        row.values = {name: Estimate(**cell) for name, cell in row.values.items()}
+        cells: dict[str, Any] = dict(row.values)
+        row.values = {name: Estimate(**cell) for name, cell in cells.items()}
         row.curves = {
             name: tuple(np.array(values, float) for values in arrays)
             for name, arrays in row.curves.items()
@@ -65,14 +67,14 @@ def read_results(folder: Path) -> list[Row]:
     return rows
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, digits: int = DIGITS) -> Any:
     """A value as JSON has it: arrays as lists, rounded; NaN as None."""
     if isinstance(value, Mapping):
-        return {name: _plain(cell) for name, cell in value.items()}
+        return {name: _plain(cell, digits) for name, cell in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(cell) for cell in value]
+        return [_plain(cell, digits) for cell in value]
     if isinstance(value, float | np.floating):
-        return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+        return float(f"{value:.{digits}g}") if np.isfinite(value) else None
     return value
 
 

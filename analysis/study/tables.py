@@ -56,10 +56,11 @@ def whole(frame: pd.DataFrame, rows: list[Row]) -> Table:
     quantities = list(dict.fromkeys(name for row in rows if not row.state for name in row.values))
     names = [f"{q}{end}" for q in quantities for end in ("", "_error", "_sample_error")]
     names += [name for name in there if name.endswith("_of_state") or name.startswith("plateau_")]
-    names = [name for name in names if name in there and there[name].notna().any()]
+    names = [name for name in names if name in there]
     found = there[[*words, "packings", *names, "absent"]].rename(columns=words)
     found["settled"] = found["settled"].replace("", "yes")
-    lines = [[_cell(value, ".7g") for value in line] for line in found.to_numpy(object)]
+    forms = [".3g" if name.endswith("_error") else ".7g" for name in found]
+    lines = [list(map(_cell, line, forms)) for line in found.to_numpy(object)]
     return Table("All numbers", list(found.columns), lines, "table1")
 
 
@@ -195,7 +196,8 @@ def _filled(value: Any, names: Mapping[str, str]) -> Any:
 
 def side_by_side(spec: Spec, cases: pd.DataFrame, rows: list[Row]) -> Table:
     """A table that each case has, of several cases beside one another."""
-    header, columns = [], []
+    header: list[str] = []
+    columns: list[list[str]] = []
     for row in rows:
         own = row.tables.get(spec["side_by_side"], [])
         if row.name not in cases.index or len(own) < 2:

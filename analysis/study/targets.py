@@ -169,8 +169,8 @@ class Rules:
             why += _outside(cases, outside, errors, low, high)
             there = cases[cases["there"]]
             bare = there[there[f"plateau_{spec['plateau']}"] != True]  # noqa: E712
-            who = {"yade": "YADE"}.get(*set(there["record"]), "linear wave in some cases")
-            why += f"; {who}"
+            all_yade = bool((there["record"] == "yade").all())
+            why += "; YADE" if all_yade else "; linear wave in some cases"
             if len(bare):
                 met, why = False, f"{why}; no plateau at {spec['plateau']} % in case "
                 why += runs(bare["case"])
@@ -266,9 +266,8 @@ def apart(frame: pd.DataFrame, name: str) -> pd.Series:
 
     Only stresses at which as many groups are known as anywhere count.
     """
-    known = frame[np.isfinite(numbers(frame, name))]
-    by = known.groupby("stress")[name]
-    found = 100 * (by.max().astype(float) / by.min().astype(float) - 1)
+    by = frame.assign(value=numbers(frame, name)).dropna(subset="value").groupby("stress")["value"]
+    found = 100 * (by.max() / by.min() - 1)
     return found[(by.count() > 1) & (by.count() == by.count().max())]
 
 

@@ -1,6 +1,5 @@
 """The command line of analysis, in-process: products in, table and figures out, errors."""
 
-import csv
 import os
 import shutil
 import subprocess
@@ -11,9 +10,9 @@ import pytest
 from places import ROOT
 
 from analysis.__main__ import main
-from analysis.cli.cases import COMPARED
 from analysis.cli.main import parser
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from analysis.study.measuring import of_case
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
@@ -57,39 +56,26 @@ def products(tmp_path_factory):
     return folder
 
 
-def read_table(path):
-    with open(path) as file:
-        return {row["quantity"]: row for row in csv.DictReader(file)}
+def compared(products, name):
+    """The comparison of a crystal, by quantity."""
+    lines = of_case(name, products, products / f"{name}.json").tables["comparison"]
+    head = ("theory", "modal", "linear", "yade", "note")
+    return {line[1]: dict(zip(head, line[3:], strict=True)) for line in lines}
 
 
-def test_compare_prints_and_writes_everything(products, tmp_path, capsys):
-    assert main(["compare", "1", "2", "3", "--products", str(products), "-o", str(tmp_path)]) == 0
-    out = capsys.readouterr().out
-    assert "case03.signals.h5 is absent" in out
-    assert "theory: 0.166" in out
-    row = read_table(tmp_path / "case01.comparison.csv")["f_low-pass"]
+def test_a_crystal_beside_its_theory(products):
+    row = compared(products, "case01")["f_low-pass"]
     assert float(row["modal"]) == pytest.approx(float(row["theory"]), rel=5e-4)
     assert float(row["yade"]) == pytest.approx(float(row["theory"]), rel=2e-3)
-    assert read_table(tmp_path / "case02.comparison.csv")["f_low-pass"]["modal"] == ""
-    for line in out.splitlines():
-        if line.startswith(str(tmp_path)):
-            with open(line, "rb") as file:
-                assert len(file.read(200)) > 100
-    assert "no figure natural_frequencies" in out  # the file holds a sixth of the modes
-    assert len(list(tmp_path.glob("case01.*.png"))) == len(COMPARED) - 1
-    assert (tmp_path / "stress_dependence.png").is_file()
 
 
-def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products, tmp_path):
+def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
     """Without pre-stress the linear wave's V_P is theory's; the pre-stress row may differ from it.
 
     By the ratio of normal force to stiffness and distance, N / (kn D) = 2/3 overlap / D, at most.
     """
-    assert (
-        main(["compare", "2", "--no-figures", "--products", str(products), "-o", str(tmp_path)])
-        == 0
-    )
-    rows = read_table(tmp_path / "case02.comparison.csv")
+    rows = compared(products, "case02")
+    assert rows["f_low-pass"]["modal"] == ""
     theory = float(rows["V_P, long waves"]["theory"])
     full = rows["V_P, long waves, with pre-stress"]
     overlap = fcc(cells=(1, 1, 200)).overlap.max() / (2 * fcc(cells=(1, 1, 200)).radius[0])
@@ -110,12 +96,10 @@ def test_status_lists_what_is_there(products, capsys):
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["compare", "99"], "no such file"),
-        (["compare", "x"], "no such file"),
-        (["compare", "4"], "run the case first"),
-        (["compare"], "required"),
+        (["figure"], "required"),
+        (["figure", "gain", "x"], "no such file"),
         (["prepare", "9"], "run the case first"),
-        (["report", "9"], "run the case first"),
+        (["figure", "gain", "9"], "run the case first"),
         (["figure", "nothing", "1"], "choose one of"),
         (["figure", "chi_z"], "no case given"),
         (["figure", "absent.csv"], "cannot be read"),
@@ -136,7 +120,7 @@ def test_bad_input_is_one_line(products, tmp_path, capsys, arguments, words):
 def test_missing_folder_and_broken_file(tmp_path, capsys):
     assert main(["status", "--products", str(tmp_path / "none")]) == 2
     (tmp_path / "case02.network.h5").write_bytes(b"not HDF5")
-    assert main(["compare", "2", "--products", str(tmp_path), "-o", str(tmp_path)]) == 2
+    assert main(["figure", "gain", "2", "--products", str(tmp_path), "-o", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 2
 
 
@@ -150,10 +134,10 @@ def test_help_ends_in_an_example_that_parses(name, capsys):
 
 
 def test_a_reader_that_has_seen_enough_stops_nothing(products, tmp_path):
-    """As `python -m analysis compare 2 | head`: no traceback, and the table is written."""
+    """As `python -m analysis figure gain 2 | head`: no traceback, and the figure is written."""
     read, write = os.pipe()
     os.close(read)
-    command = [sys.executable, "-m", "analysis", "compare", "2", "--no-figures"]
+    command = [sys.executable, "-m", "analysis", "figure", "gain", "2"]
     done = subprocess.run(
         [*command, "--products", str(products), "-o", str(tmp_path)],
         cwd=ROOT,
@@ -163,12 +147,12 @@ def test_a_reader_that_has_seen_enough_stops_nothing(products, tmp_path):
     )
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
-    assert (tmp_path / "case02.comparison.csv").exists()
+    assert (tmp_path / "case02.gain.csv").exists()
 
 
 @pytest.mark.parametrize("name", ["figure", "prepare", "status"])
 def test_examples_of_the_help_run(name, products, tmp_path, monkeypatch, capsys):
-    """Those that take seconds; `report` and `compare` are run above and in their own files."""
+    """Those that take seconds."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(products, "products")
     assert main(EXAMPLES[name].split()) == 0, capsys.readouterr().err

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import shutil
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
 from analysis.figures.render import save_png
 from analysis.measures import Measures
-from analysis.report import provenance_table
+from analysis.rows import row_of
 from analysis.table import Table
 from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import atomic_h5, sha256
@@ -63,11 +62,6 @@ def files(folder, *names):
     return [str(folder / name) for name in names]
 
 
-def table_of(path):
-    with open(path) as file:
-        return {row[0]: row[1:] for row in csv.reader(file)}
-
-
 def test_kinds_are_found_from_the_schema(folder):
     kinds = {name: kind_of(folder / name) for name in ("quartz.network.h5", "run7.h5", "heap.h5")}
     assert list(kinds.values()) == ["network", "signals", "network"]
@@ -75,36 +69,25 @@ def test_kinds_are_found_from_the_schema(folder):
     assert modes == ["modes", "modes", "highest.modes", "band.modes", "translations.modes"]
 
 
-def test_report_of_a_crystal_that_is_no_case(folder, tmp_path):
+def test_numbers_of_a_crystal_that_is_no_case(folder):
     """Its theory is found from the packing; every value is that of its own stress."""
-    given = files(folder, "quartz.network.h5", "run7.h5", "quartz_all.h5")
-    assert main(["report", *given, "-o", str(tmp_path)]) == 0
-    rows = table_of(tmp_path / "table1.csv")
-    assert rows["quantity"] == ["FCC, 250 kPa (quartz)"]
+    names = "quartz.network.h5", "run7.h5", "quartz_all.h5"
+    row = row_of(Measures(cases_of_files(files(folder, *names))[0]))
+    assert row.label == "FCC, 250 kPa (quartz)" and row.number is None
     chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
-    # The damped transform's bias is below 1e-5; the table has four digits. The modes' is 1e-6.
-    for name in ("V_P long waves, YADE, m/s", "V_P modes, fitted kappa, long waves, m/s"):
-        assert float(rows[name][0]) == pytest.approx(chain.velocity, rel=1e-3)
-    edge = float(rows["band edge, YADE, kHz"][0])
+    # The damped transform's bias is below 1e-5, the modes' 1e-6.
+    for name in ("v_p_long_waves_yade_m_per_s", "v_p_modes_fitted_m_per_s"):
+        assert row.value(name) == pytest.approx(chain.velocity, rel=1e-3)
+    edge = row.value("band_edge_yade_khz")
     assert edge == pytest.approx(chain.low_pass_frequency / 1e3, rel=1e-3)
-    page = (tmp_path / "report.html").read_text()
-    assert "quartz" in page and "(case" not in page
-    assert str(folder) not in page
-    # The paper has no case of this stress: only what it says of all crystals may be compared.
-    assert not (tmp_path / "paper.csv").exists()
 
 
-def test_report_of_a_random_packing_that_is_no_case(folder, tmp_path):
+def test_numbers_of_a_random_packing_that_is_no_case(folder):
     """Without stress or friction in its study: its contacts tell the one; f_max is its file's."""
-    given = files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5")
-    assert main(["report", *given, "-o", str(tmp_path)]) == 0
-    rows = table_of(tmp_path / "table1.csv")
-    assert rows["quantity"] == ["random, 100 kPa (heap)"]
-    top = cases_of_files(given)[0].highest.frequency[-1]
-    assert float(rows["f_max, kHz"][0]) == pytest.approx(top / 1e3, rel=1e-3)  # four digits
-    page = (tmp_path / "report.html").read_text()
-    assert "nan kPa" not in page and "mu_comp nan" not in page
-    assert "heap.signals.h5" in page
+    (case,) = cases_of_files(files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5"))
+    row = row_of(Measures(case))
+    assert row.label == "random, 100 kPa (heap)" and row.record == "yade"
+    assert row.value("f_max_khz") == case.highest.frequency[-1] / 1e3
 
 
 def test_files_of_two_packings_go_to_their_own(folder):
@@ -143,19 +126,16 @@ def test_stress_of_a_packing_that_states_none_is_what_its_contacts_bear(folder, 
     assert np.isnan(case.stress) and case.under_stress == ""
 
 
-def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path, capsys):
+def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path):
     """If it was made from that very packing, and no other of its kind is given."""
     (case,) = cases_of_files(files(folder, "heap.h5", "low.h5"))
-    said = {row[0]: row[1] for row in provenance_table([Measures(case)]).rows}
-    assert said["heap.signals.h5"] != "absent" and said["low.h5"] != "absent"
+    assert {path.name for path in case.files.values()} >= {"heap.signals.h5", "low.h5"}
     heap = tmp_path / "heap.network.h5"
     shutil.copy(folder / "heap.h5", heap)
     shutil.copy(folder / "low.h5", tmp_path / "heap.modes.h5")
     shutil.copy(folder / "run7.h5", tmp_path / "heap.signals.h5")  # of the crystal
     (case,) = cases_of_files([heap])
     assert list(case.files) == ["network", "modes"]
-    assert main(["compare", str(heap), "--no-figures", "-o", str(tmp_path / "out")]) == 0
-    assert "heap.modes.h5 is absent" not in capsys.readouterr().out
     assert main(["prepare", str(heap), "--kind", "structure"]) == 0
     assert main(["figure", "scattering", str(heap), "-o", str(tmp_path / "out")]) == 0
     (case,) = cases_of_files([heap, folder / "band.h5", folder / "top.h5"])
@@ -196,7 +176,7 @@ def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
         if words is None:  # the same file twice is one file
             assert len(cases_of_files(given)) == 1
             continue
-        assert main(["report", *given, "-o", str(tmp_path)]) == 2
+        assert main(["figure", "signals", *given, "-o", str(tmp_path)]) == 2
         captured = capsys.readouterr()
         assert words in captured.err and captured.err.count("\n") == 1
     shutil.copy(folder / "low.h5", tmp_path / "again.h5")

@@ -7,15 +7,14 @@ import pytest
 from packings import frictionless
 
 from analysis.case import Case
-from analysis.case_tables import number, table_1, table_of_fits
-from analysis.deviations import deviations
+from analysis.comparable import of_one_producer
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
 from analysis.measures import Measures
-from analysis.measures.estimate import Estimate
-from analysis.paper import matching_case, stated, stated_range
+from analysis.rows import law_of, row_of
+from analysis.table import number
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet
 from modal.packing.crystal import column, fcc
@@ -84,15 +83,6 @@ def test_gain_peaks_midway_between_resonances(crystal):
     assert crystal.gain_place == pytest.approx(0.5, abs=0.03)
 
 
-def test_deviations_of_what_is_stated(crystal):
-    rows = {row[1]: row for row in deviations([crystal])}
-    assert rows["void ratio"][4].endswith("%") and abs(float(rows["void ratio"][4][:-1])) < 1
-    assert rows["number of P resonances"][4] == "not measured"
-    assert not any("DEM" in head for head in rows)
-    assert stated("f_low_pass", 2) == 137.7 and stated("f_low_pass", 3) is None
-    assert stated_range("slope", 30).text == "1.2 to 1.4" and stated_range("slope", 2) is None
-
-
 def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
     """An FCC crystal called case 30 has a theory; a random packing called case 2 has none."""
     packing = frictionless()
@@ -116,55 +106,20 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "mu, stress, case",
-    [(0.0, 1e5, 6), (0.4, 1e5, 30), (0.4, 1e7, 32), (0.2, 1e5, 22), (0.0, 2e5, None)],
-)
-def test_stated_numbers_follow_friction_and_stress(mu, stress, case, tmp_path):
-    """Whatever the number of the case: the paper's void ratio is that of the same preparation."""
-    assert matching_case(False, stress, mu) == case
-    network = frictionless()
-    network.study.update(stress=stress, mu_comp=mu)
-    named = Case("case07", tmp_path)
-    named.network = network
-    rows = [row for row in deviations([Measures(named)]) if row[1] == "void ratio"]
-    assert [row[3] for row in rows] == ([f"{stated('void_ratio', case):.5g}"] if rows else [])
-    assert bool(rows) == (stated("void_ratio", case) is not None)
-    own = Case("mine", tmp_path)  # 150 spheres of a stranger are no case of the paper
-    own.network = network
-    assert own.compared_case is None and not deviations([Measures(own)])
-    assert matching_case(True, stress, np.nan) == (None if case is None else 1 + (case - 1) % 4)
-
-
-@pytest.mark.parametrize("of", ["radius", "mass"])
-def test_other_spheres_have_no_case_of_the_paper(of, tmp_path):
-    """Same stress and friction, but larger spheres, or heavier ones, have other frequencies."""
-    network = frictionless()
-    network.study.update(stress=1e5, mu_comp=0.0)
-    named = Case("mine", tmp_path)
-    named.network = network
-    assert named.paper_case == 6
-    other = Case("mine", tmp_path)
-    other.network = network.unchecked(**{of: 1.1 * getattr(network, of)})
-    assert other.paper_case is None
-
-
-@pytest.mark.parametrize(
-    "found, text",
+    "value, error, text",
     [
-        (Estimate(539.153, 0.62), "539.2 ± 0.6"),
-        (Estimate(1226.7, 9.4), "1227 ± 9"),
-        (Estimate(1226.7, 12.0), "1230 ± 10"),
-        (Estimate(22.4263, 0.0961), "22.4 ± 0.1"),
-        (Estimate(215.352612, 3e-9), "215.4"),
-        (Estimate(539.153), "539.2"),
-        (215.3526, "215.4"),
-        (107072.0, "107072"),
-        (np.nan, ""),
-        ("as it is", "as it is"),
+        (539.153, 0.62, "539.2 ± 0.6"),
+        (1226.7, 9.4, "1227 ± 9"),
+        (1226.7, 12.0, "1230 ± 10"),
+        (22.4263, 0.0961, "22.4 ± 0.1"),
+        (215.352612, 3e-9, "215.4"),
+        (539.153, np.nan, "539.2"),
+        (107072.0, np.nan, "107072"),
+        (np.nan, np.nan, ""),
     ],
 )
-def test_no_digit_beyond_the_error(found, text):
-    assert number(found) == text
+def test_no_digit_beyond_the_error(value, error, text):
+    assert number(value, error) == text
 
 
 @pytest.fixture(scope="module")
@@ -189,22 +144,18 @@ def test_no_exponent_through_two_producers(two_producers):
     """
     middle = two_producers[1]
     assert middle.yade_first_peak.value == pytest.approx(0.9 * middle.first_peak.value, rel=1e-2)
-    rows = {(row[1], row[2]): row for row in table_of_fits(two_producers).rows}
-    of_peaks = rows["V_P first peaks, linear wave", "stress"]
-    assert float(of_peaks[3]) == pytest.approx(1 / 6, abs=2e-3) and of_peaks[5] == "3"
-    assert ("V_P first peaks, YADE", "stress") not in rows  # one case is no law
-    heads = [row[0] for row in table_1(two_producers).rows]
-    assert all("YADE" in h or "linear" in h for h in heads if "first peaks" in h)
-    stated_rows = [row for row in deviations(two_producers) if "exponent" in row[1]]
-    assert [row[1] for row in stated_rows] == ["exponent of V_P against stress, linear wave"]
-    assert float(stated_rows[0][2]) == pytest.approx(1 / 6, abs=2e-3)
+    rows = [row_of(m) for m in two_producers]
+    assert of_one_producer(rows, "v_p_first_peaks")[1] == "linear"
+    law = law_of(rows, "stress_pa", "v_p_first_peaks_linear_m_per_s")
+    assert law.exponent == pytest.approx(1 / 6, abs=2e-3)
+    # One case is no law.
+    assert np.isnan(law_of(rows, "stress_pa", "v_p_first_peaks_yade_m_per_s").exponent)
 
 
 def test_static_velocity_stands_beside_the_waves(two_producers):
     """Eq. 6 from a steady push: strain of the bulk to 1e-6, walls 5 diameters away."""
     for m in two_producers:
         assert m.static == pytest.approx(m.case.lattice.velocity, rel=1e-3)
-    assert any(row[0] == "V_P static, m/s" for row in table_1(two_producers).rows)
 
 
 def test_chi_z_says_of_which_modes_it_is(tmp_path):
@@ -219,12 +170,10 @@ def test_chi_z_says_of_which_modes_it_is(tmp_path):
 
     case.modes = some([1e3, 2e3, 9.5e3, 1.2e4], [0.9, 0.8, 0.4, 0.99])
     case.band = some([1.5001e4, 1.52e4, 1.5499e4], [0.2, 0.5, 0.3])
-    rows = {row[1]: row[2] for row in deviations([Measures(case)]) if "chi_z" in row[1]}
-    assert rows == {
-        "largest chi_z below 10 kHz, chain (3 modes, 1.00-9.50 kHz)": "0.45",
-        "largest chi_z above 15 kHz, chain (3 modes, 15.00-15.50 kHz)": "0.25",
-        "largest chi_z above 15 kHz, all particles (3 modes, 15.00-15.50 kHz)": "0.5",
-    }
+    m = Measures(case)
+    assert m.largest_chi(0.0, 1e4, chain=True) == (0.45, "3 modes, 1.00-9.50 kHz")
+    assert m.largest_chi(1.5e4, np.inf, chain=True) == (0.25, "3 modes, 15.00-15.50 kHz")
+    assert m.largest_chi(1.5e4, np.inf, chain=False) == (0.5, "3 modes, 15.00-15.50 kHz")
 
 
 def test_modes_that_two_lists_share_count_once(tmp_path):

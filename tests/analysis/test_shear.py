@@ -1,6 +1,5 @@
 """S-waves in reports: what is of a wall that slides is called so, and no P-wave is made of it."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +8,11 @@ from packings import stepped
 from shear_lattice import ShearLattice
 
 import modal
-from analysis.__main__ import main
 from analysis.agreement import Agreement, relative
 from analysis.belonging import kind_of
 from analysis.case import Case
 from analysis.measures import Measures
-from analysis.rows import row_of
-from analysis.study.elasticity import add_elasticity, table_of_elasticity
+from analysis.study.measuring import of_case
 from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
@@ -69,38 +66,15 @@ def test_numbers_of_the_crystals_s_wave(made):
             assert found.value == pytest.approx(EXACT.velocity, rel=0.05)
 
 
-def test_report_names_what_slides(made, tmp_path, capsys):
-    names = ("network", "shear.signals", "signals", "moduli")
-    files = [str(made / f"case02.{name}.h5") for name in names]
-    assert main(["report", *files, "-o", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    table = (tmp_path / "shear.csv").read_text()
-    assert re.search(r"record by,YADE,linear wave\n", table)
-    assert re.search(rf"V_S of the moduli.*,{EXACT.velocity:.4g},{EXACT.velocity:.4g}\n", table)
-    # No P-wave's row of Table 1 has YADE in it: there was no run of a wall that pushes.
-    first = (tmp_path / "table1.csv").read_text()
-    assert "YADE" not in first and "V_P long waves, linear wave" in first
-    assert "V_S" not in first and "S-waves: the source wall slides" in said
-    assert (tmp_path / "shear_waves.png").is_file()
-    figure = (tmp_path / "shear_waves.csv").read_text()
+def test_result_has_what_slides_and_the_moduli(made, tmp_path):
+    row = of_case("case02", made, tmp_path / "case02.json", ["shear_waves"])
+    for name in ("v_s_moduli", "v_s_long_waves_linear", "v_s_long_waves_yade"):
+        assert row.value(f"{name}_m_per_s") == pytest.approx(EXACT.velocity, rel=1e-3)
+    # No P-wave is YADE's: there was no run of a wall that pushes.
+    assert np.isnan(row.value("v_p_long_waves_yade_m_per_s"))
+    assert row.value("v_p_long_waves_linear_m_per_s") > EXACT.velocity
+    figure = (tmp_path / "case02.shear_waves.csv").read_text()
     assert "u_x" in figure and "long-wave $V_S$" in figure and "u_z" not in figure
-    velocity = re.search(r'^"V_S long waves, m/s",([^,]*),', table, re.MULTILINE)
-    assert float(velocity[1]) == pytest.approx(EXACT.velocity, rel=1e-3)
-
-
-def test_study_has_a_section_where_the_products_are(made):
-    m = Measures(Case("case02", made))
-    row = row_of(m)
-    add_elasticity(row, m)
-    table = table_of_elasticity([row])
-    found = dict(zip(table.header, table.rows[0], strict=True))
-    for name in (
-        "V_S moduli, m/s",
-        "V_S long waves, linear wave, m/s",
-        "V_S long waves, YADE, m/s",
-    ):
-        assert float(found[name]) == pytest.approx(EXACT.velocity, rel=1e-3)
-    assert not table_of_elasticity([replace(row, values={})]).rows
 
 
 def test_agreement_of_a_run_whose_wall_slides(made):

@@ -19,9 +19,8 @@ from places import ROOT
 
 from analysis.__main__ import main as analysis_main
 from analysis.case import find
-from analysis.case_tables import table_1
 from analysis.measures import Measures
-from analysis.report import provenance_table
+from analysis.study.measuring import of_case
 from modal.__main__ import main
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import (
@@ -280,12 +279,11 @@ def folder(made_once, tmp_path) -> Path:
     return Path(shutil.copytree(made_once, tmp_path / "products"))
 
 
-@pytest.mark.parametrize("command", ["compare", "report", "figure"])
 @pytest.mark.parametrize("kind", ["modes", "signals"])
-def test_product_of_another_stress_is_refused_with_both_names(kind, command, folder, capsys):
+def test_product_of_another_stress_is_refused_with_both_names(kind, folder, capsys):
     shutil.copy(folder / f"case02.{kind}.h5", folder / f"case03.{kind}.h5")
     name = "natural_frequencies" if kind == "modes" else "signals"
-    arguments = [command, *([name] if command == "figure" else []), "3"]
+    arguments = ["figure", name, "3"]
     capsys.readouterr()
     assert analysis_main([*arguments, "--products", str(folder), "-o", str(folder / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -304,23 +302,30 @@ def test_other_runs_of_an_agreement_belong_to_its_network(folder, capsys):
 def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
     with h5py.File(folder / "case02.modes.h5", "r+") as file:
         del file["provenance"]
-    arguments = ["compare", "2", "--no-figures", "--products", str(folder), "-o", str(folder)]
+    arguments = ["figure", "signals", "2", "--products", str(folder), "-o", str(folder)]
     assert analysis_main(arguments) == 0
     assert capsys.readouterr().out.count("case02.modes.h5: of unknown origin") == 1
 
 
 def test_status_says_which_product_is_stale_and_why(folder, capsys):
-    """A network made again, and a table of cases that has changed since the wave ran."""
-    cases = folder / "cases"
-    cases.mkdir()
-    # As YADE reads them: texts in quotes, tabs, comments, and = for the cell above.
-    table = """# comment\ncase input_frequency stress direction\n2 1e5 1e5 "z"\n3\t{} 1e6 = # S\n"""
-    command = ["status", "--products", str(folder), "--cases", str(cases)]
-    (cases / "fcc.table").write_text(table.format("1e5"))
+    """A network made again, and a study that has changed since the wave ran."""
+    study = folder / "study.yaml"
+    text = """
+names: case{:02d}
+groups:
+  - kind: fcc
+    factors: {stress: [1e4, 1e5, 1e6]}
+    friction: 0
+    wave_friction: 0.1
+    input_frequency: 1e5
+    direction: z
+"""
+    command = ["status", "--products", str(folder), "--study", str(study)]
+    study.write_text(text)
     capsys.readouterr()
     assert analysis_main(command) == 0
     assert "stale" not in capsys.readouterr().out
-    (cases / "fcc.table").write_text(table.format("2e5"))
+    study.write_text(text.replace("y: 1e5", "y: {by: stress, 1e6: 2e5, else: 1e5}"))
     write_network(folder / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
     assert analysis_main(command) == 0
     out = capsys.readouterr().out.splitlines()
@@ -348,8 +353,8 @@ def test_prepare_makes_again_what_its_settings_or_packing_have_changed(
     assert "stale, highest was " in capsys.readouterr().out
 
 
-def test_report_names_command_and_sources_of_every_file(folder):
-    rows = {row[0]: row[2:] for row in provenance_table([Measures(find("2", folder))]).rows}
+def test_result_names_command_and_sources_of_every_file(folder):
+    rows = {row[0]: row[2:] for row in of_case("case02", folder, folder / "a.json").provenance}
     command, sources = rows["case02.modes.h5"]
     assert command.startswith("python -m modal modes case02.network.h5 --all")
     assert sources == f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})"
@@ -377,11 +382,9 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = find("2", folder)
-        rows = dict(table_1([Measures(case)]).rows)
-        assert rows["YADE, contacts opened"] == "17"
-        assert float(rows["YADE, energy drift after the pulse"]) == balance.drift
-        gap = "YADE, energy and friction less the wall's work, over it"
-        assert float(rows.get(gap, "nan")) == pytest.approx(balance.gap, nan_ok=True)
+        m = Measures(case)
+        assert m.of_balance("opened") == 17 and m.of_balance("drift") == balance.drift
+        assert m.of_balance("gap") == pytest.approx(balance.gap, nan_ok=True)
         assert sum("do not trust this run" in text for text in case.notes) == note
 
 
