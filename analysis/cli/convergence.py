@@ -23,7 +23,9 @@ def add(commands: Any) -> None:
     example = "convergence products/convergence -o tables"
     converged = add_command(commands, "convergence", text, example, _convergence)
     converged.add_argument("folder", help="of workflow/convergence.smk")
-    converged.add_argument("--table", default="studies/convergence/convergence.table", metavar="FILE")
+    converged.add_argument(
+        "--table", default="studies/convergence/convergence.table", metavar="FILE"
+    )
     converged.add_argument(
         "-o", "--output", type=NewFolder, required=True, metavar="DIR", help="to write to"
     )

@@ -13,13 +13,13 @@ from analysis.case_files import EXTRA_KINDS, KINDS
 from analysis.columns import VALUES
 from analysis.crystal import compare
 from analysis.estimators.low_pass import Edge
+from analysis.estimators.settled import why_unsettled
 from analysis.figures import compose
 from analysis.figures.picture import write_picture
 from analysis.measurement import measure
 from analysis.measures import Measures
 from analysis.measures.estimate import Estimate
 from analysis.measures.shear_wave import velocities_of
-from analysis.estimators.settled import why_unsettled
 from analysis.rows import MAPS, Row, add_low_pass, bare_row, row_of
 from analysis.study.results import write_result
 from analysis.table import number

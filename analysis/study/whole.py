@@ -37,10 +37,10 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     rules, found = Rules(frame, study.stated()), answers(study, frame)
     output.mkdir(parents=True, exist_ok=True)
     shown = tables(study.settings["tables"] or study.part("tables"), frame, rules, rows)
-    shown += [
-        read_csv(path, f"YADE against the linear wave by cause, {path.name.split('.')[0]}")
-        for path in sorted(results.glob("*.agreement.csv"))
-    ]
+    for path in sorted(results.glob("*.agreement.csv")):
+        case = path.name.split(".")[0]
+        shown.append(read_csv(path, f"YADE against the linear wave by cause, {case}"))
+        shown[-1].name = f"split_{case}"
     for table in (whole(frame, rows), targets(found), *shown):
         if table.rows and table.name:
             table.write_csv(output / f"{table.name}.csv")
