@@ -19,8 +19,7 @@ GROUPS = {
     },
     "the study": {
         "prepare": ("cases", "before figures of many: costly spectra of a case, kept in files"),
-        "report": ("cases", "when a case is done: one page of its tables and figures"),
-        "compare": ("cases", "a crystal beside theory and the paper"),
+        "result": ("study", "when a case is done: all its numbers in one small file"),
         "study": ("study", "when cases are measured: all tables, figures and targets, one page"),
         "status": ("cases", "which products are there, and which are stale and why"),
         "convergence": ("convergence", "what the settings of a preparation change, over seeds"),

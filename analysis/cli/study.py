@@ -7,6 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from analysis.cli.options import add_command
+from analysis.study.arrangement import wanted
+from analysis.study.beside import table_of
+from analysis.study.description import Study
+from analysis.study.measuring import of_case, of_quantities, of_seed, of_state
+from analysis.study.targets import Rules
+from analysis.study.whole import case_of, write_study
 from modal.cli.options import NewFolder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
@@ -37,12 +43,6 @@ def add(commands: Any) -> None:
 
 
 def _result(options: argparse.Namespace) -> int:
-    # Only a study needs pandas and YAML; other commands start faster without.
-    from analysis.study.arrangement import wanted
-    from analysis.study.description import Study
-    from analysis.study.measuring import of_case, of_quantities, of_seed, of_state
-    from analysis.study.targets import Rules
-
     study, output = Study(options.study), Path(options.output)
     output.parent.mkdir(parents=True, exist_ok=True)
     files = [Path(text) for text in options.file]
@@ -65,10 +65,6 @@ def _result(options: argparse.Namespace) -> int:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from analysis.study.beside import table_of
-    from analysis.study.description import Study
-    from analysis.study.whole import case_of, write_study
-
     study, results, output = Study(options.study), Path(options.results), Path(options.output)
     if not results.is_dir():
         raise InputError(f"{results}: no such folder; give --results DIR")
