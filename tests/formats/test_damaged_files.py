@@ -71,7 +71,7 @@ def commands(kind: str, folder: Path) -> list[tuple]:
             (modal_main, ["modes", path["network"], "--lowest", "3", "--json"]),
             (modal_main, ["count", path["network"], "--at", "3e4", "--json"]),
             (modal_main, ["wave", path["network"], "--duration", "2e-5", "--json"]),
-            (analysis_main, ["compare", *case, "--no-figures"]),
+            (analysis_main, ["figure", "signals", *case]),
         ],
         "sample": [
             (modal_main, ["info", path["sample"], "--json"]),
@@ -80,7 +80,7 @@ def commands(kind: str, folder: Path) -> list[tuple]:
         ],
         "signals": [
             (analysis_main, ["agreement", path["network"], path["signals"]]),
-            (analysis_main, ["compare", *case, "--no-figures"]),
+            (analysis_main, ["figure", "signals", *case]),
         ],
         "modes": [(analysis_main, ["watch", path["modes"], path["network"], *page])],
     }[kind]

@@ -176,9 +176,9 @@ def test_command_and_file(crystal, tmp_path, capsys):
         (["wave", str(path), "--point", "-1"], "the packing has 0 to"),
         (["wave", str(path), "--plane", "0", "--direction", "torsion"], "free sides"),
         (["response", str(path), "--highest", "1e4"], "--plane"),
-        (["report", str(path), str(product)], "reads no other"),
+        (["figure", "signals", str(path), str(product)], "reads no other"),
     ):
-        command = analysis_main if wrong[0] == "report" else main
+        command = analysis_main if wrong[0] == "figure" else main
         assert command(wrong) == 2
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1
