@@ -77,7 +77,7 @@ def of_columns(spec: Spec, cases: pd.DataFrame) -> Table:
 
 def _column(cases: pd.DataFrame, text: str, form: str = "", flag: str = "") -> list[str]:
     """Cells of one column."""
-    if form == "" and text in cases and cases[text].dtype == object:
+    if form == "" and text in cases and not pd.api.types.is_numeric_dtype(cases[text]):
         return [_cell(value) for value in cases[text]]
     if form == "yes":
         known = pd.Series(True, cases.index)
