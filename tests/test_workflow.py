@@ -15,8 +15,6 @@ import pytest
 import yaml
 from places import ROOT
 
-from modal.cli.main import parser
-
 pytest.importorskip("snakemake")
 LEFT_BEHIND = (".git", ".venv", ".snakemake", "products", "__pycache__", "*.egg-info", "results")
 PAPER = "studies/otsubo2017/study.yaml"

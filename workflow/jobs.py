@@ -19,6 +19,7 @@ import h5py
 import pandas as pd
 
 from analysis.study.description import KINDS, Study
+from modal.cli.pack import option_of
 from modal.tools.errors import InputError
 
 PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
@@ -168,9 +169,7 @@ class Jobs:
             last, own = f"{made}/{self.stresses[-1]:g}Pa.sample.h5", f"{folder}/{walk}.table"
             job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
             return f"{write_line(line, own)} && {job} {folder} {log} {last}"
-        given = " ".join(
-            f"--{name.replace('_', '-')} {cell}" for name, cell in line.items() if name != "mu_comp"
-        )
+        given = " ".join(f"{option_of(n)} {cell}" for n, cell in line.items() if n != "mu_comp")
         given += " --stress " + " ".join(f"{stress:g}" for stress in self.stresses)
         friction = f"{PYTHON} -m modal pack --friction {row['mu_comp']}"
         return f"{friction} {given} -o {folder}/compression_{walk}"
