@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 
 import pytest
@@ -45,5 +46,6 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
 )
 def test_front_door_refuses_in_one_line(arguments, said):
     done = front_door(*arguments)
-    assert done.returncode == 2 and done.stdout == ""
+    # What is missing, or older than pyproject.toml, is set up first, and that is said.
+    assert done.returncode == 2 and re.sub("^setup.sh: .*\n", "", done.stdout) == ""
     assert done.stderr.count("\n") == 1 and said in done.stderr
