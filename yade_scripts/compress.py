@@ -34,7 +34,7 @@ from modal.preparation.sizes import MIXTURE
 from modal.preparation.strain_control import ConstantRate
 from modal.preparation.walk import cost, walk
 from modal.tools.errors import InputError
-from modal.tools.progress import time_left
+from modal.tools.display import duration
 from yade_scripts import servo
 from yade_scripts.scene import Report, before_motion, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell
@@ -98,7 +98,7 @@ def leg(sample, study):
             raise InputError(f"{stage.name}: the stress is not finite; unstable time step")
         left = (stage.patience - seconds) * (time.perf_counter() - started)
         left /= seconds - before["stage_time"]
-        to_go = f", at most {time_left(left)} to go in this stage" if left < math.inf else ""
+        to_go = f", at most {duration(left)} to go in this stage" if left < math.inf else ""
         report(f"{progress(stage, steps)}{to_go}")
         if ended:
             break

@@ -10,7 +10,7 @@ from yade.utils import PyRunner
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
 from modal.tools.errors import InputError
-from modal.tools.progress import time_left
+from modal.tools.display import duration
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import Report, before_motion
@@ -78,7 +78,7 @@ class WaveRun:
                 O.run(min(200, target - self._step), wait=True)
                 done = self._step / self.steps
                 left = (time.perf_counter() - started) * (1 / max(done, 1e-9) - 1)
-                report(f"{name}: wave, step {self._step} of {self.steps}, {time_left(left)} to go")
+                report(f"{name}: wave, step {self._step} of {self.steps}, {duration(left)} to go")
             if not self._stable:
                 raise InputError(
                     f"the wave blew up after {self._step} steps: the time step is unstable, "
