@@ -33,8 +33,8 @@ from modal.preparation.protocol import Stage, Study
 from modal.preparation.sizes import MIXTURE
 from modal.preparation.strain_control import ConstantRate
 from modal.preparation.walk import cost, walk
-from modal.tools.errors import InputError
 from modal.tools.display import duration
+from modal.tools.errors import InputError
 from yade_scripts import servo
 from yade_scripts.scene import Report, before_motion, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell

@@ -9,8 +9,8 @@ from yade.utils import PyRunner
 
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
-from modal.tools.errors import InputError
 from modal.tools.display import duration
+from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import Report, before_motion
