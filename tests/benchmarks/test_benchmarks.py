@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -77,19 +76,9 @@ def packing(tmp_path_factory):
     return network, path, spectrum(system), by_structure(system)
 
 
-def hundred_megabytes():
-    """Task for `measured`: memory that is written to, given back at the end."""
-    return lambda: int(np.ones(100_000_000 // 8).sum())
-
-
-def nothing_to_do():
-    """Task for `measured`."""
-    return lambda: None
-
-
 def test_a_task_is_measured_in_its_own_process():
-    small = measured("tests.benchmarks.test_benchmarks:nothing_to_do")
-    large = measured("tests.benchmarks.test_benchmarks:hundred_megabytes")
+    small = measured("tests.benchmarks.tasks:nothing_to_do")
+    large = measured("tests.benchmarks.tasks:hundred_megabytes")
     assert large.value == 12_500_000
     assert large.peak_mb - small.peak_mb == pytest.approx(100, rel=0.2)
 
@@ -119,13 +108,8 @@ def test_several_threads_are_timed_by_the_clock(tmp_path):
     wait = [sys.executable, "-S", "-c", "import time; time.sleep(0.5)"]
     one, two = (run_command(wait, tmp_path, tmp_path / "log", threads=k) for k in (1, 2))
     assert one.seconds < 0.5 <= two.seconds
-    task = "tests.benchmarks.test_benchmarks:waiting"
+    task = "tests.benchmarks.tasks:waiting"
     assert measured(task).seconds < 0.5 <= measured(task, threads=2).seconds
-
-
-def waiting():
-    """Task for `measured`."""
-    return lambda: time.sleep(0.5)
 
 
 def test_short_runs_are_repeated_and_long_ones_not():

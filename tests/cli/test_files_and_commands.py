@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -202,9 +201,7 @@ def test_free_column_has_seven_zero_modes(tmp_path, capsys):
 def test_chain_through_contacts_without_length_ends():
     """Such networks are refused; the search for a chain ends by itself, too."""
     network = gallery.column(4)
-    zero = {"lever_i": 0 * network.lever_i, "lever_j": 0 * network.lever_j}
-    names = "particle_i particle_j position radius cell_periodic cell_size lever_i lever_j"
-    flat = SimpleNamespace(**{name: getattr(network, name) for name in names.split()} | zero)
+    flat = network.unchecked(lever_i=0 * network.lever_i, lever_j=0 * network.lever_j)
     with pytest.raises(InputError, match="levers of no length"):
         wall_to_wall_chain(flat)
 

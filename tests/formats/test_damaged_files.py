@@ -62,7 +62,6 @@ def sound(tmp_path_factory) -> Path:
 def commands(kind: str, folder: Path) -> list[tuple]:
     """The commands that read a file of this kind: entry point and arguments."""
     path = {name: str(folder / file) for name, file in FILES.items()}
-    case = ["2", "--products", str(folder), "-o", str(folder / "out")]
     at_rest = ["--quantities", "rattlers"]
     page = ["-o", str(folder / "page.html")]
     return {
@@ -71,17 +70,14 @@ def commands(kind: str, folder: Path) -> list[tuple]:
             (modal_main, ["modes", path["network"], "--lowest", "3", "--json"]),
             (modal_main, ["count", path["network"], "--at", "3e4", "--json"]),
             (modal_main, ["wave", path["network"], "--duration", "2e-5", "--json"]),
-            (analysis_main, ["figure", "signals", *case]),
+            (analysis_main, ["measure", path["network"], "--quantities", "void_ratio"]),
         ],
         "sample": [
             (modal_main, ["info", path["sample"], "--json"]),
             (modal_main, ["count", path["sample"], "--at", "3e4", "--json"]),
             (analysis_main, ["measure", path["sample"], *at_rest]),
         ],
-        "signals": [
-            (analysis_main, ["agreement", path["network"], path["signals"]]),
-            (analysis_main, ["figure", "signals", *case]),
-        ],
+        "signals": [(analysis_main, ["agreement", path["network"], path["signals"]])],
         "modes": [(analysis_main, ["watch", path["modes"], path["network"], *page])],
     }[kind]
 

@@ -131,7 +131,7 @@ def test_functions_ask_by_name():
         (lambda net: friction_used(net, 0.3), "force_normal"),
         (lambda net: contact_matrices(net, "normal"), "force_normal"),
         (lambda net: ContactOperator(net, pre_stress="full"), "force_normal"),
-        (lambda net: sample_of_network(net, 0.3), "force_tangential"),
+        (lambda net: sample_of_network(net, 0.3), "cell_shift"),
         (lambda net: repeat(net, 2, 1), "cell_shift"),
     ):
         with pytest.raises(InputError, match=f"contacts/{missing}"):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from places import ROOT
+from places import ROOT, TESTS
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
@@ -66,7 +66,7 @@ assert all(bits == done[k % 4] for k, bits in enumerate(done)) and len(done) == 
 
 def test_threads_change_no_bit():
     pytest.importorskip("numba")
-    environment = os.environ | {"NUMBA_NUM_THREADS": "4", "PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"NUMBA_NUM_THREADS": "4", "PYTHONPATH": f"{ROOT}:{TESTS}"}
     environment["OMP_NUM_THREADS"] = "4"
     command = [sys.executable, "-c", BY_THREADS]
     done = subprocess.run(
