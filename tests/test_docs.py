@@ -32,7 +32,8 @@ def with_blocks():
 @pytest.mark.parametrize("page", with_blocks(), ids=lambda page: page.name)
 def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
     """In the page's order and in one folder; names stay from block to block, as for a reader."""
-    pytest.importorskip("matplotlib").use("agg")
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
     monkeypatch.chdir(tmp_path)
     # What pages call the reader's own.
     write_network("mine.network.h5", modal.fcc(cells=(2, 2, 12)))
@@ -46,6 +47,7 @@ def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
                 (program,) = [name for name in PROGRAMS if line.startswith(f"$ {name} ")]
                 arguments = shlex.split(line.removeprefix(f"$ {program} "))
                 assert PROGRAMS[program](arguments) == 0, (line, capsys.readouterr().err)
+    pyplot.close("all")
 
 
 def test_the_readme_s_five_lines_show_something(tmp_path):
@@ -62,10 +64,13 @@ def test_the_readme_s_five_lines_show_something(tmp_path):
 
 
 def test_other_blocks_are_of_kinds_that_are_known():
-    """`text` is what needs YADE, a cluster, an installation or another program's files."""
+    """`text` is what needs YADE, a cluster, an installation or another program's files.
+
+    `yaml` is a study, which the tests of the workflow run.
+    """
     for page in PAGES:
         kinds = {kind for kind, _ in blocks(page)}
-        assert kinds <= {"python", "console", "text"}, (page.name, kinds)
+        assert kinds <= {"python", "console", "text", "yaml"}, (page.name, kinds)
 
 
 def test_commands_of_text_blocks_have_options_that_exist():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -210,8 +211,9 @@ def test_product_without_notes_is_made_again_where_its_content_says_so(reference
     own = folder / "studies/otsubo2017/study.yaml"
     own.write_text(STUDY.replace("frequency: 1e5", "frequency: 2e5"))
     plan = plan_of(folder, "--case", "2")
-    assert signals.exists() and "yade_wave" in plan and "all_modes" in plan
-    assert "translations" not in plan and "crystal" not in plan, plan
+    planned = set(re.findall(r"^(\w+) +1$", plan, re.MULTILINE))
+    assert signals.exists() and {"yade_wave", "all_modes"} <= planned
+    assert not {"translations", "crystal"} & planned, plan
 
 
 def test_status_says_what_is_there_and_what_is_left(reference):

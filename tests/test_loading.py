@@ -27,7 +27,7 @@ def test_a_short_command_loads_no_compiler_and_no_plots(tmp_path):
 
 def test_analysis_without_matplotlib_is_one_line(tmp_path):
     (tmp_path / "matplotlib.py").write_text("raise ModuleNotFoundError(name='matplotlib')")
-    command = [sys.executable, "-m", "analysis", "report", "--help"]
+    command = [sys.executable, "-m", "analysis", "figure", "--help"]
     variables = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
     done = subprocess.run(command, env=variables, capture_output=True, text=True)
     assert done.returncode == 2

@@ -225,7 +225,7 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
     """A record keeps its source's own motion, and what that sent is divided out.
 
     Within half of the stated errors, which have the seed's noise in them; the default's pulse is
-    0.33 V / D, which changes no digit.
+    0.33 V / D: that asked for by name differs by the round-off of the fits alone.
     """
     names = ["v_p", "v_s", "v_p_first_peaks", "low_pass", "low_pass_unbiased"]
     frequency = affine_frequency(random)
@@ -233,7 +233,7 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
         given = analysis.measure(random, source=motion, quantities=names)
         for key in names:
             off = abs(given[key].value - found[key].value)
-            assert off <= (1e-12 * found[key].value if name == "pulse" else 0.5 * found[key].error)
+            assert off <= (1e-7 * found[key].value if name == "pulse" else 0.5 * found[key].error)
 
 
 def test_a_faint_source_is_said(random):
