@@ -9,6 +9,14 @@ from modal.tools.interrupted import end_at_interrupt
 
 __all__ = ["main"]
 
+USED_FOR = {
+    "matplotlib": ("matplotlib", "draws"),
+    "pandas": ("pandas", "groups the results of a study"),
+    "yaml": ("pyyaml", "reads a study"),
+    "jinja2": ("jinja2", "fills the page of a study"),
+}
+"""Modules that some commands need: their packages, and what these do."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
@@ -19,9 +27,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return run(argv)
     except ModuleNotFoundError as error:
-        if error.name != "matplotlib":
+        if error.name not in USED_FOR:
             raise
-        print("error: matplotlib is absent, which draws; pip install matplotlib", file=sys.stderr)
+        package, use = USED_FOR[error.name]
+        print(f"error: {package} is absent, which {use}; pip install {package}", file=sys.stderr)
         return 2
 
 

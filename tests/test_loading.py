@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+import pytest
 from places import ROOT
 
 from modal.packing.crystal import fcc
@@ -25,10 +26,17 @@ def test_a_short_command_loads_no_compiler_and_no_plots(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_analysis_without_matplotlib_is_one_line(tmp_path):
-    (tmp_path / "matplotlib.py").write_text("raise ModuleNotFoundError(name='matplotlib')")
-    command = [sys.executable, "-m", "analysis", "figure", "--help"]
+@pytest.mark.parametrize(
+    ("absent", "command", "said"),
+    [
+        ("matplotlib", "figure", "matplotlib is absent, which draws; pip install matplotlib"),
+        ("pandas", "study", "pandas is absent, which groups the results of a study; pip install"),
+    ],
+)
+def test_analysis_without_a_package_is_one_line(absent, command, said, tmp_path):
+    (tmp_path / f"{absent}.py").write_text(f"raise ModuleNotFoundError(name='{absent}')")
+    command = [sys.executable, "-m", "analysis", command, "--help"]
     variables = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
     done = subprocess.run(command, env=variables, capture_output=True, text=True)
     assert done.returncode == 2
-    assert done.stderr == "error: matplotlib is absent, which draws; pip install matplotlib\n"
+    assert done.stderr.startswith(f"error: {said}") and done.stderr.count("\n") == 1

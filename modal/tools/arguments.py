@@ -52,8 +52,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         given = bound.arguments
         refuse_other_kinds(function, function.__name__, given)
         for name, kind in _kinds(function).items():
-            if int in _alternatives(kind) and given.get(name) is not None and given[name] % 1 == 0:
-                given[name] = int(given[name])
+            number = given.get(name)
+            if int in _alternatives(kind) and isinstance(number, Real) and number % 1 == 0:
+                given[name] = int(number)
         return function(*bound.args, **bound.kwargs)
 
     return call
