@@ -15,6 +15,7 @@ from modal.tools.errors import InputError
 
 P = ParamSpec("P")
 R = TypeVar("R")
+NUMBERS = int, float, np.integer, np.floating
 WORDS = {
     float: "a number",
     int: "a number",
@@ -53,7 +54,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         refuse_other_kinds(function, function.__name__, given)
         for name, kind in _kinds(function).items():
             number = given.get(name)
-            if int in _alternatives(kind) and isinstance(number, Real) and number % 1 == 0:
+            if int in _alternatives(kind) and isinstance(number, NUMBERS) and number % 1 == 0:
                 given[name] = int(number)
         return function(*bound.args, **bound.kwargs)
 
