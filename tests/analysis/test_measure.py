@@ -225,7 +225,8 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
     """A record keeps its source's own motion, and what that sent is divided out.
 
     Within half of the stated errors, which have the seed's noise in them; the default's pulse is
-    0.33 V / D: that asked for by name differs by the round-off of the fits alone.
+    0.33 V / D. Asked for by name it has differed by 3e-9 (low_pass_unbiased), whose cause was not
+    looked for; 1e-7 is allowed.
     """
     names = ["v_p", "v_s", "v_p_first_peaks", "low_pass", "low_pass_unbiased"]
     frequency = affine_frequency(random)

@@ -1,4 +1,4 @@
-"""Unequal stresses: reached or refused, stiffer along the larger one, K0 as in published ones."""
+"""Unequal stresses: reached or refused, stiffer along the larger one, K0 plausible."""
 
 import json
 
@@ -64,8 +64,8 @@ def test_ratio_beyond_the_strength_is_refused_in_a_line(folder):
 def test_k0_of_one_dimensional_compression(folder, capsys):
     """From 10 kPa to 1 MPa at constant width.
 
-    Jaky's rule, K0 = 1 - sin(phi), has 0.58 to 0.66 for the 20 to 25 degrees of spheres; published
-    K0 of sphere packings in simulations and of glass beads lie from 0.4 to 0.7.
+    Jaky's rule, K0 = 1 - sin(phi), has 0.58 to 0.66 for angles of friction of 20 to 25 degrees. The
+    range that is asked for lies around these; it is a plausible one, without a source of its own.
     """
     first, second = states(folder, [1e5, 1e6], oedometric=True)
     for sample, axial in ((first, 1e5), (second, 1e6)):
