@@ -21,7 +21,7 @@ PAPER = "studies/otsubo2017/study.yaml"
 TINY = """
 groups:
   - kind: random
-    factors: {friction: [0, 0.4], stress: [1e5]}
+    factors: {friction: [0, 0.4], stress: [1e6]}
     spheres: 200
     width: 4
     wave_friction: friction + 0.1
@@ -98,7 +98,7 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study):
     settings = ("study=studies/tiny.yaml", "products=tiny", "stage=page")
     done = run(study, "local", "", *settings)
     assert done.returncode == 0, done.stderr
-    names = [f"friction{mu}_stress100000" for mu in ("0", "0.4")]
+    names = [f"friction{mu}_stress1e+06" for mu in ("0", "0.4")]
     found = [json.loads((study / f"tiny/results/{name}.json").read_text()) for name in names]
     e = [one["values"]["void_ratio"]["value"] for one in found]
     assert e[0] < e[1]  # with less friction denser
@@ -113,7 +113,7 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study):
     # A seed that is added makes the page stale, as its result is one of the page's inputs.
     own.write_text(TINY)
     (study / "tiny/results/seed_2").mkdir()
-    shutil.copy(study / "tiny/results/friction0_stress100000.json", study / "tiny/results/seed_2")
+    shutil.copy(study / "tiny/results/friction0_stress1e+06.json", study / "tiny/results/seed_2")
     assert planned(study, study="studies/tiny.yaml", products="tiny", stage="page") == {"page": 1}
     assert all(path.stat().st_mtime == made for path, made in before.items())
 

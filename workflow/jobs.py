@@ -7,6 +7,7 @@ Read by the Snakefiles alone. Which cases there are, and their settings, stands 
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -359,7 +360,7 @@ def environment() -> str:
 
 def one_of(names: Any) -> str:
     """Pattern of a wildcard that is one of these; of none, one that nothing is like."""
-    return "|".join(names) or "none"
+    return "|".join(map(re.escape, names)) or "none"
 
 
 def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
