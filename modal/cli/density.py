@@ -7,15 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import (
-    add_number,
-    add_output,
-    add_skip_current,
-    network_command,
-    numbers,
-    remark_on_ends,
-)
-from modal.cli.reading import add_springs, packing_of
+from modal.cli.options import add_value, chosen
+from modal.cli.reading import frequencies, network_command, packing_of, remark_on_ends
 from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
 from modal.system.contacts import SYMMETRIC
@@ -28,32 +21,21 @@ read_product = None
 
 def add(commands: Any) -> None:
     """The options of `density`."""
-    command = network_command(
-        commands,
-        "density",
-        "density of states (DOS): modes per frequency, for each component of motion",
-        "density mine.network.h5 --resolution 2000 -o mine.density.h5",
-    )
-    add_number(command, "--resolution", "HZ", "width of a peak", 2e3)
-    add_number(command, "--tolerance", "T", "error of counts over all modes", 1e-3)
-    command.add_argument(
-        "--at", nargs="+", default=[], metavar="HZ", help="print how many modes lie below"
-    )
-    add_springs(command, SYMMETRIC)
-    add_output(command, "write *.density.h5")
-    add_skip_current(command)
+    text = "density of states (DOS): modes per frequency, for each component of motion"
+    example = "density mine.network.h5 --resolution 2000 -o mine.density.h5"
+    command = network_command(commands, "density", text, example, "*.density.h5", SYMMETRIC)
+    add_value(command, "--resolution", "HZ", "width of a peak", 2e3)
+    add_value(command, "--tolerance", "T", "error of counts over all modes", 1e-3)
+    text = "print how many modes lie below"
+    command.add_argument("--at", nargs="+", default=[], metavar="HZ", help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run the command; the result as it is printed."""
-    at = numbers(options.at)
+    at = frequencies(options.at)
     network = packing_of(options)
-    states = density_of_states(
-        network,
-        resolution=options.resolution,
-        tolerance=options.tolerance,
-        pre_stress=options.pre_stress,
-    )
+    asked = chosen(options, "resolution", "tolerance", "pre_stress")
+    states = density_of_states(network, **asked)
     if options.output:
         write_density(options.output, states, sha256(options.network), options.made)
     frequency = states.grid()

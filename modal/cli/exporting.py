@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import add_output, network_command
+from modal.cli.options import add_output, add_value
+from modal.cli.reading import network_command
 from modal.exchange import extended_xyz, picture
 from modal.exchange.picture import (
     Frame,
@@ -34,22 +35,15 @@ from modal.waves.signals import SCHEMA as WAVE
 def add(commands: Any) -> None:
     """The options of `export`."""
     text = "packing, modes or wave for ParaView (*.vtu) and OVITO (*.xyz)"
-    command = network_command(
-        commands, "export", text, "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
-    )
+    example = "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
+    command = network_command(commands, "export", text, example)
     command.add_argument("product", nargs="?", help="*.modes.h5 or *.signals.h5")
-    command.add_argument(
-        "--modes", type=int, nargs="+", metavar="K", help="which modes, from 1 (default all)"
-    )
-    command.add_argument(
-        "--frames", type=int, metavar="N", help="of an animation: a mode's period, a wave's times"
-    )
-    command.add_argument(
-        "--scale",
-        type=float,
-        metavar="X",
-        help="factor on displacements (default: the largest is half a radius)",
-    )
+    text = "which modes, from 1 (default all)"
+    add_value(command, "--modes", "K", text, kind=int, nargs="+")
+    text = "of an animation: a mode's period, a wave's times"
+    add_value(command, "--frames", "N", text, kind=int)
+    text = "factor on displacements (default: the largest is half a radius)"
+    add_value(command, "--scale", "X", text)
     add_output(command, "*.vtu or *.xyz", required=True)
 
 
@@ -64,25 +58,22 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         raise InputError(f"--scale {options.scale}: give a number")
     network = read_remarked(options.network, options.remarks.append)
     fields = sphere_fields(network)
-    frames: Iterable[Frame] | None = None
+    frames: list[Frame] | None = None
     if options.product:
         note = require_same_packing(options.product, packing_of(options.network))
         if note:
             options.remarks.append(note)
-        more, frames = _of_product(options, network)
-        fields |= more
+        more, moving = _of_product(options)
+        fields, frames = fields | more, None if moving is None else list(moving)
     elif options.modes or options.frames or options.scale is not None:
         raise InputError("--modes, --frames and --scale need a file of modes or signals")
     path.parent.mkdir(parents=True, exist_ok=True)
-    if frames is None:
-        written = _still(path, network, fields)
-    else:
-        written = _moving(path, network, fields, list(frames), options.scale)
+    written = _write(path, network, fields, frames, options.scale)
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 
 
 def _of_product(
-    options: argparse.Namespace, network: Network
+    options: argparse.Namespace,
 ) -> tuple[dict[str, Array], Iterator[Frame] | None]:
     """Fields, and frames if there are any, of modes or of a wave."""
     with open_h5(options.product) as file:
@@ -121,38 +112,33 @@ def _of_product(
     return fields, mode_frames(shape, float(modes.frequency[k - 1]), options.frames)
 
 
-def _still(path: Path, network: Network, fields: dict[str, Array]) -> list[str]:
-    if path.suffix == ".xyz":
-        extended_xyz.write_frames(path, network, [(0.0, network.position, fields)])
-        return [str(path)]
-    contacts = path.with_suffix(".contacts.vtu")
-    picture.write_spheres(path, network.position, fields)
-    picture.write_lines(contacts, contact_lines(network))
-    return [str(path), str(contacts)]
-
-
-def _moving(
+def _write(
     path: Path,
     network: Network,
     fields: dict[str, Array],
-    frames: list[Frame],
+    frames: list[Frame] | None,
     wanted: float | None,
 ) -> list[str]:
-    largest = max(float(np.linalg.norm(frame.displacement, axis=1).max()) for frame in frames)
-    scale = scale_of(network, largest, wanted)
-
-    def shown(frame: Frame) -> tuple[float, Floats, dict[str, Array]]:
-        position = network.position + scale * frame.displacement
-        return frame.time, position, fields | {"displacement": frame.displacement}
-
+    """Names of the files of a still picture, or of frames; and of the contacts where it is VTK."""
+    sizes = [np.linalg.norm(frame.displacement, axis=1).max() for frame in frames or ()]
+    scale = scale_of(network, float(max(sizes, default=0.0)), wanted)
+    shown: Iterable[tuple[float, Floats, dict[str, Array]]] = [(0.0, network.position, fields)]
+    names = [path]
+    if frames is not None:
+        shown = (
+            (time, network.position + scale * moved, fields | {"displacement": moved})
+            for time, moved in frames
+        )
+        names = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(len(frames))]
     if path.suffix == ".xyz":
-        extended_xyz.write_frames(path, network, map(shown, frames))
+        extended_xyz.write_frames(path, network, shown)
         return [str(path)]
-    named = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(len(frames))]
-    for name, frame in zip(named, frames, strict=True):
-        picture.write_spheres(name, *shown(frame)[1:])
     contacts, series = path.with_suffix(".contacts.vtu"), path.with_suffix(".pvd")
     picture.write_lines(contacts, contact_lines(network))
-    times = [frame.time for frame in frames]
-    picture.write_series(series, list(zip(times, [name.name for name in named], strict=True)))
-    return [str(series), str(contacts), *map(str, named)]
+    for name, (_, position, own) in zip(names, shown, strict=True):
+        picture.write_spheres(name, position, own)
+    if frames is None:
+        return [str(path), str(contacts)]
+    times = [(frame.time, name.name) for frame, name in zip(frames, names, strict=True)]
+    picture.write_series(series, times)
+    return [str(series), str(contacts), *map(str, names)]

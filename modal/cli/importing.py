@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from modal.cli.options import add_command, add_output, say
+from modal.cli.options import add_command, add_output, add_value, say
 from modal.exchange.registry import all_options, import_packing
 from modal.exchange.report import summary_of
 from modal.packing.network import read_network, write_network
@@ -18,18 +18,11 @@ read_product = read_network
 def add(commands: Any) -> None:
     """The options of `import`: those of all programs that can be read."""
     text = "another program's packing: LAMMPS, LIGGGHTS, MercuryDPM, or tables"
-    command = add_command(
-        commands, "import", text, "import spheres.csv --contacts contacts.csv -o mine.network.h5"
-    )
+    example = "import spheres.csv --contacts contacts.csv -o mine.network.h5"
+    command = add_command(commands, "import", text, example)
     command.add_argument("file", help="dump custom, *.restart of MercuryDPM, or *.csv of spheres")
     for name, option in all_options().items():
-        command.add_argument(
-            f"--{name}",
-            type=option.kind,
-            nargs=None if isinstance(option.metavar, str) else len(option.metavar),
-            metavar=option.metavar,
-            help=option.text,
-        )
+        add_value(command, f"--{name}", option.metavar, option.text, kind=option.kind)
     add_output(command, "*.network.h5", required=True)
 
 

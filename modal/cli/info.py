@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import NewFile, network_command
+from modal.cli.options import NewFile, add_value
+from modal.cli.reading import network_command
 from modal.cli.terminal import COST, Groups
 from modal.exchange.registry import import_packing
 from modal.modes.collective import summary_at_zero
@@ -48,7 +49,7 @@ def add(commands: Any) -> None:
     text = "what is in a packing: stresses, void ratio, coordination number, rattlers, zero modes"
     command = network_command(commands, "info", text, "info mine.network.h5")
     text = "write stress, void ratio ... of layers along z, *.csv"
-    command.add_argument("--layers", type=NewFile, metavar="FILE", help=text)
+    add_value(command, "--layers", "FILE", text, kind=NewFile)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

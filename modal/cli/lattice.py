@@ -5,19 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_command, add_number
+from modal.cli.options import add_command, add_value
 from modal.theory.fcc import FccLattice
 
 
 def add(commands: Any) -> None:
     """The options of `lattice`."""
-    command = add_command(
-        commands,
-        "lattice",
-        "the face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency",
-        "lattice --stress 1e5",
-    )
-    add_number(command, "--stress", "PA", "isotropic", 1e5)
+    text = "the face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency"
+    command = add_command(commands, "lattice", text, "lattice --stress 1e5")
+    add_value(command, "--stress", "PA", "isotropic", 1e5)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -18,22 +18,13 @@ from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 from modal.tools.workload import peak_memory
 
-COMMANDS = {
-    "pack": "pack",
-    "relax": "relax",
-    "info": "info",
-    "modes": "modes",
-    "count": "count",
-    "density": "density",
-    "moduli": "moduli",
-    "wave": "wave",
-    "response": "response",
-    "lattice": "lattice",
-    "import": "importing",
-    "export": "exporting",
-    "tile": "tile",
-}
-"""Each command and its module in this room, which is loaded when it is called."""
+COMMANDS = (
+    *("pack", "relax", "info", "modes", "count", "density", "moduli", "wave", "response"),
+    *("lattice", "import", "export", "tile"),
+)
+"""All of them; the module of each in this room is loaded when it is called."""
+MODULES = {"import": "importing", "export": "exporting"}
+"""Of those whose module has another name."""
 FIRST = """first steps:
   {prog} pack --spheres 400 --stress 1e5 -o dense
   {prog} info dense/01_100kPa.sample.h5
@@ -49,7 +40,7 @@ def command_of(name: str) -> ModuleType:
     fall short, or is not the only one, has `kept(options)` for a product that is current; one whose
     result is long sorts it for people with `shown(result)`.
     """
-    return importlib.import_module(f"modal.cli.{COMMANDS[name]}")
+    return importlib.import_module(f"modal.cli.{MODULES.get(name, name)}")
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:

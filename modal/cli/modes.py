@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import SHORT, add_number, add_output, add_skip_current, network_command, say
-from modal.cli.reading import add_springs, packing_of
+from modal.cli.options import SHORT, add_advanced, add_choice, add_flag, add_value, chosen, say
+from modal.cli.reading import network_command, packing_of
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.law_shift import shift_by_law
@@ -18,38 +18,32 @@ from modal.system.contacts import TANGENTS
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
+ASKED = (
+    *("lowest", "highest", "below", "between", "all", "hours"),
+    *("translations_only", "pre_stress", "solver"),
+)
+"""Options that `eigenmodes` has under the same names."""
+
 read_product = read_modes
 
 
 def add(commands: Any) -> None:
     """The options of `modes`."""
-    command = network_command(
-        commands,
-        "modes",
-        "natural frequencies and mode shapes, their list proved complete by inertia counts",
-        "modes mine.network.h5 --lowest 20 -o mine.modes.h5",
-    )
+    text = "natural frequencies and mode shapes, their list proved complete by inertia counts"
+    example = "modes mine.network.h5 --lowest 20 -o mine.modes.h5"
+    command = network_command(commands, "modes", text, example, "*.modes.h5", TANGENTS)
     command.epilog = f"Exit status {SHORT}: the list lacks modes; it says how many."
     choice = command.add_mutually_exclusive_group()
-    add_number(choice, "--lowest", "K", "the K lowest modes", kind=int)
-    add_number(choice, "--highest", "K", "the K highest modes", kind=int)
-    add_number(choice, "--below", "HZ", "all modes below HZ")
-    choice.add_argument(
-        "--between", type=float, nargs=2, metavar="HZ", help="all modes between two frequencies"
-    )
-    choice.add_argument("--all", action="store_true", help="all modes; for small packings")
-    add_number(command, "--hours", "H", "refuse what is estimated to take longer", 1.0)
-    command.add_argument("--translations-only", action="store_true", help="hold rotations at zero")
-    advanced = command.add_argument_group("advanced")
-    advanced.add_argument(
-        "--uncertified",
-        action="store_true",
-        help="--highest without its inertia count: faster",
-    )
-    advanced.add_argument("--solver", choices=SOLVERS, help="factorisation (default: the fastest)")
-    add_springs(command, TANGENTS)
-    add_output(command, "write *.modes.h5")
-    add_skip_current(command)
+    add_value(choice, "--lowest", "K", "the K lowest modes", kind=int)
+    add_value(choice, "--highest", "K", "the K highest modes", kind=int)
+    add_value(choice, "--below", "HZ", "all modes below HZ")
+    add_value(choice, "--between", ("HZ", "HZ"), "all modes between two frequencies")
+    add_flag(choice, "--all", "all modes; for small packings")
+    add_value(command, "--hours", "H", "refuse what is estimated to take longer", 1.0)
+    add_flag(command, "--translations-only", "hold rotations at zero")
+    advanced = add_advanced(command)
+    add_flag(advanced, "--uncertified", "--highest without its inertia count: faster")
+    add_choice(advanced, "--solver", SOLVERS, "factorisation (default: the fastest)")
 
 
 def kept(options: argparse.Namespace) -> dict[str, Any]:
@@ -67,20 +61,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     )
     if options.all and system.size > system.limits.small:
         say(f"all {system.size} modes: {memory_of_all(system)}")
-    modes = eigenmodes(
-        network,
-        lowest=options.lowest,
-        highest=options.highest,
-        below=options.below,
-        between=options.between,
-        all=options.all,
-        translations_only=options.translations_only,
-        pre_stress=options.pre_stress,
-        solver=options.solver,
-        shapes=bool(options.output),
-        certify=not options.uncertified,
-        hours=options.hours,
-    )
+    asked = chosen(options, *ASKED)
+    shapes, certify = bool(options.output), not options.uncertified
+    modes = eigenmodes(network, **asked, shapes=shapes, certify=certify)
     if options.output:
         write_modes(options.output, modes, options.made)
     _say_what_is_not(modes, options.output)

@@ -7,14 +7,11 @@ import json
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
-import numpy as np
-
 from modal.formats.hdf5 import refuse_unwritable
-from modal.tools.display import quantity
 from modal.tools.errors import InputError
 
 SHORT = 3
@@ -46,37 +43,48 @@ def add_command(commands: Any, name: str, text: str, example: str) -> argparse.A
     command: argparse.ArgumentParser = commands.add_parser(
         name, help=text, description=text, example=example
     )
-    command.add_argument("--json", action="store_true", help="print one JSON object")
+    add_flag(command, "--json", "print one JSON object")
     return command
 
 
-def network_command(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
-    """A command that reads a packing: its parser, with the file and --json."""
-    command = add_command(commands, name, text, example)
-    command.add_argument("network", help="*.network.h5, or *.sample.h5")
-    return command
-
-
-def add_number(
+def add_value(
     command: argparse._ActionsContainer,
     name: str,
-    metavar: str,
+    metavar: str | tuple[str, ...],
     text: str,
     default: float | None = None,
-    kind: type[int] | type[float] = float,
+    kind: type = float,
+    **more: Any,
 ) -> None:
-    """An option that takes a number; its help says the default."""
+    """An option that takes a value, or as many as `metavar` names; its help says the default."""
     told = "" if default is None else f" (default {default:g})"
-    command.add_argument(name, type=kind, metavar=metavar, default=default, help=text + told)
-
-
-def add_skip_current(command: argparse.ArgumentParser) -> None:
-    """The option --skip-current of a command that writes one product."""
+    if isinstance(metavar, tuple):
+        more["nargs"] = len(metavar)
     command.add_argument(
-        "--skip-current",
-        action="store_true",
-        help="keep FILE if sources and settings are the same",
+        name, type=kind, metavar=metavar, default=default, help=text + told, **more
     )
+
+
+def add_flag(command: argparse._ActionsContainer, name: str, text: str) -> None:
+    """An option that is there or not."""
+    command.add_argument(name, action="store_true", help=text)
+
+
+def add_choice(
+    command: argparse._ActionsContainer,
+    name: str,
+    known: Iterable[str],
+    text: str,
+    default: str | None = None,
+) -> None:
+    """An option that takes one of the `known` words; its help says the default."""
+    told = "" if default is None else f" (default {default})"
+    command.add_argument(name, choices=list(known), default=default, help=text + told)
+
+
+def add_advanced(command: argparse.ArgumentParser) -> argparse._ActionsContainer:
+    """The group of options that hardly anyone needs."""
+    return command.add_argument_group("advanced")
 
 
 PACKINGS = ".network.h5", ".sample.h5"
@@ -93,11 +101,14 @@ class NewFolder(str):
     """The name of a folder for files to be written."""
 
 
-def add_output(command: argparse.ArgumentParser, text: str, required: bool = False) -> None:
-    """The option -o of a command that writes one file."""
-    command.add_argument(
-        "-o", "--output", type=NewFile, required=required, metavar="FILE", help=text
-    )
+def add_output(
+    command: argparse.ArgumentParser, text: str, required: bool = False, *, skip: bool = False
+) -> None:
+    """The option -o of a command that writes one file; `skip` adds --skip-current."""
+    names = ("-o", "--output")
+    command.add_argument(*names, type=NewFile, required=required, metavar="FILE", help=text)
+    if skip:
+        add_flag(command, "--skip-current", "keep FILE if sources and settings are the same")
 
 
 def check_files(options: argparse.Namespace) -> None:
@@ -157,22 +168,9 @@ def json_text(result: Any) -> str:
     return json.dumps(plain(result), allow_nan=False)
 
 
-def numbers(at: list[str]) -> np.ndarray:
-    """Shape (k,), Hz: the frequencies of --at, whose texts are the names of results."""
-    try:
-        found = np.array([float(text) for text in at])
-    except ValueError:
-        found = np.array([np.nan])
-    if not (np.isfinite(found) & (found >= 0)).all():
-        raise InputError(f"--at {' '.join(at)}: give frequencies in Hz, as numbers from 0 on")
-    return found
-
-
-def remark_on_ends(options: argparse.Namespace, frequency: float, below: bool, above: bool) -> None:
-    """Remark on a frequency, Hz, `below` the first or `above` the highest mode: perhaps in kHz."""
-    if below or above:
-        where = "below the first" if below else "above the highest"
-        options.remarks.append(f"{quantity(frequency, 'Hz')} lies {where} mode: is it in Hz?")
+def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Options of these names, as arguments of a function that calls them the same."""
+    return {name: getattr(options, name) for name in names}
 
 
 def typed(name: str) -> str:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import NewFolder, add_command, say, typed
+from modal.cli.options import NewFolder, add_command, add_flag, add_value, say, typed
 from modal.cli.terminal import COST, Groups
 from modal.exchange.registry import read_remarked
 from modal.packing.contact_law import GLASS, RADIUS
@@ -45,70 +45,33 @@ def add(commands: Any) -> None:
     """The options of `pack`."""
     text = "make packings: a cloud of spheres, compressed to each stress, with or without friction"
     pack = add_command(commands, "pack", text, "pack --spheres 300 --stress 1e5 -o dense")
-    pack.add_argument(
-        "--spheres", type=int, default=35201, metavar="N", help="how many (default 35201)"
-    )
-    pack.add_argument(
-        "--aspect",
-        type=float,
-        metavar="A",
-        help=f"length over width (default {ASPECT:g}, or less so that the width is {WIDE:g} "
-        "diameters, at least 1)",
-    )
-    pack.add_argument(
-        "--seed", type=int, default=1, metavar="S", help="of the random cloud (default 1)"
-    )
-    pack.add_argument(
-        "--stress",
-        type=float,
-        nargs="+",
-        metavar="PA",
-        help="one or several; a state is written of each",
-    )
-    pack.add_argument(
-        "--friction", type=float, default=0.0, metavar="MU", help="0 to 1 (default 0)"
-    )
-    pack.add_argument(
-        "--tolerance", type=float, metavar="T",
-        help="without friction: mean net force over mean contact force (default 1e-3)",
-    )  # fmt: skip
-    pack.add_argument(
-        "--peak",
-        type=float,
-        metavar="PA",
-        help=f"without friction: sets the density (default {PEAK:g})",
-    )
-    pack.add_argument("--sizes", nargs="+", metavar="S", help=f"of a mixture: {KINDS}")
-    pack.add_argument("--densities", nargs="+", metavar="RHO", help=DENSITIES)
-    pack.add_argument(
-        "--walls", nargs=2, metavar=("E", "NU"), help=f"{WALLS} (default those of glass)"
-    )
+    add_value(pack, "--spheres", "N", "how many", 35201, int)
+    text = f"length over width (default {ASPECT:g}, or less so that the width is {WIDE:g} "
+    add_value(pack, "--aspect", "A", f"{text}diameters, at least 1)")
+    add_value(pack, "--seed", "S", "of the random cloud", 1, int)
+    text = "one or several; a state is written of each"
+    add_value(pack, "--stress", "PA", text, nargs="+")
+    add_value(pack, "--friction", "MU", "0 to 1", 0.0)
+    text = "without friction: mean net force over mean contact force"
+    add_value(pack, "--tolerance", "T", f"{text} (default {TOLERANCE:g})")
+    add_value(pack, "--peak", "PA", f"without friction: sets the density (default {PEAK:g})")
+    add_value(pack, "--sizes", "S", f"of a mixture: {KINDS}", kind=str, nargs="+")
+    add_value(pack, "--densities", "RHO", DENSITIES, kind=str, nargs="+")
+    add_value(pack, "--walls", ("E", "NU"), f"{WALLS} (default those of glass)", kind=str)
     for name, own in SOLID.items():
-        pack.add_argument(
-            f"--{name}", type=float, metavar="X", help=f"of the spheres (default {own:g}, SI units)"
-        )
-    pack.add_argument(
-        "--periodic", action="store_true", help="a cell without walls, with a period along z too"
-    )
-    with_friction = pack.add_argument_group("with friction alone")
-    study = Study()
-    with_friction.add_argument(
-        "--width", type=float, metavar="D", help="in diameters, instead of --aspect"
-    )
-    with_friction.add_argument(
-        "--stress-ratio", type=float, metavar="K",
-        help="then the lateral stresses go to K times the axial one, which stays",
-    )  # fmt: skip
-    with_friction.add_argument(
-        "--oedometric", action="store_true",
-        help="from a tenth of the first stress compressed along z alone; K0 is told",
-    )  # fmt: skip
+        add_value(pack, f"--{name}", "X", f"of the spheres (default {own:g}, SI units)")
+    add_flag(pack, "--periodic", "a cell without walls, with a period along z too")
+    study, with_friction = Study(), pack.add_argument_group("with friction alone")
+    add_value(with_friction, "--width", "D", "in diameters, instead of --aspect")
+    text = "then the lateral stresses go to K times the axial one, which stays"
+    add_value(with_friction, "--stress-ratio", "K", text)
+    text = "from a tenth of the first stress compressed along z alone; K0 is told"
+    add_flag(with_friction, "--oedometric", text)
     advanced = pack.add_argument_group("with friction alone, advanced")
     for name, text in WITH_FRICTION.items():
-        (advanced if name in ADVANCED else with_friction).add_argument(
-            option_of(name), dest=name, type=float, metavar="X",
-            help=f"{text} (default {getattr(study, name):g})",
-        )  # fmt: skip
+        group = advanced if name in ADVANCED else with_friction
+        text += f" (default {getattr(study, name):g})"
+        add_value(group, option_of(name), "X", text, dest=name)
     pack.add_argument(
         "-o", "--output", type=NewFolder, required=True, metavar="DIR",
         help="folder; goes on where it was",
@@ -126,24 +89,17 @@ def option_of(name: str) -> str:
 
 def _solid(options: argparse.Namespace) -> list[float] | None:
     """What the spheres are of, and their radius; None where all is the study's."""
-    given = [getattr(options, name) for name in SOLID]
-    if all(value is None for value in given):
-        return None
-    return [
-        own if value is None else value for value, own in zip(given, SOLID.values(), strict=True)
-    ]
+    given = {name: x for name in SOLID if (x := getattr(options, name)) is not None}
+    return list((SOLID | given).values()) if given else None
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Run or continue a compression; names of the files that hold its states."""
-    unused = (
-        ("tolerance", "peak")
-        if options.friction != 0
-        else ("width", "stress_ratio", *WITH_FRICTION)
-    )
+    kind, unused = "without", ["width", "stress_ratio", *WITH_FRICTION]
+    if options.friction != 0:
+        kind, unused = "with", ["tolerance", "peak"]
     for name in unused:
         if getattr(options, name) is not None:
-            kind = "with" if options.friction != 0 else "without"
             raise InputError(f"{option_of(name)}: has no meaning {kind} friction; leave it out")
     tolerance = options.tolerance
     if tolerance is not None and not 0 < tolerance < 1:

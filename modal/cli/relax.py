@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import NewFile, add_command, add_number, add_output, add_skip_current, say
+from modal.cli.options import NewFile, add_command, add_output, add_value, say
 from modal.formats.provenance import Provenance, is_current, packing_of
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
@@ -21,19 +21,16 @@ read_product = read_sample
 def add(commands: Any) -> None:
     """The options of `relax`."""
     text = "bring a sample to static equilibrium under its contact model"
-    balance = add_command(
-        commands, "relax", text, "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
-    )
-    balance.add_argument("sample", help="*.sample.h5")
-    add_number(balance, "--friction", "MU", "of the wave that will follow (default: the sample's)")
+    example = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
+    command = add_command(commands, "relax", text, example)
+    command.add_argument("sample", help="*.sample.h5")
+    text = "of the wave that will follow (default: the sample's)"
+    add_value(command, "--friction", "MU", text)
     text = "mean net force over mean contact force at rest"
-    add_number(balance, "--tolerance", "T", text, TOLERANCE)
-    balance.add_argument(
-        "--network", dest="exported", type=NewFile, metavar="FILE",
-        help="write the contact network as well",
-    )  # fmt: skip
-    add_output(balance, "the sample at rest, *.sample.h5", required=True)
-    add_skip_current(balance)
+    add_value(command, "--tolerance", "T", text, TOLERANCE)
+    text = "write the contact network as well"
+    add_value(command, "--network", "FILE", text, kind=NewFile, dest="exported")
+    add_output(command, "the sample at rest, *.sample.h5", required=True, skip=True)
 
 
 def kept(options: argparse.Namespace) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from modal.cli.options import add_output, network_command
+from modal.cli.options import add_output, add_value
+from modal.cli.reading import network_command
 from modal.exchange.registry import read_packing
 from modal.packing.network import write_network
 from modal.packing.sample import read_sample, write_sample
@@ -22,17 +23,10 @@ forces, of a network."""
 def add(commands: Any) -> None:
     """The options of `tile`."""
     text = "a packing repeated sideways across its periods"
-    command = network_command(
-        commands, "tile", text, "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
-    )
-    command.add_argument(
-        "--repeat",
-        type=int,
-        nargs=2,
-        required=True,
-        metavar=("NX", "NY"),
-        help="how often along x and y",
-    )
+    example = "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
+    command = network_command(commands, "tile", text, example)
+    text = "how often along x and y"
+    add_value(command, "--repeat", ("NX", "NY"), text, kind=int, required=True)
     add_output(command, "*.network.h5, or of a sample *.sample.h5", required=True)
 
 

@@ -7,11 +7,12 @@ import math
 from functools import partial
 from typing import Any
 
-from modal.cli.options import add_output, add_skip_current, network_command, say, typed
-from modal.cli.reading import add_springs, packing_of
+from modal.cli.options import add_advanced, add_choice, add_flag, add_value, chosen, say, typed
+from modal.cli.reading import network_command, packing_of
 from modal.exchange.programs.sample import is_sample
 from modal.formats.hdf5 import sha256
 from modal.packing.sample import read_sample
+from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.nonlinear import ACCURACY, propagate_nonlinear
@@ -21,6 +22,23 @@ from modal.waves.signals import read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
 from modal.waves.sources import Plane, Point, Source, Wall
 
+MOTIONS: dict[str, tuple[Any, ...]] = {
+    "pulse": (Pulse, "amplitude", "input_frequency", "cycles"),
+    "chirp": (chirp, "amplitude", "input_frequency", "last_frequency", "sweep"),
+    "step": (step, "amplitude", "sweep"),
+    "file": (read_motion, "motion_file"),
+}
+"""What makes each motion of the source, and of which options."""
+USUAL = {
+    **{"amplitude": AMPLITUDE, "input_frequency": INPUT_FREQUENCY, "cycles": 1},
+    **{"last_frequency": None, "sweep": None, "motion_file": None},
+}
+"""Those options where nothing is said; without a usual value they must be given."""
+LINEAR = {
+    **{"pre_stress": "none", "sliding": "elastic", "damping": None, "plane": None},
+    **{"point": None, "tolerance": 1e-9, "whole": False},
+}
+"""The same of options that a wave has none of whose contacts follow their law."""
 NOISY = 0.01
 """Motion without a wave, over the wave's, from which on it is remarked on."""
 
@@ -29,130 +47,68 @@ read_product = partial(read_signals, of_any_source=True)
 
 def add(commands: Any) -> None:
     """The options of `wave`."""
-    command = network_command(
-        commands,
-        "wave",
-        "the wave that a push of the source wall sends through the contacts' springs",
-        "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5",
-    )
-    command.add_argument(
-        "--amplitude",
-        type=float,
-        default=AMPLITUDE,
-        metavar="A",
-        help=f"half the wall's stroke, m (default {AMPLITUDE:g})",
-    )
-    command.add_argument(
-        "--input-frequency",
-        type=float,
-        default=INPUT_FREQUENCY,
-        metavar="HZ",
-        help=f"of the pulse (default {INPUT_FREQUENCY:g})",
-    )
-    command.add_argument(
-        "--duration", type=float, default=5e-4, metavar="S", help="of the record (default 5e-4)"
-    )
+    text = "the wave that a push of the source wall sends through the contacts' springs"
+    example = "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5"
+    command = network_command(commands, "wave", text, example, "*.signals.h5", TANGENTS)
+    add_value(command, "--amplitude", "A", "half the wall's stroke, m", AMPLITUDE)
+    add_value(command, "--input-frequency", "HZ", "of the pulse", INPUT_FREQUENCY)
+    add_value(command, "--duration", "S", "of the record", 5e-4)
     given = command.add_mutually_exclusive_group()
-    given.add_argument(
-        "--motion", choices=("pulse", "chirp", "step"), default="pulse",
-        help="of the source wall (default pulse)",
-    )  # fmt: skip
-    given.add_argument(
-        "--motion-file", metavar="FILE", help="the source's motion as a table of two columns: s, m"
-    )
-    command.add_argument(
-        "--cycles", type=int, default=1, metavar="N", help="of a pulse (default 1)"
-    )
-    command.add_argument("--last-frequency", type=float, metavar="HZ", help="at the end of a chirp")
-    command.add_argument(
-        "--sweep", type=float, metavar="S", help="how long a chirp lasts, or a step rises"
-    )
-    command.add_argument(
-        "--interval", type=float, default=1e-6, metavar="S", help="between records (default 1e-6)"
-    )
-    command.add_argument(
-        "--tolerance", type=float, metavar="T", default=1e-9, help="relative error (default 1e-9)"
-    )
+    add_choice(given, "--motion", list(MOTIONS)[:-1], "of the source wall", "pulse")
+    text = "the source's motion as a table of two columns: s, m"
+    add_value(given, "--motion-file", "FILE", text, kind=str)
+    add_value(command, "--cycles", "N", "of a pulse", 1, int)
+    add_value(command, "--last-frequency", "HZ", "at the end of a chirp")
+    add_value(command, "--sweep", "S", "how long a chirp lasts, or a step rises")
+    add_value(command, "--interval", "S", "between records", 1e-6)
+    add_value(command, "--tolerance", "T", "relative error", 1e-9)
     add_source(command)
-    command.add_argument(
-        "--particles", action="store_true", help="record every sphere: to watch it, or for ParaView"
-    )
-    command.add_argument(
-        "--damping", nargs=2, type=float, metavar=("N", "T"),
-        help="of the contacts, over the critical: normal, tangential (default 0 0)",
-    )  # fmt: skip
-    command.add_argument(
-        "--time-step", type=float, metavar="S",
-        help="in steps as DEM programs, by leapfrog (default: exact in time)",
-    )  # fmt: skip
-    command.add_argument(
-        "--nonlinear", action="store_true",
-        help="contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3",
-    )  # fmt: skip
-    command.add_argument(
-        "--accuracy", type=float, metavar="T",
-        help=f"of --nonlinear: error of the time step over the largest motion (default {ACCURACY})",
-    )  # fmt: skip
-    command.add_argument_group("advanced").add_argument(
-        "--whole", action="store_true",
-        help="compute all of a packing of equal parts side by side, as a crystal, not one of them",
-    )  # fmt: skip
-    add_springs(command)
-    add_output(command, "write *.signals.h5")
-    add_skip_current(command)
+    add_flag(command, "--particles", "record every sphere: to watch it, or for ParaView")
+    text = "in steps as DEM programs, by leapfrog (default: exact in time)"
+    add_value(command, "--time-step", "S", text)
+    text = "contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3"
+    add_flag(command, "--nonlinear", text)
+    text = "of --nonlinear: error of the time step over the largest motion"
+    add_value(command, "--accuracy", "T", f"{text} (default {ACCURACY})")
+    text = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
+    add_flag(add_advanced(command), "--whole", text)
 
 
 def add_source(command: argparse.ArgumentParser) -> None:
-    """The options that say what moves, and along which direction."""
-    command.add_argument(
-        "--direction",
-        choices=list(COMPONENT),
-        default="z",
-        help="of the source's motion: z (default), x or y for S-waves, or torsion about z",
-    )
+    """The options that say what moves, along which direction, and how its motion decays."""
+    text = "of the source's motion: along z, along x or y for S-waves, or torsion about z"
+    add_choice(command, "--direction", COMPONENT, text, "z")
     source = command.add_mutually_exclusive_group()
-    source.add_argument(
-        "--plane", type=float, metavar="Z",
-        help="in the place of the source wall the contacts across this height, m, open",
-    )  # fmt: skip
-    source.add_argument(
-        "--point", type=int, metavar="K",
-        help="in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it",
-    )  # fmt: skip
+    text = "in the place of the source wall the contacts across this height, m, open"
+    add_value(source, "--plane", "Z", text)
+    text = "in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it"
+    add_value(source, "--point", "K", text, kind=int)
+    text = "of the contacts, over the critical: normal, tangential (default: none)"
+    add_value(command, "--damping", ("N", "T"), text)
 
 
-def source_of(options: argparse.Namespace) -> Source:
-    """What the options of `add_source` say."""
+def asked_of(options: argparse.Namespace) -> dict[str, Any]:
+    """What the options of `add_source` say, and the pre-stress."""
+    source: Source = Wall() if options.point is None else Point(options.point)
     if options.plane is not None:
-        return Plane(options.plane)
-    return Wall() if options.point is None else Point(options.point)
+        source = Plane(options.plane)
+    damping = ContactDamping(*options.damping) if options.damping else None
+    more = chosen(options, "direction", "pre_stress")
+    return {"source": source, "damping": damping, **more}
 
 
 def _motion(options: argparse.Namespace) -> Motion:
     """The motion of the source wall; InputError for options that another motion has."""
     name = "file" if options.motion_file else options.motion
-    has = {
-        "file": (),
-        "pulse": ("amplitude", "input_frequency", "cycles"),
-        "chirp": ("amplitude", "input_frequency", "last_frequency", "sweep"),
-        "step": ("amplitude", "sweep"),
-    }
-    usual = {"amplitude": AMPLITUDE, "input_frequency": INPUT_FREQUENCY, "cycles": 1}
-    for option in ("amplitude", "input_frequency", "cycles", "last_frequency", "sweep"):
-        given = getattr(options, option) != usual.get(option)
-        if given and option not in has.get(name, ()):
+    make, *has = MOTIONS[name]
+    for option, usual in USUAL.items():
+        given = getattr(options, option) != usual
+        if given and option not in has:
             raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
-        if not given and option in has.get(name, ()) and option not in usual:
+        if not given and option in has and usual is None:
             raise InputError(f"--motion {name} needs {typed(option)}")
-    if name == "file":
-        return read_motion(options.motion_file)
-    if name == "chirp":
-        return chirp(
-            options.amplitude, options.input_frequency, options.last_frequency, options.sweep
-        )
-    if name == "step":
-        return step(options.amplitude, options.sweep)
-    return Pulse(options.amplitude, options.input_frequency, options.cycles)
+    motion: Motion = make(*chosen(options, *has).values())
+    return motion
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -164,18 +120,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     network = packing_of(options, waves=True)
     wave = propagate(
         network,
-        options.duration,
-        source=source_of(options),
         motion=_motion(options),
-        interval=options.interval,
-        tolerance=options.tolerance,
-        pre_stress=options.pre_stress,
-        particles=options.particles,
-        direction=options.direction,
-        damping=ContactDamping(*options.damping) if options.damping else None,
-        time_step=options.time_step,
-        whole=options.whole,
         network_sha256=sha256(options.network),
+        **asked_of(options),
+        **chosen(options, "duration", "interval", "particles", "time_step", "tolerance", "whole"),
     )
     signals, accuracy = wave.signals, {"truncation": wave.truncation}
     if options.time_step is not None:
@@ -209,23 +157,16 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
             f"{options.network}: --nonlinear takes a *.sample.h5, which has the law and the "
             "friction of its contacts"
         )
-    for option, usual in (
-        *(("pre_stress", "none"), ("sliding", "elastic"), ("damping", None), ("plane", None)),
-        *(("point", None), ("tolerance", 1e-9), ("whole", False)),
-    ):
+    for option, usual in LINEAR.items():
         if getattr(options, option) != usual:
             raise InputError(f"{typed(option)} with --nonlinear: take one of them")
     sample = read_sample(options.network)
     wave = propagate_nonlinear(
         sample,
-        options.duration,
         motion=_motion(options),
-        interval=options.interval,
         accuracy=ACCURACY if options.accuracy is None else options.accuracy,
-        time_step=options.time_step,
-        particles=options.particles,
-        direction=options.direction,
         network_sha256=sha256(options.network),
+        **chosen(options, "duration", "interval", "time_step", "particles", "direction"),
     )
     signals, balance = wave.signals, wave.signals.balance
     if options.output:

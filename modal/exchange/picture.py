@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,8 +34,7 @@ class Lines:
     fields: dict[str, Array]
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """Spheres at one time: its value, s; displacement (n, 3), m, or kg^-1/2 of a mode."""
 
     time: float
