@@ -23,7 +23,7 @@ from benchmarks.harness import machine
 from modal.tools.errors import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "contact_loop", "scaling")
-NAMED = (*JOBS, "compression", "threads", "questions")
+NAMED = (*JOBS, "other_codes", "compression", "threads", "questions")
 """The last three run only when they are named."""
 
 

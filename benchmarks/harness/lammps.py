@@ -20,6 +20,20 @@ from modal.waves.source import INPUT_FREQUENCY, Pulse
 SCRIPT = Path(__file__).resolve().parent / "inside_lammps.in"
 
 
+def write_atoms(path: Path, network: Network) -> None:
+    """Write the spheres and their cell as a data file; a cell with walls reaches beyond these."""
+    edges = np.column_stack([np.zeros(3), network.cell_size])
+    if not network.cell_periodic[2]:
+        edges[2] = network.wall_position + np.multiply(network.radius[0], (-1, 1))
+    lines = ["packing", "", f"{network.n_particles} atoms", "1 atom types", ""]
+    for (a, b), axis in zip(edges.tolist(), "xyz", strict=True):
+        lines.append(f"{a!r} {b!r} {axis}lo {axis}hi")
+    lines += ["", "Atoms # sphere", ""]
+    for k, (r, place) in enumerate(zip(network.radius, network.position.tolist(), strict=True), 1):
+        lines.append(" ".join(map(repr, [k, 1, float(2 * r), GLASS.density, *place])))
+    path.write_text("\n".join(lines) + "\n")
+
+
 class Lammps:
     """The script `inside_lammps.in` on one crystal, whose atoms it reads from a folder."""
 
@@ -27,15 +41,7 @@ class Lammps:
 
     def __init__(self, folder: Path, network: Network, times: int) -> None:
         self.folder, self.network, self.times = folder, network, times
-        radius, cell = float(network.radius[0]), network.cell_size
-        low, high = network.wall_position.tolist()
-        edges = zip("xyz", (0.0, 0.0, low - radius), (cell[0], cell[1], high + radius), strict=True)
-        lines = ["FCC crystal", "", f"{network.n_particles} atoms", "1 atom types", ""]
-        lines += [f"{float(a)!r} {float(b)!r} {axis}lo {axis}hi" for axis, a, b in edges]
-        lines += ["", "Atoms # sphere", ""]
-        for k, (x, y, z) in enumerate(network.position.tolist(), start=1):
-            lines.append(f"{k} 1 {2 * radius!r} {GLASS.density!r} {x!r} {y!r} {z!r}")
-        (folder / "scene.data").write_text("\n".join(lines) + "\n")
+        write_atoms(folder / "scene.data", network)
 
     @staticmethod
     def available() -> bool:

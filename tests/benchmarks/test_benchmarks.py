@@ -56,6 +56,7 @@ COLUMNS = {
     "contact_loop": {
         "contact_loop": ("product, ms", "first product, ms", "times copy", "times additions"),
     },
+    "other_codes": {"other_codes": ("spheres", "method", "seconds", "peak_mb", "difference")},
     "compression": {
         "compression": ("task", "threads", "contacts", "steps", "ms_a_step", "seconds", "peak_mb"),
     },
