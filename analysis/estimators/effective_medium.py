@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.packing.contact_law import GLASS, Elastic, Moduli, overlap_of_force, stiffness_normal
-from modal.packing.contact_law import stiffness_tangential as tangential
+from modal.packing.contact_law import GLASS, Elasticity, Moduli
+from modal.packing.contact_models.hertz_mindlin import HertzMindlin
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import affine_stiffness
@@ -91,7 +91,7 @@ def of_means(
     coordination: float,
     stress: float,
     radius: float,
-    material: Elastic = GLASS,
+    material: Elasticity | Moduli = GLASS,
     density: float = GLASS.density,
 ) -> EffectiveMedium:
     """Random isotropic packing of equal spheres, known by its means alone, stress in Pa.
@@ -101,8 +101,11 @@ def of_means(
     (<n_z^4> = 1/5, <n_z^2> - <n_z^4> = 2/15). `density` of a sphere, kg/m^3.
     """
     force = 4 * np.pi * radius**2 * (1 + void_ratio) * stress / coordination
-    overlap = overlap_of_force(force, radius / 2, material)
-    kn = stiffness_normal(overlap, radius / 2, material)
-    kt = tangential(overlap, radius / 2, material)
+    law = HertzMindlin(material.effective_young, material.effective_shear)
+    overlap = law.overlap_of_force(force, radius / 2)
+    kn, kt = (
+        law.stiffness_normal(overlap, radius / 2),
+        law.stiffness_tangential(overlap, radius / 2),
+    )
     modulus = coordination * (3 * kn + 2 * kt) / (10 * np.pi * radius * (1 + void_ratio))
     return EffectiveMedium(float(modulus), density / (1 + void_ratio))

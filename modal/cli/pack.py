@@ -9,9 +9,10 @@ from typing import Any
 from modal.cli.options import NewFolder, add_command, add_flag, add_value, say, typed
 from modal.cli.terminal import COST, Groups
 from modal.exchange.registry import read_remarked
-from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
+from modal.packing.contact_models import MODELS
 from modal.packing.plausibility import WIDE
-from modal.packing.sample import read_sample
+from modal.packing.sample import ELASTIC, read_sample
 from modal.preparation.packings import pack as packed
 from modal.preparation.protocol import Study
 from modal.preparation.random_packing import ASPECT, PEAK, TOLERANCE, WALK
@@ -37,7 +38,7 @@ TYPED = {
 }
 """Options whose names are not those of the protocol's numbers."""
 
-SOLID = vars(GLASS) | {"radius": RADIUS}
+SOLID = {name: getattr(GLASS, name) for name in (*ELASTIC, "density")} | {"radius": RADIUS}
 """Options of what the spheres are of, with the study's numbers."""
 
 
@@ -60,6 +61,8 @@ def add(commands: Any) -> None:
     add_value(pack, "--walls", ("E", "NU"), f"{WALLS} (default those of glass)", kind=str)
     for name, own in SOLID.items():
         add_value(pack, f"--{name}", "X", f"of the spheres (default {own:g}, SI units)")
+    model = f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {MODELS[0]})"
+    add_value(pack, "--contact-model", "M", model, kind=str, nargs="+")
     add_flag(pack, "--periodic", "a cell without walls, with a period along z too")
     study, with_friction = Study(), pack.add_argument_group("with friction alone")
     add_value(with_friction, "--width", "D", "in diameters, instead of --aspect")
@@ -87,10 +90,12 @@ def option_of(name: str) -> str:
     return TYPED.get(name, typed(name))
 
 
-def _solid(options: argparse.Namespace) -> list[float] | None:
-    """What the spheres are of, and their radius; None where all is the study's."""
+def _solid(options: argparse.Namespace) -> list[str | float] | None:
+    """What the spheres are of, their radius and contact model; None where all is the study's."""
+    model = options.contact_model or []
+    model = [] if model == [HERTZ_MINDLIN] else model
     given = {name: x for name in SOLID if (x := getattr(options, name)) is not None}
-    return list((SOLID | given).values()) if given else None
+    return [*(SOLID | given).values(), *model] if given or model else None
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class CentralForces:
     def __init__(self, sample: Sample) -> None:
         self.radius = np.full(len(sample.position), sample.sizes)
         self.stiffness = NO_SUMS if sample.radii is None else np.zeros(len(self.radius))
-        self._moduli, self._whole = sum(sample.moduli, ()), sample.periodic_z
+        self._laws, self._whole = sample.laws, sample.periodic_z
         self.force = np.zeros(sample.position.shape)
         self.rebuilt = 0
         self._near: NearContacts | None = None
@@ -76,7 +76,7 @@ class CentralForces:
             lengths,
             np.array([0.0, lengths[2]]),
             self.radius,
-            self._moduli,
+            self._laws,
             *WITHOUT_HISTORY,
             self.force,
             self.stiffness,

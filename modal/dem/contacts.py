@@ -69,7 +69,7 @@ class MovingContacts:
         self.side = np.array(sample.side, float)
         self.walls, self.whole = np.array(sample.walls, float), sample.periodic_z
         self.skin = skin
-        self._moduli = sum(sample.moduli, ())
+        self._laws = sample.laws
         self._radius = np.full(n, sample.sizes)
         self.largest, self.smallest = float(self._radius.max()), float(self._radius.min())
         self.position = sample.position.copy()
@@ -150,7 +150,7 @@ class MovingContacts:
             self.lengths,
             self.walls,
             self._radius,
-            self._moduli,
+            self._laws,
             velocity,
             dt,
             change,

@@ -1,15 +1,16 @@
-"""Forces of all contacts: Hertz normal to them, and Mindlin with friction along them.
+"""Forces of all contacts: a contact model normal to them, and with friction along them.
 
 A contact with history has a shear force. A step turns it with its contact and with the spin of its
 two spheres, lets it grow by ks times the shear displacement, a contact's first step included, and
-cuts it at the friction limit. It is the law of YADE's Mindlin contacts term by term (there `ScGeom`
-without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
+cuts it at the friction limit. With Hertz and Mindlin it is the law of YADE term by term (there
+`ScGeom` without its variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that of
 `modal.system.contacts` with finite increments. Without friction there is no history.
 
-`radius` (n,) is that of each sphere, m; `moduli` are E* and G*, Pa, of two spheres and then those
-of a sphere and a wall. `change` (2, 3), m, is what the periods have gained in the step, and what
-the source wall has moved by. The lever arms of a contact end in the middle of its overlap; of equal
-spheres they are equal, and what makes them differ adds zeros.
+`radius` (n,) is that of each sphere, m; `laws` are that of two spheres and that of a sphere and a
+wall (`modal.packing.contact_models`), by whose class a loop is compiled. `change` (2, 3), m, is
+what the periods have gained in the step, and what the source wall has moved by. The lever arms of a
+contact end in the middle of its overlap; of equal spheres they are equal, and what makes them
+differ adds zeros.
 
 `work` (m, 2), J, is what each contact's shear force has stored and what slip has dissipated, by the
 trapezoidal rule; (0, 2) where nobody asks. The law keeps the force as the overlap changes, and with
@@ -21,17 +22,14 @@ by numba, and numpy, which is about ten times slower and the loop's oracle, both
 
 from __future__ import annotations
 
+import sys
+from functools import cache
+from types import FunctionType
+
 import numpy as np
 
-from modal.packing import contact_law
-from modal.packing.contact_law import (
-    Moduli,
-    contact_radius,
-    elastic_energy,
-    normal_force,
-    stiffness_normal,
-    stiffness_tangential,
-)
+from modal.packing.contact_models import law_of_each
+from modal.packing.contact_models.hertz_mindlin import HertzMindlin
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.loops import (
     compiled,
@@ -56,14 +54,16 @@ WITHOUT_HISTORY = None, None, None, None, None, None, None
 """In place of motion, time step, change of the sides, friction, normals, shear forces and their
 work: numba then compiles a loop of the normal forces alone."""
 
-for _of_law in (
-    contact_radius,
-    normal_force,
-    elastic_energy,
-    stiffness_normal,
-    stiffness_tangential,
-):
-    elementwise(_of_law)
+normal_force, elastic_energy = HertzMindlin.normal_force, HertzMindlin.elastic_energy
+stiffness_normal, stiffness_tangential = (
+    HertzMindlin.stiffness_normal,
+    HertzMindlin.stiffness_tangential,
+)
+Law, NUMBERS = HertzMindlin, len(HertzMindlin._fields)
+"""The contact model that a loop is compiled for, its count of numbers and its functions, in whose
+places those of Hertz and Mindlin stand here."""
+LAW = "normal_force", "elastic_energy", "stiffness_normal", "stiffness_tangential"
+"""What the loop takes of a contact model."""
 
 
 @elementwise
@@ -109,10 +109,10 @@ def shear_work(before, trial, after, stiffness):
 
 
 def _forces_of_slab(
-    first, last, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
+    first, last, position, ends, shift, side, walls, radius, laws, motion, dt, change, friction,
     normal, shear, work, load, stiffness, totals,
 ):  # fmt: skip
-    of_pairs, of_walls = Moduli(moduli[0], moduli[1]), Moduli(moduli[2], moduli[3])
+    of_pairs, of_walls = Law(*laws[:NUMBERS]), Law(*laws[NUMBERS:])
     summed = len(stiffness) > 0
     all_normal = all_contact = energy = all_stiffness = 0.0
     along_x = along_y = along_z = 0.0
@@ -151,7 +151,7 @@ def _forces_of_slab(
                     work[c, 1] += work[c, 0]
                     work[c, 0] = 0.0
             continue
-        pressed = normal_force(overlap, effective, law)
+        pressed = normal_force(law, overlap, effective)
         fx, fy, fz = -pressed * nx, -pressed * ny, -pressed * nz
         if shear is not None:
             n, lever = (nx, ny, nz), size - overlap / 2
@@ -167,7 +167,7 @@ def _forces_of_slab(
             slip = increment(n, lever, longer, apart, turning, second, dt, gained)
             before = normal[c, 0], normal[c, 1], normal[c, 2]
             old = turned((shear[c, 0], shear[c, 1], shear[c, 2]), before, n, turning, dt)
-            kt = stiffness_tangential(overlap, effective, law)
+            kt = stiffness_tangential(law, overlap, effective)
             s = trial = plus(old, kt, slip)
             limit = friction * pressed
             if dot(s, s) > limit * limit:
@@ -202,14 +202,14 @@ def _forces_of_slab(
             at_source = plus(at_source, -1.0, (fx, fy, fz))
         else:
             at_receiver = plus(at_receiver, -1.0, (fx, fy, fz))
-        kn = stiffness_normal(overlap, effective, law)
+        kn = stiffness_normal(law, overlap, effective)
         if summed:
             stiffness[i] += kn
             if j >= 0:
                 stiffness[j] += kn
         all_normal += pressed
         all_stiffness += kn
-        energy += elastic_energy(overlap, effective, law)
+        energy += elastic_energy(law, overlap, effective)
         along_x -= fx * bx
         along_y -= fy * by
         along_z -= fz * bz
@@ -222,7 +222,7 @@ def _forces_of_slab(
 
 
 def _forces_by_slabs(
-    slabs, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
+    slabs, position, ends, shift, side, walls, radius, laws, motion, dt, change, friction,
     normal, shear, work, load, stiffness,
 ):  # fmt: skip
     load[:], stiffness[:] = 0, 0
@@ -232,14 +232,14 @@ def _forces_by_slabs(
         for half in prange((count + 1 - odd) // 2):
             k = 2 * half + odd
             _forces_of_slab(
-                slabs[k], slabs[k + 1], position, ends, shift, side, walls, radius, moduli, motion,
+                slabs[k], slabs[k + 1], position, ends, shift, side, walls, radius, laws, motion,
                 dt, change, friction, normal, shear, work, load, stiffness, totals[k],
             )  # fmt: skip
     return totals.sum(axis=0)
 
 
 def forces_by_arrays(
-    slabs, position, ends, shift, side, walls, radius, moduli, motion, dt, change, friction,
+    slabs, position, ends, shift, side, walls, radius, laws, motion, dt, change, friction,
     normal, shear, work, load, stiffness,
 ):  # fmt: skip
     """The same as the compiled loop; the fallback, and its oracle."""
@@ -259,8 +259,8 @@ def forces_by_arrays(
     n = np.where(pair, branch[near].T / np.where(pair, distance, 1.0), 0.0)
     n[2, ~pair] = outward[near][~pair]
     effective = np.where(pair, radius[i] * (radius[j] / (radius[i] + radius[j])), radius[i])
-    law = Moduli(*(np.where(pair, moduli[k], moduli[2 + k]) for k in range(2)))
-    pressed, kn = normal_force(overlap, effective, law), stiffness_normal(overlap, effective, law)
+    law = law_of_each(laws, ~pair)
+    pressed, kn = law.normal_force(overlap, effective), law.stiffness_normal(overlap, effective)
     force, slid, contact = -pressed * n, 0, 0.0
     load[:] = 0
     if shear is not None:
@@ -271,7 +271,7 @@ def forces_by_arrays(
         gained[:, j == SOURCE_WALL] = change[1][:, None]
         slip = increment(n, lever, longer, apart, turning, second[3:], dt, gained)
         old = turned(shear[near].T, normal[near].T, n, turning, dt)
-        kt = stiffness_tangential(overlap, effective, law)
+        kt = law.stiffness_tangential(overlap, effective)
         trial = np.array(plus(old, kt, slip))
         limit = friction * pressed
         slid = int((dot(trial, trial) > limit**2).sum())
@@ -295,15 +295,30 @@ def forces_by_arrays(
     if len(stiffness):
         stiffness[:] = np.bincount(i, kn, count) + np.bincount(j[pair], kn[pair], count)
     virial = -(distance * force * n).sum(axis=1)
-    energy = elastic_energy(overlap, effective, law).sum()
+    energy = law.elastic_energy(overlap, effective).sum()
     walls_hold = [-force[:, j == code].sum(axis=1) for code in (SOURCE_WALL, RECEIVER_WALL)]
     sums = pressed.sum(), contact, len(near), slid, *virial, energy, kn.sum()
     return np.array([*sums, *np.concatenate(walls_hold)])
 
 
-if numba is None:
-    forces_by_loop = forces_by_arrays
-else:
-    _LAW = fingerprint(contact_law)
-    _forces_of_slab = compiled_part(_forces_of_slab, _LAW)
-    forces_by_loop = compiled(_forces_by_slabs, 1, _LAW)
+@cache
+def _loop_of(law):
+    """The loop of a contact model, whose functions take the places of those of this module."""
+    module = sys.modules[law.__module__]
+    for helper in vars(module).values():
+        if isinstance(helper, FunctionType) and helper.__module__ == module.__name__:
+            elementwise(helper)
+    own = {"Law": law, "NUMBERS": len(law._fields)}
+    own |= {name: elementwise(getattr(law, name)) for name in LAW}
+    of = fingerprint(module)
+    own["_forces_of_slab"] = compiled_part(_forces_of_slab, of, own)
+    return compiled(_forces_by_slabs, 1, of, own)
+
+
+def forces_by_loop(slabs, position, ends, shift, side, walls, radius, laws, *others):
+    """Fill `load` (n, 6), N and N m, and what else moves; the sums of `TOTALS`."""
+    if numba is None:
+        return forces_by_arrays(slabs, position, ends, shift, side, walls, radius, laws, *others)
+    # Loops by threads take no tuples with names, nor of tuples.
+    loop, numbers = _loop_of(type(laws[0])), (*laws[0], *laws[1])
+    return loop(slabs, position, ends, shift, side, walls, radius, numbers, *others)

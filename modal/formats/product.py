@@ -62,7 +62,8 @@ class Product:
 
     `attributes` convert what a file says; `defaults` are those that a file may lack. `groups` are
     of free attributes, each a dictionary, empty where absent; `others` is the name of the
-    dictionary of all further attributes of the file, empty for none.
+    dictionary of all further attributes of the file, empty for none. An attribute with a version
+    `since` is written where it is not its default, and such a file is of that version.
     """
 
     schema: str
@@ -72,6 +73,7 @@ class Product:
     groups: tuple[str, ...] = ()
     others: str = ""
     versions: tuple[int, ...] = (1,)
+    since: Mapping[str, int] = field(default_factory=dict)
 
     def write(
         self, path: str | Path, values: Mapping[str, Any], made: Provenance | None = None
@@ -82,12 +84,14 @@ class Product:
             for name, column in self.columns.items()
             if not (column.optional and values.get(name) is None)
         }
-        version = max((column.since for column in there.values()), default=1)
+        usual = [name for name in self.since if values.get(name) == self.defaults[name]]
+        said = [since for name, since in self.since.items() if name not in usual]
+        version = max([1, *said, *(column.since for column in there.values())])
         with new_product(path, self.schema, version, made) as file:
             file.attrs["creator"] = CREATOR
             file.attrs.update(values[self.others] if self.others else {})
             for name, convert in self.attributes.items():
-                if name in values or name not in self.defaults:
+                if name not in usual and (name in values or name not in self.defaults):
                     file.attrs[name] = convert(values[name])
             for name, column in there.items():
                 data: Array = np.asarray(values[name]).astype(STORED[column.kind], copy=False)

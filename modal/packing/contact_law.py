@@ -1,9 +1,6 @@
-"""Simplified Hertz-Mindlin contacts between spheres, and between a sphere and a flat wall.
+"""Elastic materials of spheres and walls, and the moduli of a contact between two of them.
 
-Where sphere and wall are of the same material both contacts share the effective moduli and differ
-only in the effective radius: R/2 for two equal spheres, R for a flat wall. The functions take
-arrays or single numbers, and give single numbers where both arguments are. The loops over moving
-contacts are compiled from these very functions.
+The laws that make forces of these moduli are the classes of `modal.packing.contact_models`.
 """
 
 from __future__ import annotations
@@ -20,6 +17,9 @@ RADIUS = 1.27e-3
 YOUNG = (1e3, 1e14)
 """Young's moduli that are taken, Pa: from gels to what counts as rigid. Those in GPa or in dyn/mm^2
 lie outside."""
+
+HERTZ_MINDLIN = "hertz-mindlin"
+"""The contact model where none is named."""
 
 
 class Moduli(NamedTuple):
@@ -64,9 +64,13 @@ class Elasticity:
 
 @dataclass(frozen=True)
 class Material(Elasticity):
-    """What a sphere is made of: `young` in Pa, `poisson`, `density` in kg/m^3."""
+    """What a sphere is made of: `young` in Pa, `poisson`, `density` in kg/m^3.
+
+    `contact_model` is the name of the law of its contacts, and that law's own numbers.
+    """
 
     density: float
+    contact_model: str = HERTZ_MINDLIN
 
     def sphere(self, radius: Any, densities: Floats | None = None) -> tuple[Any, Any]:
         """Mass, kg, and moment of inertia, kg m^2, of a sphere, or of each, of `radius`, m.
@@ -82,52 +86,5 @@ def sphere_volume(radius: Floats) -> Floats:
     return 4 / 3 * np.pi * radius**3
 
 
-Elastic = Elasticity | Moduli
-
 GLASS = Material(young=60e9, poisson=0.2, density=2230.0)
 """Borosilicate glass ballotini of the study (Otsubo et al. 2017, section 2)."""
-
-
-def contact_radius(overlap: Floats | float, effective_radius: Floats | float) -> Floats:
-    """Hertz: a = sqrt(R* overlap), m, of the circle of contact; overlap in m."""
-    radius: Floats = np.sqrt(effective_radius * overlap)
-    return radius
-
-
-def normal_force(
-    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
-) -> Floats:
-    """Hertz: N = 4/3 E* a overlap; overlap in m, N in newton."""
-    hertz = 4 / 3 * material.effective_young
-    return hertz * contact_radius(overlap, effective_radius) * overlap
-
-
-def elastic_energy(
-    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
-) -> Floats:
-    """Work of the normal force from touch to `overlap`, m: 2/5 N overlap, J."""
-    return 0.4 * normal_force(overlap, effective_radius, material) * overlap
-
-
-def overlap_of_force(
-    force: Floats | float, effective_radius: Floats | float, material: Elastic
-) -> Floats:
-    """The inverse of `normal_force`: overlap in m from a compressive force in newton."""
-    overlap: Floats = (0.75 * force / (material.effective_young * np.sqrt(effective_radius))) ** (
-        2 / 3
-    )
-    return overlap
-
-
-def stiffness_normal(
-    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
-) -> Floats:
-    """Tangent normal stiffness kn = dN/d(overlap) = 2 E* a, N/m."""
-    return 2 * material.effective_young * contact_radius(overlap, effective_radius)
-
-
-def stiffness_tangential(
-    overlap: Floats | float, effective_radius: Floats | float, material: Elastic
-) -> Floats:
-    """Tangential stiffness without slip kt = 8 G* a, N/m."""
-    return 8 * material.effective_shear * contact_radius(overlap, effective_radius)

@@ -14,19 +14,12 @@ from typing import Any
 import numpy as np
 
 from modal.packing.checks import DEEPEST
-from modal.packing.contact_law import (
-    GLASS,
-    RADIUS,
-    Material,
-    normal_force,
-    overlap_of_force,
-    stiffness_normal,
-    stiffness_tangential,
-)
-from modal.packing.hertz_mindlin_network import network_of
+from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.packing.contact_models import ContactLaw, laws_of
 from modal.packing.neighbours import ContactList
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import void_ratio
+from modal.packing.sphere_network import network_of
 from modal.tools.arguments import checked, refuse_other_kinds
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
@@ -56,7 +49,7 @@ class FccPacking:
     def __post_init__(self) -> None:
         refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
         deepest = DEEPEST * self.radius
-        force = float(normal_force(deepest, self.radius / 2, self.material))
+        force = float(self.laws[0].normal_force(deepest, self.radius / 2))
         largest = 2 * sqrt(2) * force / (2 * self.radius - deepest) ** 2
         if not 0 < self.stress < largest:
             raise InputError(
@@ -65,17 +58,22 @@ class FccPacking:
             )
 
     @property
+    def laws(self) -> tuple[ContactLaw, ContactLaw]:
+        """The contact law between spheres, and with a wall."""
+        return laws_of(self.material)
+
+    @property
     def overlap(self) -> float:
         """Overlap of two spheres, m, that balances the stress with spacing d = 2R - overlap.
 
         Isotropic stress = 2 sqrt(2) F / d^2; the spacing depends on the overlap, so a fixed
         point (contraction factor 4/3 overlap / d) is iterated to machine precision.
         """
-        overlap, last = 0.0, -1.0
+        law, overlap, last = self.laws[0], 0.0, -1.0
         while abs(overlap - last) > 1e-15 * self.radius:
             last = overlap
             force = self.stress * (2 * self.radius - overlap) ** 2 / (2 * sqrt(2))
-            overlap = float(overlap_of_force(force, self.radius / 2, self.material))
+            overlap = float(law.overlap_of_force(force, self.radius / 2))
         return overlap
 
     @property
@@ -97,7 +95,7 @@ class FccPacking:
     def wall_overlap(self) -> float:
         """Overlap of a sphere of the outer layers with the flat wall, m (force stress d^2)."""
         force = self.stress * self.spacing**2
-        return float(overlap_of_force(force, self.radius, self.material))
+        return float(self.laws[1].overlap_of_force(force, self.radius))
 
     @property
     def mass(self) -> float:
@@ -107,12 +105,12 @@ class FccPacking:
     @property
     def kn(self) -> float:
         """Normal contact stiffness, N/m."""
-        return float(stiffness_normal(self.overlap, self.radius / 2, self.material))
+        return float(self.laws[0].stiffness_normal(self.overlap, self.radius / 2))
 
     @property
     def kt(self) -> float:
         """Tangential contact stiffness, N/m."""
-        return float(stiffness_tangential(self.overlap, self.radius / 2, self.material))
+        return float(self.laws[0].stiffness_tangential(self.overlap, self.radius / 2))
 
 
 @checked
@@ -195,8 +193,9 @@ def column(
     particles: int = 3, force: float = 0.5, radius: float = RADIUS, material: Material = GLASS
 ) -> Network:
     """Spheres on one another between two flat walls under `force` (N): a chain known exactly."""
-    overlap = float(overlap_of_force(force, radius / 2, material))
-    at_wall = float(overlap_of_force(force, radius, material))
+    pair, wall = laws_of(material)
+    overlap = float(pair.overlap_of_force(force, radius / 2))
+    at_wall = float(wall.overlap_of_force(force, radius))
     k: Ints = np.arange(particles)
     z = radius - at_wall + k * (2 * radius - overlap)
     normal = np.zeros((particles + 1, 3))

@@ -1,6 +1,6 @@
 """The compact form of a sample of spheres, from which its contact network is rebuilt.
 
-This module is the one definition of the format "granular-sample", versions 1 and 2. Overlaps,
+This module is the one definition of the format "granular-sample", versions 1 to 3. Overlaps,
 normals and stiffnesses follow from the positions; only shear forces, which depend on history, are
 kept, as two components in a frame that follows from the normal.
 """
@@ -15,16 +15,18 @@ import numpy as np
 
 from modal.formats.product import Column, Product
 from modal.packing.checks import density_of
-from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material, Moduli
-from modal.packing.hertz_mindlin_network import constants, network_of
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
+from modal.packing.contact_models import ContactLaw, laws_of
 from modal.packing.neighbours import ContactList, canonical_order, tangents, touching
 from modal.packing.network import Network
+from modal.packing.sphere_network import constants, network_of
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
-VERSION = 1, 2
-"""Between walls, and periodic along z, which earlier readers would take for walls."""
+VERSION = 1, 2, 3
+"""Between walls; periodic along z, and of another contact model than Hertz and Mindlin's, which
+earlier readers would not notice."""
 _PLACES = {
     "position": ("particles/position", ("n", 3), "m"),
     "side": ("cell/side", (2,), "m"),
@@ -39,7 +41,7 @@ _OPTIONAL: dict[str, tuple[str, tuple[int | str, ...], str]] = {
     "strain_rate": ("cell/strain_rate", (3,), "1/s"),
 }
 ELASTIC = ("young", "poisson")
-_NUMBERS = ("friction", "radius", *vars(GLASS), *(f"wall_{name}" for name in ELASTIC))
+_NUMBERS = "friction", "radius", *ELASTIC, "density", *(f"wall_{name}" for name in ELASTIC)
 FORMAT = Product(
     SCHEMA,
     {
@@ -47,9 +49,11 @@ FORMAT = Product(
         for name, (dataset, shape, unit) in (_PLACES | _OPTIONAL).items()
     }
     | {"period": Column("cell/period", "f", (1,), "m", optional=True, since=2)},
-    attributes=dict.fromkeys(_NUMBERS, float),
+    attributes=dict.fromkeys(_NUMBERS, float) | {"contact_model": str},
     # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
-    defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None},
+    defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None}
+    | {"contact_model": HERTZ_MINDLIN},
+    since={"contact_model": 3},
     groups=("study", "provenance"),
     versions=VERSION,
 )
@@ -96,12 +100,12 @@ class Sample:
         return self.radius if self.radii is None else self.radii
 
     @property
-    def moduli(self) -> tuple[Moduli, Moduli]:
-        """E* and G*, Pa, of contacts between spheres, and of those with a wall."""
-        return self.material.moduli, self.material.against(self.wall_material or self.material)
+    def laws(self) -> tuple[ContactLaw, ContactLaw]:
+        """The contact law between spheres, and with a wall."""
+        return laws_of(self.material, self.wall_material)
 
     @property
-    def constants(self) -> dict[str, float]:
+    def constants(self) -> dict[str, Any]:
         """Its materials, as a network's `study` notes them."""
         return constants(self.material, self.densities, self.wall_material)
 
@@ -121,7 +125,7 @@ class Sample:
         return touching(self.position - [0, 0, low], lengths, None, self.sizes)
 
     def network(self) -> Network:
-        """The contact network: springs of the Hertz-Mindlin law at the present overlaps.
+        """The contact network: springs of the contact model at the present overlaps.
 
         Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
         """
@@ -165,10 +169,11 @@ def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> f
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
-    """The compact form of a network of Hertz-Mindlin contacts, in canonical order then.
+    """The compact form of a network of spheres, in canonical order then.
 
-    Moduli are those that its `study` notes, or glass. InputError for other networks: stiffnesses
-    of another law or of other moduli, other contacts, or a cell without periods.
+    Moduli and contact model are those that its `study` notes, or those of glass. InputError for
+    other networks: stiffnesses of another law or of other moduli, other contacts, or a cell without
+    periods.
     """
     rows, i, j, shift, sign = _canonical(network)
     first, second = tangents(sign[:, None] * network.normal[rows])
@@ -176,7 +181,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     shear = np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
     radius, density = network.radius, density_of(network)
     noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
-    material = Material(**{name: float(value) for name, value in noted.items()})
+    material = Material(**{name: type(own)(noted[name]) for name, own in vars(GLASS).items()})
     mixed = abs(density / material.density - 1).max() > UNEQUAL
     sample = Sample(
         position=network.position.copy(),
@@ -206,10 +211,10 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         theirs = getattr(network, name)[rows]
         if abs(getattr(rebuilt, name) - theirs).max(initial=0.0) > ANOTHER * theirs.mean():
             raise InputError(
-                f"the network's {name} is not that of Hertz-Mindlin contacts of E "
-                f"{material.young:g} Pa and nu {material.poisson:g}; note young, poisson and, of "
-                "other walls, wall_young and wall_poisson in its group study, or take the linear "
-                "wave, which knows any law"
+                f"the network's {name} is not that of {material.contact_model} contacts of E "
+                f"{material.young:g} Pa and nu {material.poisson:g}; note young, poisson, "
+                "contact_model and, of other walls, wall_young and wall_poisson in its group "
+                "study, or take the linear wave, which knows any law"
             )
     return sample
 
@@ -268,6 +273,10 @@ def validate(sample: Sample, name: str = "sample") -> None:
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
     material, radius = sample.material, sample.radius
+    try:
+        _ = sample.laws
+    except InputError as wrong:
+        raise InputError(f"{name}: {wrong}") from None
     wall = sample.wall_material or material
     dense = material.density if sample.densities is None else float(sample.densities.min())
     positive = (material.young, wall.young, dense, float(np.min(sample.sizes)))

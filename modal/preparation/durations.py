@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 
 from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.packing.contact_models import laws_of
+from modal.packing.contact_models.hertz_mindlin import HertzMindlin
 
 HIGHEST = 0.6037
 """Highest natural frequency of a random packing, over E*^(1/3) p^(1/6) / (R sqrt(density)): Hertz
@@ -26,9 +28,17 @@ def inertial_time(stress: float, radius: float = RADIUS, material: Material = GL
 
 
 def highest_frequency(stress: float, radius: float = RADIUS, material: Material = GLASS) -> float:
-    """Highest natural frequency of a random packing at `stress` (Pa), Hz."""
+    """Highest natural frequency of a random packing at `stress` (Pa), Hz.
+
+    Of another contact model than Hertz's by the root of the stiffness under the mean force.
+    """
     softness = (stress / material.effective_young) ** (1 / 6)
-    return HIGHEST * math.sqrt(material.effective_young / material.density) * softness / radius
+    smooth = HIGHEST * math.sqrt(material.effective_young / material.density) * softness / radius
+    stiffness = []
+    for law in (laws_of(material)[0], HertzMindlin(*material.moduli)):
+        overlap = law.overlap_of_force(stress * (2 * radius) ** 2, radius / 2)
+        stiffness.append(law.stiffness_normal(overlap, radius / 2))
+    return smooth * math.sqrt(stiffness[0] / stiffness[1])
 
 
 def time_step(

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.dem.central_forces import CentralForces
-from modal.packing.contact_law import stiffness_normal
 from modal.packing.sample import Sample
 
 CHECK_EVERY = 25
@@ -69,7 +68,7 @@ def minimise(
     # Lengths are variables of the same stiffness as positions: log length times sqrt(n) D.
     scale = np.sqrt(len(position)) * 2 * sample.radius
     # Where hardly anything touches, the step is that of overlaps of 1e-8 R (below 10 Pa).
-    softest = float(stiffness_normal(1e-8 * sample.radius, sample.radius, sample.material))
+    softest = float(sample.laws[0].stiffness_normal(1e-8 * sample.radius, sample.radius))
     smallest = float(np.min(sample.sizes))
     velocity, drift = np.zeros_like(position), np.zeros(3)
     mixing, downhill, dt = MIXING, 0, 0.0

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
@@ -178,10 +178,11 @@ def random_packing(
     (100, True)
     """
     mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
-    solid = None
+    solid: list[str | float] | None = None
     if material is not None or radius is not None:
         own = material or GLASS
         solid = [own.young, own.poisson, own.density, RADIUS if radius is None else radius]
+        solid += [] if own.contact_model == HERTZ_MINDLIN else own.contact_model.split()
     with TemporaryDirectory() as folder:
         files = pack(
             Path(folder), _unheard, spheres, [stress], friction, seed,

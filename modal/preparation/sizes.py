@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modal.packing.contact_law import GLASS, RADIUS, YOUNG, Elasticity, Material
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
+from modal.packing.contact_models import laws_of
 from modal.tools.errors import InputError
 
 WIDEST = 10.0
@@ -19,7 +20,10 @@ DENSITIES = (
     "large ones, others are dealt out at random in equal numbers"
 )
 WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
-SOLID = "Young's modulus, Poisson's ratio, density and (mean) radius of the spheres"
+SOLID = (
+    "Young's modulus, Poisson's ratio, density, (mean) radius of the spheres, and their contact "
+    "model if it is another than hertz-mindlin"
+)
 LARGE = (1e-8, 10.0)
 """m: radii of spheres that are neither molecules nor hills."""
 DENSE = (10.0, 30_000.0)
@@ -102,12 +106,14 @@ def wall_material(words: Sequence[str | float]) -> Elasticity:
 
 def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
     """What spheres are made of and their (mean) radius, m: `SOLID`; else InputError."""
-    given = _numbers(["", *words])
+    given, model = _numbers(["", *words[:4]]), " ".join(map(str, words[4:])) or HERTZ_MINDLIN
     if len(given) == 4:
         young, poisson, density, radius = given
         sound = YOUNG[0] <= young <= YOUNG[1] and -1 < poisson < 0.5
         if sound and DENSE[0] <= density <= DENSE[1] and LARGE[0] <= radius <= LARGE[1]:
-            return Material(young, poisson, density), radius
+            material = Material(young, poisson, density, model)
+            laws_of(material)  # refuses a model that there is not
+            return material, radius
     raise InputError(
         f"spheres of {' '.join(map(str, words))}: give {SOLID} in Pa, kg/m^3 and m, as "
         f"{GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"

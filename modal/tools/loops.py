@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any
 
 from modal.tools import slabs
@@ -55,16 +55,24 @@ def fingerprint(*modules: ModuleType) -> str:
     return f"{zlib.crc32(b''.join(Path(file).read_bytes() for file in files)):08x}"
 
 
-def compiled(function: Loop, place: int, of: str, *, fastmath: bool = False) -> Loop:
+def compiled(
+    function: Loop,
+    place: int,
+    of: str,
+    own: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    fastmath: bool = False,
+) -> Loop:
     """A loop over slabs, compiled for few spheres and for threads.
 
-    Argument `place` has the spheres; `of` is the `fingerprint` of what it calls. Many spheres
+    Argument `place` has the spheres; `of` is the `fingerprint` of what it calls, `own` what stands
+    in place of its module's functions, by their names. Many spheres
     always take the loop for threads, be it with one of them: another compilation might round
     otherwise.
     """
     given: dict[str, Any] = {"cache": True, "fastmath": fastmath}
-    few = numba.njit(**given)(_renamed(function, of))
-    many = numba.njit(**given, parallel=True)(_renamed(function, f"{of}_by_threads"))
+    few = numba.njit(**given)(_renamed(function, of, own))
+    many = numba.njit(**given, parallel=True)(_renamed(function, f"{of}_by_threads", own))
 
     def loop(*given: Any) -> Any:
         spheres = len(given[place])
@@ -76,15 +84,21 @@ def compiled(function: Loop, place: int, of: str, *, fastmath: bool = False) -> 
     return loop
 
 
-def _renamed(function: Any, ending: str) -> FunctionType:
-    other = FunctionType(function.__code__, function.__globals__)
+def _renamed(function: Any, ending: str, own: Mapping[str, Any]) -> FunctionType:
+    other = FunctionType(function.__code__, function.__globals__ | own)
     other.__name__ = other.__qualname__ = f"{function.__name__}_{ending}"
     return other
 
 
-def compiled_part(function: Loop, of: str, *, fastmath: bool = False) -> Loop:
-    """What a loop does with one slab, compiled; `of` as in `compiled`."""
-    return numba.njit(cache=True, fastmath=fastmath)(_renamed(function, of))
+def compiled_part(
+    function: Loop,
+    of: str,
+    own: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    fastmath: bool = False,
+) -> Loop:
+    """What a loop does with one slab, compiled; `of` and `own` as in `compiled`."""
+    return numba.njit(cache=True, fastmath=fastmath)(_renamed(function, of, own))
 
 
 @elementwise

@@ -16,7 +16,7 @@ from modal.modes import highest as modes
 from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.packing import crystal as gallery
-from modal.packing.contact_law import Material, stiffness_normal
+from modal.packing.contact_law import Material
 from modal.solvers.lanczos import TOLERANCE
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.contacts import Contacts
@@ -27,7 +27,7 @@ from modal.tools.errors import InputError
 
 def slab_frequencies(crystal: FccLattice, layers: int) -> np.ndarray:
     """Planar P modes of the slab from the chain of layers with its wall springs, Hz."""
-    wall = float(stiffness_normal(crystal.wall_overlap, crystal.radius, crystal.material))
+    wall = float(crystal.laws[1].stiffness_normal(crystal.wall_overlap, crystal.radius))
     diagonal = np.full(layers, 2 * crystal.C)
     diagonal[[0, -1]] = crystal.C + wall
     square = eigh_tridiagonal(diagonal, np.full(layers - 1, -crystal.C), eigvals_only=True)

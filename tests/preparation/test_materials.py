@@ -95,7 +95,7 @@ def test_network_of_another_law_is_no_sample(mixed):
         replace(network, study={}),
         replace(network, stiffness_tangential=0.9 * network.stiffness_tangential),
     ):
-        with pytest.raises(InputError, match="is not that of Hertz-Mindlin contacts"):
+        with pytest.raises(InputError, match="is not that of hertz-mindlin contacts"):
             sample_of_network(wrong, 0.3)
 
 

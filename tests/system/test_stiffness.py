@@ -5,13 +5,7 @@ import pytest
 from packings import contact_matrices
 
 from modal.packing import crystal as gallery
-from modal.packing.contact_law import (
-    GLASS,
-    RADIUS,
-    normal_force,
-    overlap_of_force,
-    stiffness_normal,
-)
+from modal.packing.contact_law import RADIUS
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
 
@@ -64,25 +58,6 @@ def test_lateral_translation_of_a_periodic_slab_pulls_on_walls_only():
     force = (K @ shift.ravel()).reshape(-1, 6)
     inner = np.setdiff1d(np.arange(24), network.particle_i[network.with_wall])
     assert abs(force[inner]).max() <= 1e-13 * abs(K).max()
-
-
-def test_tangent_stiffness_is_the_derivative_of_the_force():
-    overlap = 3e-7
-    exact = stiffness_normal(overlap, RADIUS, GLASS)
-    errors = []
-    for step in (0.02 * overlap, 0.01 * overlap):
-        high = normal_force(overlap + step, RADIUS, GLASS)
-        low = normal_force(overlap - step, RADIUS, GLASS)
-        errors.append(abs((high - low) / (2 * step) / exact - 1))
-    # A central difference has order two: a quarter of the error at half the step.
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.01)
-
-
-def test_overlap_inverts_force():
-    force = np.array([1e-6, 1.0, 1e3])
-    assert normal_force(overlap_of_force(force, RADIUS, GLASS), RADIUS, GLASS) == pytest.approx(
-        force, rel=1e-14
-    )
 
 
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])

@@ -1,4 +1,4 @@
-"""Spheres of one elastic material, equal or not: the network of their Hertz-Mindlin contacts."""
+"""Spheres of one elastic material, equal or not: the network of their contacts."""
 
 from __future__ import annotations
 
@@ -6,14 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.packing.contact_law import (
-    Elasticity,
-    Material,
-    Moduli,
-    normal_force,
-    stiffness_normal,
-    stiffness_tangential,
-)
+from modal.packing.contact_law import HERTZ_MINDLIN, Elasticity, Material
+from modal.packing.contact_models import law_of_each, laws_of
 from modal.packing.neighbours import ContactList
 from modal.packing.network import Network, freeze_arrays
 from modal.tools.arrays import Bools, Floats
@@ -31,7 +25,7 @@ def network_of(
     study: dict[str, Any],
     **places: Any,
 ) -> Network:
-    """The network of spheres: springs of the Hertz-Mindlin law at the overlaps of `contact`.
+    """The network of spheres: springs of their contact model at the overlaps of `contact`.
 
     `radius` in m, of all, or of each (n,); `densities` (n,), kg/m^3, and `walls` where they are
     not those of the `material`; `tangential` (m, 3), N, forces on i, zero without; `friction` says
@@ -43,10 +37,8 @@ def network_of(
     each = np.broadcast_to(radius, n)
     first, second = each[contact.particle_i], each[np.where(wall, 0, contact.particle_j)]
     effective = np.where(wall, first, first * (second / (first + second)))
-    of_pairs, of_walls = material.moduli, material.against(walls or material)
-    moduli = zip(of_pairs, of_walls, strict=True)
-    law = Moduli(*(np.where(wall, flat, curved) for curved, flat in moduli))
-    force = normal_force(overlap, effective, law)
+    law = law_of_each(laws_of(material, walls), wall)
+    force = law.normal_force(overlap, effective)
     if tangential is None:
         tangential = np.zeros((m, 3))
     sliding: Bools = np.zeros(m, bool)
@@ -66,8 +58,8 @@ def network_of(
         normal=contact.normal,
         lever_i=lever,
         lever_j=backwards,
-        stiffness_normal=stiffness_normal(overlap, effective, law),
-        stiffness_tangential=stiffness_tangential(overlap, effective, law),
+        stiffness_normal=law.stiffness_normal(overlap, effective),
+        stiffness_tangential=law.stiffness_tangential(overlap, effective),
         force_normal=force,
         force_tangential=tangential,
         overlap=overlap,
@@ -79,9 +71,11 @@ def network_of(
 
 def constants(
     material: Material, densities: Floats | None, walls: Elasticity | None
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """What a network's `study` notes of its materials; no density where the spheres' differ."""
-    noted = {"young": material.young, "poisson": material.poisson}
+    noted: dict[str, Any] = {"young": material.young, "poisson": material.poisson}
+    if material.contact_model != HERTZ_MINDLIN:
+        noted["contact_model"] = material.contact_model
     if densities is None:
         noted["density"] = material.density
     if walls is not None:

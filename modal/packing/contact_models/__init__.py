@@ -1,0 +1,86 @@
+"""Contact models by name, one class a module: force, energy and tangent of a contact of spheres.
+
+A module's name with hyphens is that of its model, its `LAW` the class: a named tuple of what one
+contact needs, or many (arrays (m,)). Its methods are plain functions of numbers or of arrays, from
+which the loop over moving contacts is compiled, too: they may call `elementwise` functions of their
+module, and no other methods. Networks, crystals, pre-stress, and samples from files take them from
+`laws_of`; nothing else knows which models there are.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from modal.packing.contact_law import Elasticity, Material, Moduli
+from modal.tools.arrays import Bools, Floats
+from modal.tools.errors import InputError
+
+MODELS = tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)))
+"""Their names."""
+
+
+class ContactLaw(Protocol):
+    """The law of a contact: `overlap` in m, `radius` the effective one, R1 R2 / (R1 + R2), m."""
+
+    @classmethod
+    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> Self:
+        """Of the elastic moduli and the model's own numbers; InputError where these are wrong."""
+
+    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+        """Compressive force, N."""
+
+    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+        """Work of that force from touch to the overlap, J."""
+
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+        """Tangent of the force, dN/d(overlap), N/m."""
+
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+        """Stiffness along the contact without slip, N/m."""
+
+    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+        """The inverse of `normal_force`, m."""
+
+
+def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[ContactLaw, ContactLaw]:
+    """The law between two spheres, and that of a sphere and a wall, of its own material if any.
+
+    InputError for a contact model that there is not, or numbers that it does not take.
+
+    >>> from modal.packing.contact_law import GLASS
+    >>> pair, wall = laws_of(GLASS)
+    >>> float(pair.overlap_of_force(pair.normal_force(1e-6, 6e-4), 6e-4))
+    1e-06
+    """
+    name, *words = spheres.contact_model.split() or [""]
+    if name not in MODELS:
+        raise InputError(f"contact model {name!r}: there are {', '.join(MODELS)}; choose one")
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        raise InputError(
+            f"contact model {spheres.contact_model}: give numbers after its name"
+        ) from None
+    law = importlib.import_module(f"{__name__}.{name.replace('-', '_')}").LAW
+    return (
+        law.of(spheres.moduli, numbers, wall=False),
+        law.of(spheres.against(walls or spheres), numbers, wall=True),
+    )
+
+
+def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> Any:
+    """The law of many contacts, of which those in `wall` (m,) bool are with a wall."""
+    of_pairs, of_walls = laws
+    columns = zip(of_walls, of_pairs, strict=True)  # type: ignore[call-overload]
+    return type(of_pairs)(*(np.where(wall, flat, curved) for flat, curved in columns))
+
+
+def refuse_numbers(numbers: Sequence[float], model: str) -> None:
+    """InputError for numbers of a model that has none."""
+    if numbers:
+        raise InputError(f"contact model {model} takes no numbers: leave {numbers[0]:g} out")

@@ -1,0 +1,63 @@
+"""Hertz normal to the contact, Mindlin without slip along it (simplified, as DEM programs have it).
+
+Contacts of spheres and of a sphere and a flat wall differ in the effective radius alone, R/2 of two
+equal spheres and R of a wall, where both are of one material. K. L. Johnson, Contact Mechanics
+(1985), sections 4.2 and 7.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.packing.contact_law import Moduli
+from modal.packing.contact_models import refuse_numbers
+from modal.tools.arrays import Floats
+
+
+class HertzMindlin(NamedTuple):
+    """E* and G*, Pa, of a contact, or of each (m,); see `modal.packing.contact_law`.
+
+    The circle of contact has the radius a = sqrt(R* overlap).
+    """
+
+    effective_young: Any
+    effective_shear: Any
+
+    @classmethod
+    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> HertzMindlin:
+        """Of the moduli alone."""
+        refuse_numbers(numbers, "hertz-mindlin")
+        return cls(*moduli)
+
+    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+        """N = 4/3 E* a overlap."""
+        hertz = 4 / 3 * self.effective_young
+        force: Floats = hertz * np.sqrt(radius * overlap) * overlap
+        return force
+
+    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+        """2/5 N overlap."""
+        hertz = 4 / 3 * self.effective_young
+        energy: Floats = 0.4 * (hertz * np.sqrt(radius * overlap) * overlap) * overlap
+        return energy
+
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+        """kn = 2 E* a."""
+        stiffness: Floats = 2 * self.effective_young * np.sqrt(radius * overlap)
+        return stiffness
+
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+        """kt = 8 G* a."""
+        stiffness: Floats = 8 * self.effective_shear * np.sqrt(radius * overlap)
+        return stiffness
+
+    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+        """(3 N / (4 E* sqrt(R*)))^(2/3)."""
+        overlap: Floats = (0.75 * force / (self.effective_young * np.sqrt(radius))) ** (2 / 3)
+        return overlap
+
+
+LAW = HertzMindlin

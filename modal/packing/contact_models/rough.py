@@ -1,0 +1,124 @@
+"""Rough spheres: asperities first, then a transition, then Hertz's contact of the bulk.
+
+Three power laws that follow each other, after M. Otsubo, C. O'Sullivan, K. J. Hanley, W. W. Sim,
+"The influence of particle surface roughness on elastic stiffness and dynamic response",
+Geotechnique 67, 452 (2017), doi 10.1680/jgeot.16.P.050, and of Otsubo et al., Geotechnique 65, 694
+(2015). S is the combined roughness, sqrt(S1^2 + S2^2) of both surfaces' root mean squares, d the
+overlap from the touch of the asperities on:
+
+    N = N1 (d / d_T1)^c                          up to N1 = S E* sqrt(2 R* S)
+    N = N2 ((d - d1) / (d_T2 - d1))^b            up to N2 = 100 N1
+    N = 4/3 E* sqrt(R*) (d - d1 - d2)^(3/2)      beyond
+
+with d1 = 0.82 S, d2 = 1.24 S. That the tangent goes on without a jump fixes d_T2, b = 1.58, d_T1
+and c = 2.59. In units of N1 and S all of it is one curve. Along the contact Mindlin's ratio holds,
+kt / kn = 4 G* / E* = 2 (1 - nu) / (2 - nu).
+
+Only the abstracts of the papers could be read for this module: they confirm that a rough contact is
+softer the smaller its force, and the exponent of moduli over stress above 1/3. The three equations
+and the four numbers are from memory of the papers, not compared with their print. What the numbers
+imply is consistent: the exponents above follow from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.packing.contact_law import Moduli
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+
+SHIFT_1, SHIFT_2 = 0.82, 1.24
+"""d1 and d2 over S."""
+RATIO = 100.0
+"""N2 over N1."""
+HERTZ = (0.75 * np.sqrt(2) * RATIO) ** (2 / 3)
+"""Overlap of smooth spheres under N2, over S."""
+TOUCH_2 = SHIFT_1 + SHIFT_2 + HERTZ
+MIDDLE = 1.5 * (HERTZ + SHIFT_2) / HERTZ
+TOUCH_1 = SHIFT_1 + (HERTZ + SHIFT_2) * RATIO ** (-1 / MIDDLE)
+FIRST = MIDDLE * TOUCH_1 / (TOUCH_1 - SHIFT_1)
+"""d_T2, b, d_T1 and c, over S."""
+WORK_1 = TOUCH_1 / (FIRST + 1) - (TOUCH_1 - SHIFT_1) / (MIDDLE + 1)
+WORK_2 = RATIO * ((HERTZ + SHIFT_2) / (MIDDLE + 1) - HERTZ / 2.5)
+"""What the regimes before have stored beyond the present one's power law, over N1 S."""
+SMOOTH, COARSE = 1e-12, 1e-3
+"""m: from less than an atom, which no surface is, to what is no roughness any more."""
+
+
+def regime(beyond_1: Any, beyond_2: Any) -> tuple[Any, ...]:
+    """Origin and span of a power law, its exponent, size and the work before, in N1 and S."""
+    first, middle, last = 1.0 - beyond_1, 1.0 * beyond_1 - beyond_2, 1.0 * beyond_2
+    return (
+        middle * SHIFT_1 + last * (SHIFT_1 + SHIFT_2),
+        first * TOUCH_1 + middle * (HERTZ + SHIFT_2) + last * HERTZ,
+        first * FIRST + middle * MIDDLE + last * 1.5,
+        first + (middle + last) * RATIO,
+        (middle + last) * WORK_1 + last * WORK_2,
+    )
+
+
+def force_and_rate(young: Any, roughness: Any, overlap: Any, radius: Any) -> tuple[Any, ...]:
+    """N, N; its exponent over the way from its origin, 1/m; the work stored, J."""
+    unit = roughness * young * np.sqrt(2 * radius * roughness)
+    deep = overlap / roughness
+    origin, span, power, size, before = regime(deep >= TOUCH_1, deep >= TOUCH_2)
+    force = unit * size * ((deep - origin) / span) ** power
+    way = (deep - origin) * roughness
+    return force, power / way, force * way / (power + 1) + unit * roughness * before
+
+
+class Rough(NamedTuple):
+    """E* and G*, Pa, and the combined roughness S, m, of a contact, or of each (m,)."""
+
+    effective_young: Any
+    effective_shear: Any
+    roughness: Any
+
+    @classmethod
+    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> Rough:
+        """Of the spheres' roughness and, where it is another, that of the walls, m."""
+        if len(numbers) not in (1, 2) or not all(SMOOTH <= one <= COARSE for one in numbers):
+            raise InputError(
+                "contact model rough: give the root mean square roughness of the spheres, m, and "
+                f"that of the walls where it is another, as rough 1e-6; {SMOOTH:g} to {COARSE:g}"
+            )
+        return cls(*moduli, float(np.hypot(numbers[0], numbers[-1 if wall else 0])))
+
+    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+        """The three power laws."""
+        force: Floats
+        force, _, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
+        return force
+
+    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+        """The integral of the force."""
+        stored: Floats
+        _, _, stored = force_and_rate(self.effective_young, self.roughness, overlap, radius)
+        return stored
+
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+        """The derivative of the force."""
+        force, rate, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
+        stiffness: Floats = force * rate
+        return stiffness
+
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+        """kn 4 G* / E*."""
+        force, rate, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
+        stiffness: Floats = force * rate * (4 * self.effective_shear / self.effective_young)
+        return stiffness
+
+    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+        """Each of the three power laws has its inverse."""
+        unit = self.roughness * self.effective_young * np.sqrt(2 * radius * self.roughness)
+        load = force / unit
+        origin, span, power, size, _ = regime(load >= 1, load >= RATIO)
+        overlap: Floats = self.roughness * (origin + span * (load / size) ** (1 / power))
+        return overlap
+
+
+LAW = Rough

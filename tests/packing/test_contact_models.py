@@ -1,0 +1,208 @@
+"""Contact models: force, energy, tangent; one contact in motion; moduli over stress; files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import modal
+from modal.__main__ import main
+from modal.dem import contacts as moving_contacts
+from modal.dem.forces import forces_by_arrays
+from modal.dem.motion import Dynamics
+from modal.packing.contact_law import GLASS, RADIUS
+from modal.packing.contact_models import MODELS, laws_of
+from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
+from modal.preparation.relax import relax
+from modal.tools.errors import InputError
+
+ROUGHNESS = 5e-7
+GIVEN = {"rough": f"rough {ROUGHNESS:g}"}
+"""Of each model its words where they are not its name alone."""
+
+
+@pytest.fixture(params=MODELS)
+def model(request):
+    return GIVEN.get(request.param, request.param)
+
+
+def of(model, **changed):
+    return replace(GLASS, contact_model=model, **changed)
+
+
+def test_force_is_the_integral_of_its_stiffness_and_the_energy_that_of_the_force(model):
+    """Over all regimes of the rough contact; by adaptive quadrature from touch on."""
+    law, _ = laws_of(of(model))
+    ends = ROUGHNESS * np.array([0.1, 1.0, 3.0, 20.0, 50.0, 500.0])
+    for radius in (RADIUS / 2, RADIUS):
+        for end in ends:
+            breaks = [2.109 * ROUGHNESS * 2**0.5, 24.47 * ROUGHNESS * 2**0.5]
+            points = [at for at in breaks if at < end] or None
+            for integrand, integral in (
+                (law.stiffness_normal, law.normal_force),
+                (law.normal_force, law.elastic_energy),
+            ):
+                found, _ = quad(
+                    integrand, 0, end, (radius,), points=points, epsrel=1e-12, limit=500
+                )
+                assert integral(end, radius) == pytest.approx(found, rel=1e-9)
+        force = law.normal_force(ends, radius)
+        assert law.overlap_of_force(force, radius) == pytest.approx(ends, rel=1e-12)
+        # Mindlin's ratio, 2 (1 - nu) / (2 - nu).
+        ratio = law.stiffness_tangential(ends, radius) / law.stiffness_normal(ends, radius)
+        assert ratio == pytest.approx(2 * (1 - GLASS.poisson) / (2 - GLASS.poisson), rel=1e-12)
+
+
+def test_rough_contact_at_its_transitions_and_far_beyond():
+    """N1 and N2 = 100 N1 where they are said to be; no jump of force or tangent; then Hertz.
+
+    Far beyond, the overlap is that of smooth spheres and 2.06 S.
+    """
+    pair, wall = laws_of(of(f"rough {ROUGHNESS} {2 * ROUGHNESS}"))
+    assert wall.roughness == pytest.approx(np.sqrt(5) * ROUGHNESS)
+    s, radius = np.sqrt(2) * ROUGHNESS, RADIUS / 2
+    first = s * GLASS.effective_young * np.sqrt(2 * radius * s)
+    for force in (first, 100 * first):
+        at = pair.overlap_of_force(force, radius)
+        below, above = at * (1 - 1e-9), at * (1 + 1e-9)
+        assert pair.normal_force(below, radius) == pytest.approx(force, rel=1e-8)
+        assert pair.normal_force(above, radius) == pytest.approx(force, rel=1e-8)
+        jump = pair.stiffness_normal(above, radius) / pair.stiffness_normal(below, radius)
+        assert jump == pytest.approx(1, rel=1e-8)
+    smooth, _ = laws_of(GLASS)
+    force = 1e5 * first
+    deep = smooth.overlap_of_force(force, radius) + 2.06 * s
+    assert pair.overlap_of_force(force, radius) == pytest.approx(deep, rel=1e-12)
+    loads = first * np.geomspace(1e-3, 1e4, 30)
+    stiffness = [law.stiffness_normal(law.overlap_of_force(loads, radius), radius)
+                 for law in (pair, smooth)]  # fmt: skip
+    assert (np.diff(stiffness[0] / stiffness[1]) > -1e-12).all()
+    assert (stiffness[0] <= stiffness[1] * (1 + 1e-12)).all()
+
+
+def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
+    """Kinetic and elastic energy at whole steps; depth from the energy, times by quadrature."""
+    side, approach = 20 * RADIUS, 0.05
+    position = np.full((2, 3), side / 2)
+    position[:, 0] += [-RADIUS, RADIUS]
+    velocity = np.array([[approach / 2, 0, 0], [-approach / 2, 0, 0]])
+    sample = Sample(
+        position, np.full(2, side), np.array([0.0, side]), 0.3, material=of(model),
+        velocity=velocity, angular_velocity=np.zeros((2, 3)), strain_rate=np.zeros(3),
+    )  # fmt: skip
+    law, (mass, _) = sample.laws[0], sample.material.sphere(RADIUS)
+    energy = mass * approach**2 / 4
+    low, high = 1e-12, 1e-3
+    for _ in range(100):
+        deepest = (low * high) ** 0.5
+        low, high = (deepest, high) if law.elastic_energy(deepest, RADIUS / 2) < energy else (
+            low, deepest)  # fmt: skip
+    # d = deepest (1 - x^2) takes the root out of the end of the way.
+    time, _ = quad(
+        lambda x: 2 * x * deepest
+        / np.sqrt(4 / mass * (energy - law.elastic_energy(deepest * (1 - x * x), RADIUS / 2))),
+        1e-9, 1,
+    )  # fmt: skip
+    motion, depth, kept, open_at = Dynamics(sample), 0.0, [], 0
+    dt = time / 500
+    for step in range(1500):
+        before = motion.velocity[:, :3].copy()
+        motion.step(dt)
+        kinetic = 0.5 * mass * (before * motion.velocity[:, :3]).sum()
+        kept.append(kinetic + motion.contacts.elastic_energy)
+        depth = max(depth, 2 * RADIUS - abs(np.subtract(*motion.contacts.position[:, 0])))
+        if not motion.contacts.touching and step > 10:
+            open_at = step * dt
+            break
+    assert np.ptp(kept) < 1e-4 * energy
+    assert depth == pytest.approx(deepest, rel=1e-4)
+    assert open_at == pytest.approx(2 * time, rel=5e-3)
+    assert motion.velocity[0, 0] == pytest.approx(-approach / 2, rel=1e-4)
+
+
+def exponents(model, stresses):
+    """Of the moduli K, G over the stress, between neighbours."""
+    found = [
+        modal.elastic_moduli(modal.fcc(stress, (2, 2, 4), material=of(model), periodic_z=True))
+        for stress in stresses
+    ]
+    values = np.log([[each.bulk_modulus, each.shear_modulus] for each in found])
+    return np.diff(values, axis=0) / np.diff(np.log(stresses))[:, None]
+
+
+def test_exponent_of_moduli_over_stress_is_that_of_the_law():
+    """Moduli of a crystal go as its stiffness: N ~ d^a gives (a - 1) / a, but for the spacing.
+
+    It shrinks by the overlap, d / (2 R): 1e-4 of the smooth ones at 100 kPa. Rough: 1.589 / 2.589
+    among the asperities, and from above to a third; a crystal as rough as 1e-7 m is past both
+    transitions at 1 GPa / 100.
+    """
+    assert exponents("linear", [1e4, 1e5]) == pytest.approx(0, abs=1e-4)
+    assert exponents("hertz-mindlin", [1e4, 1e5]) == pytest.approx(1 / 3, abs=1e-3)
+    rough = exponents("rough 1e-7", [1e1, 2e1, 1e4, 2e4, 1e6, 2e6, 1e8, 2e8])[::2].mean(axis=1)
+    assert rough[0] == pytest.approx(1.5894 / 2.5894, abs=1e-3)
+    assert (np.diff(rough[:3]) < 0).all() and (rough[:3] > 1 / 3 - 1e-3).all()
+
+
+def test_compiled_loop_is_that_of_numpy(model, monkeypatch):
+    """A hundred steps of spheres that slide, open and close, between walls rougher than they."""
+    packed = modal.random_packing(60, seed=2, aspect=1.0)
+    material = of(f"{model} 1e-6" if model.startswith("rough") else model, young=6e9)
+    sample = replace(
+        sample_of_network(packed, 0.1), material=material, shear=None, study={},
+        velocity=0.2 * np.random.default_rng(1).standard_normal((60, 3)),
+        angular_velocity=np.zeros((60, 3)), strain_rate=np.zeros(3),
+    )  # fmt: skip
+    runs = []
+    for _ in range(2):
+        motion = Dynamics(sample)
+        for _ in range(100):
+            motion.step(2e-7)
+        runs.append(motion.contacts)
+        monkeypatch.setattr(moving_contacts, "forces_by_loop", forces_by_arrays)
+    assert runs[0].touching == runs[1].touching and runs[0].sliding
+    assert runs[0].load == pytest.approx(runs[1].load, abs=1e-7 * runs[0].mean_force)
+    assert runs[0].elastic_energy == pytest.approx(runs[1].elastic_energy, rel=1e-9)
+
+
+def test_packed_relaxed_and_read_again_it_is_the_same_model(tmp_path, capsys):
+    """From `pack` to the wave: the file says the model, and what follows takes it from there."""
+    out = tmp_path / "rough"
+    words = f"pack --spheres 60 --aspect 1 --stress 1e4 --contact-model rough 1e-6 -o {out}"
+    assert main(words.split()) == 0
+    (path,) = out.glob("*_10kPa.sample.h5")
+    sample = read_sample(path)
+    assert sample.material.contact_model == "rough 1e-6"
+    network = sample.network()
+    law = sample.laws[0]
+    pair = ~network.with_wall
+    expected = law.stiffness_normal(network.overlap[pair], RADIUS / 2)
+    assert network.stiffness_normal[pair] == pytest.approx(expected, rel=1e-12)
+    assert sample_of_network(network, 0.0).material == sample.material
+    with pytest.raises(InputError, match="not that of hertz-mindlin contacts"):
+        sample_of_network(replace(network, study={}), 0.3)
+    rested, _ = relax(replace(sample, friction=0.3))
+    write_sample(tmp_path / "rested.sample.h5", rested)
+    capsys.readouterr()
+    command = f"wave {tmp_path}/rested.sample.h5 --nonlinear --amplitude 1e-9 --duration 2e-5"
+    assert main([*command.split(), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["time_step_error"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("jkr", "there are hertz-mindlin, linear, rough"),
+        ("rough", "root mean square roughness"),
+        ("rough 1e-6 none", "give numbers"),
+        ("rough 1", "1e-12 to 0.001"),
+        ("linear 3", "takes no numbers"),
+    ],
+)
+def test_wrong_models_are_refused_in_one_line(words, said, tmp_path, capsys):
+    command = ["pack", "--spheres", "60", "--aspect", "1", "--stress", "1e4", "-o", str(tmp_path)]
+    assert main([*command, "--contact-model", *words.split()]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
