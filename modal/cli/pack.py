@@ -61,7 +61,9 @@ def add(commands: Any) -> None:
     add_value(pack, "--walls", ("E", "NU"), f"{WALLS} (default those of glass)", kind=str)
     for name, own in SOLID.items():
         add_value(pack, f"--{name}", "X", f"of the spheres (default {own:g}, SI units)")
-    model = f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {MODELS[0]})"
+    model = (
+        f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {HERTZ_MINDLIN})"
+    )
     add_value(pack, "--contact-model", "M", model, kind=str, nargs="+")
     add_flag(pack, "--periodic", "a cell without walls, with a period along z too")
     study, with_friction = Study(), pack.add_argument_group("with friction alone")
