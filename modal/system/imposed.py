@@ -23,6 +23,9 @@ from modal.system.assembly import ENDS
 from modal.system.contacts import Contacts
 from modal.tools.arrays import Bools, Floats, Ints
 
+TURN = 5
+"""In the place of an axis: the one of a body's six motions that turns it about z."""
+
 
 class Imposed(Protocol):
     """A motion put on the contacts from outside, or several at once."""
@@ -40,7 +43,11 @@ class Imposed(Protocol):
 
 @dataclass(frozen=True)
 class WallMoves:
-    """A wall, by its code in particle_j, that moves by one metre along an axis, 0, 1 or 2."""
+    """A wall, by its code in particle_j, that moves by one metre along an axis, 0, 1 or 2.
+
+    Or, with `TURN` for the axis, turns by one radian about the line along z through the middle of
+    the cell.
+    """
 
     wall: int
     axis: int = 2
@@ -52,34 +59,10 @@ class WallMoves:
 
     def on(self, network: Network) -> Floats:
         """Shape (1, m, 9)."""
-        motion = np.zeros((1, network.n_contacts, 9))
-        motion[0, :, self.axis] = 1
+        at = network.position[network.particle_i] + network.lever_i
+        motion = _moved(network, np.ones(network.n_contacts), at, self.axis)
+        motion[0, :, 8] = self.axis == TURN
         return motion
-
-
-@dataclass(frozen=True)
-class WallTurns:
-    """A wall that turns by one radian about the line along z through the middle of the cell."""
-
-    wall: int
-    count: int = 1
-
-    def touches(self, network: Network) -> Bools:
-        """Contacts at that wall."""
-        return network.particle_j == self.wall
-
-    def on(self, network: Network) -> Floats:
-        """Shape (1, m, 9)."""
-        motion = np.zeros((1, network.n_contacts, 9))
-        motion[0, :, :3] = _turned(network, network.position[network.particle_i] + network.lever_i)
-        motion[0, :, 8] = 1
-        return motion
-
-
-def _turned(network: Network, place: Floats) -> Floats:
-    """Shape (k, 3): how places (k, 3), m, move by a turn of one about the middle of the cell."""
-    x, y = (place[:, :2] - network.cell_size[:2] / 2).T
-    return np.column_stack([-y, x, 0 * x])
 
 
 @dataclass(frozen=True)
@@ -87,31 +70,11 @@ class PlaneOpens:
     """All contacts that cross a horizontal plane at `height`, m, grow by one metre along an axis.
 
     As by a wedge between their ends: what lies above is pushed one way, what lies below the other.
+    With `TURN` for the axis what lies above turns by one radian against what lies below.
     """
 
     height: float
     axis: int = 2
-    count: int = 1
-
-    def touches(self, network: Network) -> Bools:
-        """Contacts that cross the plane, or an image of it."""
-        return crossings(network, self.height) != 0
-
-    def on(self, network: Network) -> Floats:
-        """Shape (1, m, 9)."""
-        motion = np.zeros((1, network.n_contacts, 9))
-        motion[0, :, self.axis] = -crossings(network, self.height)
-        return motion
-
-
-@dataclass(frozen=True)
-class PlaneTurns:
-    """What lies above a plane at `height`, m, turns by one radian against what lies below.
-
-    About the line along z through the middle of the cell.
-    """
-
-    height: float
     count: int = 1
 
     def touches(self, network: Network) -> Bools:
@@ -123,11 +86,22 @@ class PlaneTurns:
         crossed = -crossings(network, self.height)
         upper = network.position[network.particle_i]
         upper = np.where(crossed[:, None] < 0, upper + network.branch, upper)
-        motion = np.zeros((1, network.n_contacts, 9))
-        motion[0, :, :3] = crossed[:, None] * _turned(network, upper)
-        motion[0, :, 5] = np.where(crossed > 0, -crossed, 0)
-        motion[0, :, 8] = np.where(crossed < 0, crossed, 0)
+        motion = _moved(network, crossed, upper, self.axis)
+        if self.axis == TURN:
+            motion[0, :, 5] = np.where(crossed > 0, -crossed, 0)
+            motion[0, :, 8] = np.where(crossed < 0, crossed, 0)
         return motion
+
+
+def _moved(network: Network, size: Floats | Ints, place: Floats, axis: int) -> Floats:
+    """Shape (1, m, 9): by `size` (m,) along an axis, or as places (m, 3), m, move in a turn."""
+    motion = np.zeros((1, network.n_contacts, 9))
+    if axis == TURN:
+        x, y = (place[:, :2] - network.cell_size[:2] / 2).T
+        motion[0, :, 0], motion[0, :, 1] = -size * y, size * x
+    else:
+        motion[0, :, axis] = size
+    return motion
 
 
 @dataclass(frozen=True)

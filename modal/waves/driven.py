@@ -17,14 +17,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import RECEIVER_WALL
-from modal.system.imposed import Imposed, WallMoves, WallTurns
+from modal.system.imposed import Imposed, WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.one_part import Part, moved, one_part
 from modal.waves.receivers import Receivers
-from modal.waves.recording import COMPONENT, TORSION
+from modal.waves.recording import COMPONENT
 from modal.waves.sources import Source
 
 
@@ -77,11 +77,7 @@ class Driven:
         dashpots = None if system.dashpots is None else system.dashpots.operator
         if dashpots is not None and springs.order is not None:
             dashpots = dashpots.renumbered()
-        beyond: Imposed | None = None
-        if receivers.walls and direction == TORSION:
-            beyond = WallTurns(RECEIVER_WALL)
-        elif receivers.walls:
-            beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction])
+        beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None
         # What holds the source against the bodies, and what these do to the wall beyond.
         walls = [(wall, way) for wall, way in ((own, -1.0), (beyond, 1.0)) if wall is not None]
         push, held, pulls = _coupled(system, walls, own)

@@ -8,61 +8,50 @@ along z through the middle of the cell, which sends torsion. How it moves in tim
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from modal.packing.network import SOURCE_WALL, Network
-from modal.system.imposed import Imposed, PlaneOpens, PlaneTurns, WallMoves, WallTurns
+from modal.system.imposed import Imposed, PlaneOpens, WallMoves
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.waves.recording import COMPONENT, TORSION
 
 
-@runtime_checkable
-class Source(Protocol):
-    """Where a packing is moved, or pushed, from outside."""
+class Source:
+    """Where a packing is moved, or pushed, from outside; `name` is it in words.
+
+    A further one says in `imposed` which motion it puts on the contacts, or in `load` how it
+    pushes. `alike`: whether equal parts of a packing side by side are moved alike.
+    """
+
+    alike = True
 
     @property
     def name(self) -> str:
         """In words: wall, plane at 0.01 m, sphere 12."""
+        return type(self).__name__.lower()
 
     def height_in(self, network: Network) -> Floats | None:
         """Shape (1,), m: where it lies inside the packing; None of its wall."""
-
-    @property
-    def alike(self) -> bool:
-        """Whether equal parts of a packing side by side are moved alike."""
+        return None
 
     def imposed(self, network: Network, direction: str) -> Imposed | None:
         """The motion that it puts on the contacts; None of a source that pushes."""
+        return None
 
     def load(self, network: Network, direction: str) -> Floats:
         """Shape (6n,): the unit force, N, or torque, N m, of a source that pushes."""
-
-
-class _Moves:
-    """A source that moves contacts."""
-
-    alike = True
-
-    def load(self, network: Network, direction: str) -> Floats:
-        """No force of its own."""
         return np.zeros(6 * network.n_particles)
 
 
 @dataclass(frozen=True)
-class Wall(_Moves):
+class Wall(Source):
     """The source wall, at the lower end of the packing.
 
     >>> Wall()
     Wall()
     """
-
-    name = "wall"
-
-    def height_in(self, network: Network) -> None:
-        """None."""
 
     def imposed(self, network: Network, direction: str) -> Imposed:
         """The wall's unit motion; InputError where there is no such wall."""
@@ -72,13 +61,11 @@ class Wall(_Moves):
                 "(--plane Z), or a sphere that is pushed (--point K)"
             )
         _refuse_torsion_of_periods(network, direction)
-        if direction == TORSION:
-            return WallTurns(SOURCE_WALL)
         return WallMoves(SOURCE_WALL, COMPONENT[direction])
 
 
 @dataclass(frozen=True)
-class Plane(_Moves):
+class Plane(Source):
     """All contacts across the plane at `height`, m, open: above it one way, below it the other.
 
     Nothing is pushed as a whole, and two equal waves leave the plane, up and down.
@@ -104,13 +91,11 @@ class Plane(_Moves):
                 f"to {high:g} m"
             )
         _refuse_torsion_of_periods(network, direction)
-        if direction == TORSION:
-            return PlaneTurns(self.height)
         return PlaneOpens(self.height, COMPONENT[direction])
 
 
 @dataclass(frozen=True)
-class Point:
+class Point(Source):
     """One sphere, by its index, that a force pushes, or a torque about z turns.
 
     Its motion in time is that force in N, or torque in N m.
@@ -128,16 +113,13 @@ class Point:
         """That of the sphere."""
         return network.position[[self.particle], 2]
 
-    def imposed(self, network: Network, direction: str) -> None:
-        """None: it pushes."""
-
     def load(self, network: Network, direction: str) -> Floats:
         """Shape (6n,); InputError for a sphere that the packing does not have."""
         if not 0 <= self.particle < network.n_particles:
             raise InputError(
                 f"sphere {self.particle}: the packing has 0 to {network.n_particles - 1}"
             )
-        load = np.zeros(6 * network.n_particles)
+        load = super().load(network, direction)
         load[6 * self.particle + COMPONENT[direction]] = 1
         return load
 

@@ -13,7 +13,7 @@ from modal.packing import crystal as gallery
 from modal.packing.columns import OF_BONDS, UNKNOWN
 from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import stiffness_matrix
-from modal.system.imposed import WallTurns, put_on
+from modal.system.imposed import TURN, WallMoves, put_on
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
@@ -231,7 +231,7 @@ def test_a_turning_wall_twists_a_beam():
         cell_shift=None,
         cell_periodic=np.array([True, True, False]),
     )
-    coupling = put_on(ends, (), WallTurns(-1))
+    coupling = put_on(ends, (), WallMoves(-1, TURN))
     u = np.linalg.solve(stiffness_matrix(ends).toarray(), coupling.push[:, 0])
     torque = coupling.held[0, 0] - coupling.pull[:, 0] @ u
     assert torque == pytest.approx(chain.stiffness_twisting[0] / (count + 1), rel=1e-10)
