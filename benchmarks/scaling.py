@@ -25,7 +25,7 @@ from benchmarks.harness.packing import resized, sample_or_small
 from benchmarks.harness.report import Page, Rows
 from modal.modes.counts import count_below
 from modal.modes.density import density_of_states
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, read_network, write_network

@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import modal
-from modal.modes.law_shift import shift_by_law
+from modal.modes.first_order import shift_by_law
 
 files = Path(sys.argv[0]).resolve().parent / "packings"
 contacts, log = str(files / "mine.contacts"), str(files / "log.lammps")

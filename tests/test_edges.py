@@ -18,7 +18,7 @@ from analysis.estimators.layer_lattice import LayerLattice
 from modal.__main__ import main
 from modal.modes.counts import count_below
 from modal.modes.dense import all_modes
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.lowest import lowest_modes
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery

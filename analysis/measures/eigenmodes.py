@@ -16,7 +16,7 @@ from analysis.estimators.resonances import (
 from analysis.measures.estimate import Estimate
 from analysis.measures.first_peaks import FirstPeaks
 from analysis.measures.long_waves import LOW_ORDER
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle
 from modal.system.linear_system import LinearSystem
@@ -88,7 +88,7 @@ class Eigenmodes(FirstPeaks):
 
     @cached_property
     def f_max(self) -> float:
-        """Highest natural frequency, Hz: of the files, else by `modal.modes.highest`."""
+        """Highest natural frequency, Hz: of the files, else by `modal.modes.eigenmodes`."""
         modes, network = self.case.modes, self.case.network
         if modes is not None and len(modes.frequency) == 6 * network.n_particles:
             return float(modes.frequency[-1])

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT
 from modal.exchange.registry import read_packing
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network, write_network
 from modal.packing.tiling import repeat

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.mode_set import write_modes
 from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample

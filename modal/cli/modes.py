@@ -9,7 +9,7 @@ from modal.cli.options import SHORT, add_advanced, add_choice, add_flag, add_val
 from modal.cli.reading import network_command, packing_of
 from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
-from modal.modes.law_shift import shift_by_law
+from modal.modes.first_order import shift_by_law
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.modes.observables import PLANAR
 from modal.modes.zero_modes import by_structure

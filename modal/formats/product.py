@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import h5py
@@ -101,10 +102,15 @@ class Product:
             for group in self.groups:
                 file.require_group(group).attrs.update(values[group])
 
-    def read(self, path: str | Path, leave: Container[str] = ()) -> dict[str, Any]:
+    def read(
+        self,
+        path: str | Path,
+        leave: Container[str] = (),
+        parts: Mapping[str, Any] = MappingProxyType({}),
+    ) -> dict[str, Any]:
         """All values by name, absent columns None; InputError in one line for anything wrong.
 
-        Columns to `leave` are not read, and are None.
+        Columns to `leave` are not read, and are None. Of those in `parts` their indices are read.
         """
         with open_h5(path, self.schema, self.versions) as file:
             self._refuse_unknown(file)
@@ -113,7 +119,7 @@ class Product:
             for name, column in self.columns.items():
                 absent = column.optional and column.dataset not in file
                 left = absent or name in leave
-                values[name] = None if left else _column(file, column, lengths)
+                values[name] = None if left else _column(file, column, lengths, parts.get(name, ()))
             with complete(path):
                 for name, convert in self.attributes.items():
                     if name in file.attrs or name not in self.defaults:
@@ -144,15 +150,15 @@ class Product:
                     )
 
 
-def _column(file: h5py.File, column: Column, lengths: dict[int | str, int]) -> Array:
-    """A column as numbers; its named lengths are kept in `lengths`, and asked of the next ones."""
+def _column(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:
+    """A column as numbers, or a part `of` it; its named lengths are those in `lengths`, or new."""
     shape = tuple(n if isinstance(n, int) else lengths.get(n) for n in column.shape)
     if column.kind == "c":
         parts = get(file, column.dataset, "f", (*shape, 2))
         data: Array = parts[..., 0] + 1j * parts[..., 1]
     else:
-        data = get(file, column.dataset, column.kind, shape)
-    lengths.update(zip(column.shape, data.shape, strict=True))
+        data = get(file, column.dataset, column.kind, shape, of=of)
+    lengths.update(zip(column.shape, file[column.dataset].shape, strict=False))
     if column.finite and not np.isfinite(data).all():
         raise InputError(f"{file.filename}: {column.dataset} is not finite; make it again")
     return data

@@ -30,28 +30,16 @@ BESIDE = 1e-6
 
 
 @overload
-def count_modes(
-    network: Network,
-    frequency: float,
-    *,
-    sliding: str = "elastic",
-    pre_stress: str = "none",
-    solver: str | None = None,
-) -> int: ...
+def count_modes(network: Network, frequency: float, **options: str | None) -> int: ...
 
 
 @overload
 def count_modes(
-    network: Network,
-    frequency: Sequence[float] | Array,
-    *,
-    sliding: str = "elastic",
-    pre_stress: str = "none",
-    solver: str | None = None,
+    network: Network, frequency: Sequence[float] | Array, **options: str | None
 ) -> Ints: ...
 
 
-@checked
+@checked  # type: ignore[misc]  # the overloads leave the options to the function itself
 def count_modes(
     network: Network,
     frequency: ArrayLike,

@@ -4,7 +4,7 @@
 Arnoldi's method on the inverse of the state-space matrix about a shift, with one complex
 factorisation of lambda^2 + lambda C + A (F. Tisseur and K. Meerbergen, SIAM Review 43, 235, 2001).
 Where the packing is too large for that, the decay of the elastic modes to first order in the
-damping is `decay_rates`.
+damping is `modal.modes.first_order.decay_rates`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from modal.modes.asked import check_count
-from modal.modes.mode_set import ModeSet
+from modal.modes.first_order import decay_rates as decay_rates
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
@@ -27,7 +27,6 @@ from modal.solvers.lanczos import SEED
 from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
-from modal.system.operator import ContactOperator
 from modal.tools.arguments import checked
 from modal.tools.arrays import Complex, Floats
 from modal.tools.display import axes_of, quantity
@@ -111,7 +110,7 @@ def damped_modes(
         raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
     check_count(system, count, system.size - (0 if system.size <= FEW else 2))
     A = system.assembled()
-    C = _scaled_dashpots(system, damping)
+    C = system.root.around(stiffness_matrix(damping.dashpots(network)))  # M^-1/2 C M^-1/2, 1/s
     shift = 2j * np.pi * near
     slow = max(STANDS * abs(shift), 10 * np.sqrt(system.resolution))
     if system.size <= FEW:
@@ -209,20 +208,3 @@ def _rates_near(
             factor.release()
             return rate[forwards], vector[:size, forwards]
         asked = min(2 * asked, most)
-
-
-def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Floats:
-    """Shape (k,), 1/s: decay of the amplitude of elastic modes, phi C phi / 2 for unit mass.
-
-    First order in the damping, for modes that it does not mix: of equal frequencies the modes may
-    be listed in another mixture than the damping would have, but their sum is right. InputError
-    where the mode shapes were not kept, or are of another packing.
-    """
-    shape = modes.shapes(network).reshape(len(modes.frequency), -1).T
-    dashpots = ContactOperator(damping.dashpots(network))
-    return np.einsum("ik,ik->k", shape, dashpots.apply(np.ascontiguousarray(shape))) / 2
-
-
-def _scaled_dashpots(system: LinearSystem, damping: ContactDamping) -> sp.csr_matrix:
-    """M^-1/2 C M^-1/2, sparse (size, size), 1/s."""
-    return system.root.around(stiffness_matrix(damping.dashpots(system.network)))

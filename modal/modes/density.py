@@ -14,14 +14,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from modal.formats.hdf5 import get, open_h5, put
-from modal.formats.provenance import Provenance, new_product
+from modal.formats.product import Column, Product
+from modal.formats.provenance import Provenance
 from modal.modes.asked import frequencies
 from modal.modes.collective import every_floppy
 from modal.modes.counts import refuse_unstable
@@ -39,8 +39,21 @@ from modal.tools.workload import refuse_endless
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SUMS: dict[str, Any] = {"all": 6, "translation": slice(0, 3), "rotation": slice(3, 6)}
+"""Of the seven numbers that `DensityOfStates.density` gives those that a file holds."""
+KINDS = {"density": "1/Hz", "density_error": "1/Hz", "count_below": "1", "count_below_error": "1"}
 SCHEMA = "granular-density-of-states"
 VERSION = 1
+FORMAT = Product(
+    SCHEMA,
+    {"frequency": Column("frequency", "f", ("nf",), "Hz")}
+    | {
+        f"{which}/{kind}": Column(f"{which}/{kind}", "f", ("nf", *more), unit)
+        for which, more in {"all": (), "translation": (3,), "rotation": (3,)}.items()
+        for kind, unit in KINDS.items()
+    },
+    {"network_sha256": str, "resolution": float, "vectors": int},
+)
 FEWEST = 6
 """Random vectors: enough to see their scatter."""
 FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
@@ -288,21 +301,15 @@ def write_density(
 ) -> None:
     """Write density and counts on `states.grid()` atomically."""
     frequency = states.grid()
-    density, density_error = states.density(frequency)
-    below, below_error = states.count_below(frequency)
-    with new_product(path, SCHEMA, VERSION, made) as file:
-        file.attrs["network_sha256"] = network_sha256
-        file.attrs.update(resolution=states.resolution, vectors=states.random_vectors)
-        put(file, "frequency", frequency, "Hz")
-        for name, columns in (
-            ("all", 6),
-            ("translation", slice(0, 3)),
-            ("rotation", slice(3, 6)),
-        ):
-            put(file, f"{name}/density", density[:, columns], "1/Hz")
-            put(file, f"{name}/density_error", density_error[:, columns], "1/Hz")
-            put(file, f"{name}/count_below", below[:, columns], "1")
-            put(file, f"{name}/count_below_error", below_error[:, columns], "1")
+    found = (*states.density(frequency), *states.count_below(frequency))
+    values: dict[str, Any] = {
+        f"{which}/{kind}": data[:, columns]
+        for which, columns in SUMS.items()
+        for kind, data in zip(KINDS, found, strict=True)
+    }
+    values |= {"frequency": frequency, "network_sha256": network_sha256}
+    values |= {"resolution": states.resolution, "vectors": states.random_vectors}
+    FORMAT.write(path, values, made)
 
 
 def read_density(path: str | Path) -> tuple[Floats, Floats, Floats]:
@@ -311,7 +318,5 @@ def read_density(path: str | Path) -> tuple[Floats, Floats, Floats]:
     Motions of all kinds together, as `write_density` has written them. InputError with one line
     for anything wrong.
     """
-    with open_h5(path, SCHEMA, VERSION) as file:
-        frequency = get(file, "frequency", "f", (None,))
-        density = get(file, "all/density", "f", frequency.shape)
-        return frequency, density, get(file, "all/count_below", "f", frequency.shape)
+    said = FORMAT.read(path)
+    return said["frequency"], said["all/density"], said["all/count_below"]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.formats.hdf5 import get, open_h5, put
-from modal.formats.provenance import Provenance, new_product
+from modal.formats.product import Column, Product
+from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
@@ -24,17 +24,19 @@ SCHEMA = "granular-modes"
 VERSION = 1
 OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 """Columns of a list of modes, besides its frequencies."""
-_UNITS = {
-    "frequency": ((None,), "Hz"),
-    "residual": ((None,), "1"),
-    "chi_z": ((None,), "1"),
-    "chi_z_chain": ((None,), "1"),
-    "rotation_share": ((None,), "1"),
-    "mode_shape": ((None, None, 6), "kg^-1/2"),
-    "resonance_frequency": ((None,), "Hz"),
-    "resonance_wavenumber": ((None,), "1/m"),
-    "resonance_shape": ((None, None), "kg^-1/2"),
-}
+FORMAT = Product(
+    SCHEMA,
+    {
+        "frequency": Column("frequency", "f", ("k",), "Hz"),
+        # Without a chain there is no chi_z along it.
+        **{name: Column(name, "f", ("k",), "1", finite=False) for name in OBSERVABLES},
+        "mode_shape": Column("mode_shape", "f", ("k", "n", 6), "kg^-1/2", optional=True),
+        "resonance_frequency": Column("resonance_frequency", "f", ("r",), "Hz", optional=True),
+        "resonance_wavenumber": Column("resonance_wavenumber", "f", ("r",), "1/m", optional=True),
+        "resonance_shape": Column("resonance_shape", "f", ("r", "nc"), "kg^-1/2", optional=True),
+    },
+    others="attributes",
+)
 
 
 @dataclass(frozen=True)
@@ -52,32 +54,24 @@ class Choice:
     @property
     def attributes(self) -> dict[str, Any]:
         """What a file says of it: the kind, its limits, and all of it in words as `interval`."""
-        words = {
-            "between": f"{self.low:g} {self.high:g}",
-            "all": "all",
-        }.get(self.kind, f"{self.kind} {self.count}")
-        limits: dict[str, Any] = {}
+        said: dict[str, Any] = {"interval": self.kind, "choice": self.kind}
         if self.kind == "between":
             limits = {"low": self.low, "high": self.high}
-        elif self.count:
-            limits = {"count": self.count}
-        return {"interval": words, "choice": self.kind} | limits
+            return said | {"interval": f"{self.low:g} {self.high:g}"} | limits
+        if self.count:
+            said |= {"interval": f"{self.kind} {self.count}", "count": self.count}
+        return said
 
     @classmethod
     def of_attributes(cls, attributes: Mapping[str, Any]) -> Choice:
         """From a file's attributes; of a file that has `interval` alone, from its words."""
-        if "choice" in attributes:
-            limits = {name: float(attributes.get(name, end)) for name, end in _ENDS.items()}
-            return cls(str(attributes["choice"]), int(attributes.get("count", 0)), **limits)
-        words = str(attributes.get("interval", "all")).split()
-        if words[0] in ("lowest", "highest"):
-            return cls(words[0], int(words[1]))
-        if len(words) == 2:
-            return cls("between", low=float(words[0]), high=float(words[1]))
-        return cls("all")
-
-
-_ENDS = {"low": 0.0, "high": np.inf}
+        first, *last = str(attributes.get("interval", "all")).split()
+        if not last:
+            return cls(first)
+        if first in ("lowest", "highest"):
+            return cls(first, int(last[0]))
+        low, high = attributes.get("low", first), attributes.get("high", last[0])
+        return cls("between", low=float(low), high=float(high))
 
 
 @dataclass(repr=False)
@@ -217,12 +211,7 @@ def participation_ratio(shape: Array, root: RootMass) -> Floats:
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:
     """Write the modes atomically, and what they were made from."""
-    with new_product(path, SCHEMA, VERSION, made) as file:
-        file.attrs.update(modes.attributes)
-        for name, (_, units) in _UNITS.items():
-            data = getattr(modes, name)
-            if data is not None:
-                put(file, name, data, units)
+    FORMAT.write(path, vars(modes), made)
 
 
 def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
@@ -230,17 +219,14 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
 
     Without `shapes` the mode shapes, nearly all of a file, are left where they are.
     """
-    with open_h5(path, SCHEMA, VERSION) as file:
-        required = ("frequency", "residual", "chi_z", "chi_z_chain", "rotation_share")
-        columns = {
-            name: get(file, name, "f", shape)
-            for name, (shape, _) in _UNITS.items()
-            if name in required or (name in file and (shapes or name != "mode_shape"))
-        }
-        reserved = ("schema", "schema_version")
-        attributes = {key: value for key, value in file.attrs.items() if key not in reserved}
-    modes = ModeSet(**columns, attributes=attributes)
-    _validate(modes, str(path))
+    modes = ModeSet(**FORMAT.read(path, leave=() if shapes else ("mode_shape",)))
+    if (np.diff(modes.frequency) < 0).any():
+        raise InputError(f"{path}: frequency is not in ascending order; make it again")
+    for name in OBSERVABLES:
+        data = getattr(modes, name)
+        absent = name == "chi_z_chain" and np.isnan(data).all()
+        if not (absent or np.isfinite(data).all()):
+            raise InputError(f"{path}: {name} is not finite; make it again")
     return modes
 
 
@@ -249,35 +235,10 @@ def read_z_shapes(path: str | Path) -> Floats | None:
 
     A sixth of the data: files hold the components apart. InputError for anything wrong.
     """
-    with open_h5(path, SCHEMA, VERSION) as file:
-        if "mode_shape" not in file:
-            return None
-        modes = len(get(file, "frequency", "f", (None,)))
-        shape = get(file, "mode_shape", "f", (modes, None, 6), of=np.s_[:, :, 2])
-    if not np.isfinite(shape).all():
-        raise InputError(f"{path}: mode_shape is not finite; make it again")
+    others = FORMAT.columns.keys() - {"frequency", "mode_shape"}
+    along_z = {"mode_shape": np.s_[:, :, 2]}
+    shape: Floats | None = FORMAT.read(path, leave=others, parts=along_z)["mode_shape"]
     return shape
-
-
-def _validate(modes: ModeSet, name: str) -> None:
-    """Refuse columns of different lengths, what is not finite, and frequencies out of order."""
-    for count, columns in (
-        ("frequency", ("residual", "chi_z", "chi_z_chain", "rotation_share", "mode_shape")),
-        ("resonance_frequency", ("resonance_wavenumber", "resonance_shape")),
-    ):
-        frequency = getattr(modes, count)
-        for column in columns:
-            data = getattr(modes, column)
-            if data is not None and (frequency is None or len(data) != len(frequency)):
-                raise InputError(f"{name}: {column} and {count} differ in length; make it again")
-    if (np.diff(modes.frequency) < 0).any():
-        raise InputError(f"{name}: frequency is not in ascending order; make it again")
-    for column in _UNITS:
-        data = getattr(modes, column)
-        # Without a chain there is no chi_z along it.
-        absent = column == "chi_z_chain" and np.isnan(data).all()
-        if data is not None and not (absent or np.isfinite(data).all()):
-            raise InputError(f"{name}: {column} is not finite; make it again")
 
 
 def certificate(missing: int, because: str = "") -> dict[str, Any]:
@@ -298,15 +259,12 @@ def subset(modes: ModeSet, chosen: slice, choice: Choice) -> ModeSet:
 
     `choice` describes the new list in its attributes.
     """
-    arrays: dict[str, Any] = {}
-    for name in ("frequency", *OBSERVABLES, "mode_shape"):
+    resonance, arrays = modes.resonance_frequency, dict[str, Any]()
+    inside = None if resonance is None else np.isin(resonance, modes.frequency[chosen])
+    for name, column in FORMAT.columns.items():
         data = getattr(modes, name)
-        arrays[name] = None if data is None else data[chosen]
-    resonance = modes.resonance_frequency
-    if resonance is not None:
-        inside = np.isin(resonance, arrays["frequency"])
-        for name in ("resonance_frequency", "resonance_wavenumber", "resonance_shape"):
-            arrays[name] = getattr(modes, name)[inside]
+        part = chosen if column.shape[0] == "k" else inside
+        arrays[name] = None if data is None else data[part]
     before = modes.choice.attributes
     kept = {name: value for name, value in modes.attributes.items() if name not in before}
     return replace(modes, **arrays, attributes=kept | choice.attributes)

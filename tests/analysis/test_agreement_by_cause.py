@@ -10,7 +10,7 @@ from places import SHEARED
 
 from analysis.agreement import Agreement, Difference, split_by_cause
 from benchmarks.harness import yade
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
 from modal.packing.sample import read_sample

@@ -24,7 +24,7 @@ from analysis.study.results import frame_of, read_result, read_results, write_re
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Answer, Rules, answers, targets
 from modal.modes.dense import all_modes
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.packing.state import void_ratio

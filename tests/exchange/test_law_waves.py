@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import modal
 from modal.__main__ import main
 from modal.modes.eigenmodes import eigenmodes
-from modal.modes.law_shift import shift_by_law
+from modal.modes.first_order import shift_by_law
 from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.contacts import asymmetry

@@ -11,7 +11,7 @@ from modal.__main__ import main
 from modal.exchange.registry import read_packing
 from modal.modes import effort
 from modal.modes.counts import count_below
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.lowest import lowest_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network

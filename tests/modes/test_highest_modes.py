@@ -10,7 +10,7 @@ from modal.__main__ import main
 from modal.modes import counts as inertia
 from modal.modes import search
 from modal.modes.dense import all_modes
-from modal.modes.highest import highest_modes
+from modal.modes.eigenmodes import highest_modes
 from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
@@ -99,7 +99,7 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
         counted.append(frequency)
         return inertia.count_below(system, frequency)
 
-    monkeypatch.setattr("modal.modes.highest.count_below", noted)
+    monkeypatch.setattr("modal.modes.eigenmodes.count_below", noted)
     found = highest_modes(system, 5)
     assert found.frequency == pytest.approx(exact[-5:], rel=1e-9)
     assert found.attributes["certified"]
@@ -112,7 +112,7 @@ def test_what_cannot_be_counted_is_listed_without_certificate(monkeypatch):
     def no_memory(system, frequency):
         raise InputError("the factor needs 9 TB")
 
-    monkeypatch.setattr("modal.modes.highest.count_below", no_memory)
+    monkeypatch.setattr("modal.modes.eigenmodes.count_below", no_memory)
     found = highest_modes(LinearSystem.of(network), 12)
     assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
     assert not found.attributes["certified"] and found.attributes["missing"] == 0
@@ -125,7 +125,7 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     network, exact = columns(100, 1e-2)
     write_network(source, network)
     monkeypatch.delattr("modal.modes.search.factorise")
-    monkeypatch.delattr("modal.modes.highest.count_below")
+    monkeypatch.delattr("modal.modes.eigenmodes.count_below")
     command = ["modes", str(source), "--highest", "1", "--uncertified", "--json", "-o", str(out)]
     assert main(command) == 0
     printed = capsys.readouterr()

@@ -12,7 +12,7 @@ from packings import kinematics, scaled
 from scipy.linalg import eigh_tridiagonal
 
 from modal.modes import dense
-from modal.modes import highest as modes
+from modal.modes import eigenmodes as modes
 from modal.modes.counts import count_below
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.packing import crystal as gallery

@@ -8,7 +8,7 @@ import pytest
 
 from modal.__main__ import main
 from modal.modes import dense
-from modal.modes import highest as modes
+from modal.modes import eigenmodes as modes
 from modal.modes import lowest as intervals
 from modal.modes.effort import Effort
 from modal.modes.eigenmodes import modes_of
