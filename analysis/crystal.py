@@ -32,7 +32,6 @@ from analysis.estimators.transfer import (
 )
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
 from modal.packing.state import void_ratio
-from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade")
@@ -207,27 +206,3 @@ def _gain_rows(case: Case, put) -> None:
             frequency, height = found.first_maximum()
             put("gain_f", "gain factor, first maximum", "kHz", note, **{column: frequency / 1e3})
             put("gain", "gain factor at its first maximum", "1", note, **{column: height})
-
-
-def stress_rows(cases: list[Case]) -> dict[str, np.ndarray]:
-    """Stress (Pa), V_P (m/s) and f_low-pass (Hz) of each case by theory, modes and signals."""
-    for case in cases:
-        if not float(case.network.study.get("stress", 0)) > 0:
-            raise InputError(f"{case.path('network')}: study has no stress; export it again")
-    columns = {"stress_Pa": np.array([float(case.network.study["stress"]) for case in cases])}
-    table: dict[str, list[tuple[float, float]]] = {"theory": [], "modal": [], "yade": []}
-    for case in cases:
-        lattice, modes = case.lattice, case.modes
-        table["theory"].append((lattice.velocity, lattice.low_pass_frequency))
-        found = None
-        if modes is not None and modes.resonance_shape is not None:
-            found = disp.mode_dispersion(
-                modes.resonance_frequency, modes.resonance_shape, lattice.distance
-            )
-        seen = None if case.signals is None else disp.chain_dispersion(case.signals)
-        for name, result in (("modal", found), ("yade", seen)):
-            pair = (result.velocity, result.low_pass_frequency) if result else (np.nan, np.nan)
-            table[name].append(pair)
-    for name, pairs in table.items():
-        columns[f"velocity_{name}_m_per_s"], columns[f"f_low_pass_{name}_Hz"] = np.array(pairs).T
-    return columns

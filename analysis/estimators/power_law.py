@@ -35,3 +35,22 @@ def power_law(x: np.ndarray, y: np.ndarray) -> PowerLaw:
         (exponent, offset), spread = np.polyfit(u, v, 1, cov=True)
         error = np.sqrt(spread[0, 0])
     return PowerLaw(float(np.exp(offset)), float(exponent), float(error))
+
+
+def straight_to(x: np.ndarray, y: np.ndarray, at: float) -> tuple[float, float]:
+    """The least-squares line of y over x, carried on to `at`, and its standard error there.
+
+    Of two points the line has no error, of a single one no value: NaN.
+
+    >>> "{:.1f} {:.1f}".format(*straight_to(np.array([0.0, 1.0]), np.array([0.0, 3.0]), 4.0))
+    '12.0 nan'
+    """
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = np.asarray(x)[known], np.asarray(y)[known]
+    if len(x) < 2 or np.ptp(x) == 0:
+        return np.nan, np.nan
+    there = np.array([at, 1.0])
+    if len(x) == 2:
+        return float(there @ np.polyfit(x, y, 1)), np.nan
+    line, spread = np.polyfit(x, y, 1, cov=True)
+    return float(there @ line), float(np.sqrt(there @ spread @ there))

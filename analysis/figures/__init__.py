@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +22,7 @@ class Entry:
 
     number: str
     function: Callable[[list[Any]], Picture]
-    crystals_only: bool = False
     of_rows: bool = False
-
-    @property
-    def caption(self) -> str:
-        """First line of the function's docstring, with its place in the paper before it."""
-        text = (self.function.__doc__ or "").strip().splitlines()[0]
-        said = re.match(r"Figs?\. [\d, and]+: ", text)
-        return f"As {said[0]}{text[said.end() :]}" if said else text
 
 
 FIGURES: dict[str, Entry] = {
@@ -51,8 +42,9 @@ FIGURES: dict[str, Entry] = {
     "low_pass_cases": Entry("16", of_cases.low_pass_cases, of_rows=True),
     "velocity_low_pass": Entry("17", of_cases.velocity_low_pass, of_rows=True),
     "wavelength_cases": Entry("18", of_cases.wavelength_cases, of_rows=True),
-    "gain": Entry("19", spectra.gain),
+    "gain": Entry("19", of_cases.gain, of_rows=True),
     "gain_cases": Entry("19", of_cases.gain_cases, of_rows=True),
+    "isostaticity": Entry("", beyond.isostaticity, of_rows=True),
     "gain_orders": Entry("", beyond.gain_orders, of_rows=True),
     "scattering": Entry("", beyond.scattering, of_rows=True),
     "density_excess": Entry("", beyond.density_excess, of_rows=True),
@@ -60,7 +52,6 @@ FIGURES: dict[str, Entry] = {
     "low_pass_chains": Entry("", waves.low_pass_chains),
     "structure": Entry("", spectra.structure),
     "shear_waves": Entry("", shear.shear_waves),
-    "stress_dependence": Entry("", velocities.stress_dependence, crystals_only=True),
 }
 
 
@@ -70,10 +61,6 @@ def compose(name: str, cases: list[Measures]) -> Picture:
         known = ", ".join(FIGURES)
         raise InputError(f"{name!r} is not a figure; choose one of {known}")
     entry = FIGURES[name]
-    if entry.crystals_only:
-        cases = [m for m in cases if m.case.is_crystal]
-        if not cases:
-            raise InputError(f"figure {name} is of FCC crystals; give the case of one")
     return entry.function([row_of(m) for m in cases] if entry.of_rows else cases)
 
 

@@ -5,73 +5,76 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.comparable import end_frictions, of_one_producer, spread_of_highest
-from analysis.estimators.power_law import power_law
-from analysis.figures.groups import STATED, STRESS_MARKS, column, points, styles
-from analysis.figures.picture import Panel, Picture
+from analysis.estimators.power_law import straight_to
+from analysis.figures.groups import STATED, column, legend, points, side_by_side, styles
+from analysis.figures.picture import Panel, Picture, columns_for
 from analysis.rows import Row, law_of
 from modal.tools.errors import InputError
 
+THIN = {"lw": 0.7, "ls": "-", "zorder": 1.5}
+
 
 def velocity_cases(rows: list[Row]) -> Picture:
-    """Fig. 6: V_P by first peaks (dL/dt) against void ratio and stress, with fitted exponents."""
-    left = Panel("void ratio", "$V_P$, first peaks (m/s)", "(a)")
-    right = Panel("stress (kPa)", "$V_P$, first peaks (m/s)", "(b)", xscale="log", yscale="log")
-    right.legend = "outside"
-    for name, members, style in styles(rows):
-        kind, producer = of_one_producer(members, "v_p_first_peaks")
-        law = law_of(members, "stress_pa", kind)
-        text = f"{name}, {producer}" + (f": {law}" if np.isfinite(law.exponent) else "")
+    """Fig. 6: V_P by first peaks against void ratio, with its trend to FCC, and against stress."""
+    name, producer = of_one_producer(rows, "v_p_first_peaks")
+    label = f"$V_P$, first peaks, {producer} (m/s)"
+    left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
+    right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
+    legend(left, rows, frictions=False)
+    for stress in sorted({row.stress for row in rows}):
+        _trend(left, [row for row in rows if row.stress == stress], name)
+    for text, members, style in styles(rows):
+        points(left, members, "void_ratio", name, style)
+        law = law_of(members, "stress_pa", name)
         stress = np.array([row.stress for row in members])
-        points(right, stress / 1e3, members, kind, text, style)
-        if np.isfinite(law.exponent):
-            right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.6", lw=0.7)
-        for row in members:
-            mark = STRESS_MARKS.get(float(f"{row.stress:.2g}"), "x")
-            look = style | {"marker": mark, "mfc": "k" if row.crystal else "none"}
-            points(left, [row.value("void_ratio")], [row], kind, "", look)
-    for level, mark in STRESS_MARKS.items():
-        if any(abs(row.stress / level - 1) < 0.1 for row in rows):
-            style = {"marker": mark, "color": "k", "ls": "none", "mfc": "none"}
-            left.line([np.nan], [np.nan], f"{level / 1e3:g} kPa (FCC filled)", **style)
-    slope = np.array([1e4, 1e7])
-    start = min(column(rows, "v_p_first_peaks_m_per_s"), default=np.nan)
+        right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", **THIN)
+        points(right, members, "stress_kpa", name, style)
+        text += f": {law}" if np.isfinite(law.exponent) else ""
+        right.line([np.nan], [np.nan], text, marker="o", **style)
+    start, slope = np.nanmin([np.inf, *column(rows, name)]), np.array([1e4, 1e7])
     if np.isfinite(start):
-        line = 0.93 * start * (slope / slope[0]) ** (1 / 6)
-        right.line(slope / 1e3, line, "1/6", color="k", ls="--")
-    return Picture([left, right], columns=2, shape=(12, 4.6))
+        sixth = 0.93 * start * (slope / slope[0]) ** (1 / 6)
+        right.line(slope / 1e3, sixth, "b = 1/6", color="k", ls="--")
+    return Picture([left, right], columns=2, shape=(13, 4.4))
+
+
+def _trend(panel: Panel, rows: list[Row], name: str) -> None:
+    """The straight line through a quantity of random packings over e, to that of the crystal."""
+    crystal = [row for row in rows if row.crystal]
+    random = [row for row in rows if not row.crystal]
+    if not crystal or len(random) < 2:
+        return
+    x, y, at = column(random, "void_ratio"), column(random, name), crystal[0].value("void_ratio")
+    there, error = straight_to(x, y, at)
+    along = np.linspace(at, np.nanmax(x), 30)  # no straight line on a logarithmic axis
+    text = rf"line at FCC's e: {there:.0f} $\pm$ {error:.0f}; FCC {crystal[0].value(name):.0f} m/s"
+    line = [straight_to(x, y, e)[0] for e in along]
+    panel.line(along, line, text, color="0.4", **THIN | {"ls": "--"})
+    panel.add("error", [at], [there], [error], color="0.4", lw=0.8, capsize=3)
 
 
 def highest_frequency(rows: list[Row]) -> Picture:
-    """Fig. 8: highest natural frequency against stress, with and without rotations, and Eq. 10."""
-    left = Panel("stress (kPa)", "$f_{max}$ (kHz)", "(a)", xscale="log", yscale="log")
-    left.legend = "lower right"
-    right = Panel("stress (kPa)", "$f_{max}$ over that of FCC", "(c)", xscale="log")
-    right.legend = "outside"
-    ends = end_frictions(rows)
+    """Fig. 8: highest natural frequency over that of FCC at the same stress, and its spread."""
+    left = Panel("stress (kPa)", "$f_{max}$ over that of FCC", "(a)", xscale="log")
+    left.legend = "outside"
     of_crystal = {row.stress: row.value("f_max_khz") for row in rows if row.crystal}
-    for name, members, style in styles(rows):
-        stress = np.array([row.stress for row in members])
-        top = column(members, "f_max_khz")
-        law = power_law(stress, top)
-        text = name + (f": {law}" if np.isfinite(law.exponent) else "")
-        if name == "FCC" or members[0].mu_comp in ends:
-            left.line(stress / 1e3, top, name, **style)
-        over = top / np.array([of_crystal.get(row.stress, np.nan) for row in members])
-        if np.isfinite(over).any():
-            right.line(stress / 1e3, over, text, **style)
-        if name == "FCC":
-            edge = column(members, "band_edge_theory_khz")
-            left.line(stress / 1e3, edge, "FCC, Eq. 10", ls="--", color="0.5")
-            only = edge * column(members, "translations_only_over_edge")
-            look = {"marker": "x", "ls": "none", "color": "k"}
-            left.line(stress / 1e3, only, "FCC, translations only", **look)
-    known = [(r.stress / 1e3, r.stated["f_max_khz"][0]) for r in rows if "f_max_khz" in r.stated]
-    if known:
-        at, said = zip(*known, strict=True)
-        left.line(at, said, "stated", **STATED)
-    if not right.series:
-        return Picture([left])
+    if not of_crystal:
+        left.ylabel, left.yscale = "$f_{max}$ (kHz)", "log"
+    groups = styles(rows)
+    for k, (_, members, style) in enumerate(groups):
+        at = side_by_side(column(members, "stress_kpa"), k, len(groups))
+        over = np.array(
+            [of_crystal.get(row.stress, np.nan if of_crystal else 1) for row in members]
+        )
+        left.line(at, column(members, "f_max_khz") / over, color=style["color"], **THIN)
+        points(left, members, at, "f_max_khz", style, over)
+        for row, place, scale in zip(members, at, over, strict=True):
+            if said := row.stated.get("f_max_khz"):
+                first = not any(series.label for series in left.series)
+                left.line([place], [said[0] / scale], "stated" if first else "", **STATED)
+    legend(left, rows, stresses=False)
     far = Panel("stress (kPa)", "highest over lowest $f_{max}$, less 1 (%)", "(b)", xscale="log")
+    ends = end_frictions(rows)
     for text, chosen, mark in (
         ("FCC, lowest, highest friction", [r for r in rows if r.crystal or r.mu_comp in ends], "o"),
         ("all packings", rows, "x"),
@@ -83,87 +86,87 @@ def highest_frequency(rows: list[Row]) -> Picture:
     if limit:
         text = f"stated: less than {limit:g} %"
         far.add("hline", [0], [limit], None, text, color="k", ls="--")
-    far.ylim = (0, 1.4 * max([limit, *apart.values()]))
-    return Picture([left, far, right], columns=3, shape=(14, 4))
+    far.ylim = (0, 1.4 * max([limit, *apart.values(), 0.1]))
+    return Picture([left, far], columns=2, shape=(11, 3.8))
 
 
 def low_pass_cases(rows: list[Row]) -> Picture:
-    """Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress; 1 % as crosses."""
-    left = Panel("void ratio", "$f_{low-pass}$, 2 % (kHz)", "(a)", yscale="log")
-    right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", "(b)", xscale="log", yscale="log")
-    right.legend = "outside"
-    for name, members, style in styles(rows):
-        kind, producer = of_one_producer(members, "f_low_pass_2")
-        stress = np.array([row.stress for row in members]) / 1e3
-        points(left, column(members, "void_ratio"), members, kind, "", style)
-        points(right, stress, members, kind, f"{name}, {producer}", style)
-        one = column(members, of_one_producer(members, "f_low_pass_1")[0])
-        text = "1 %" if not any(s.label == "1 %" for s in right.series) else ""
-        right.line(stress, one, text, marker="+", ls="none", color="0.4")
-    known = [row for row in rows if "f_low_pass_2_khz" in row.stated]
-    if known:
-        said = [row.stated["f_low_pass_2_khz"][0] for row in known]
-        left.line(column(known, "void_ratio"), said, **STATED)
-        right.line([row.stress / 1e3 for row in known], said, "stated", **STATED)
-    return Picture([left, right], columns=2, shape=(12, 4.4))
+    """Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress."""
+    name, producer = of_one_producer(rows, "f_low_pass_2")
+    label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
+    left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
+    right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
+    groups = styles(rows)
+    for k, (_, members, style) in enumerate(groups):
+        at = side_by_side(column(members, "stress_kpa"), k, len(groups))
+        points(left, members, "void_ratio", name, style)
+        right.line(at, column(members, name), color=style["color"], **THIN)
+        points(right, members, at, name, style)
+        for row, place in zip(members, at, strict=True):
+            if said := row.stated.get("f_low_pass_2_khz"):
+                left.line([row.value("void_ratio")], said[:1], **STATED)
+                right.line([place], said[:1], **STATED)
+    if any("f_low_pass_2_khz" in row.stated for row in rows):
+        left.line([np.nan], [np.nan], "stated", **STATED)
+    legend(left, rows, frictions=False)
+    legend(right, rows, stresses=False)
+    return Picture([left, right], columns=2, shape=(12, 4.2))
 
 
 def velocity_low_pass(rows: list[Row]) -> Picture:
     """Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
-    panel = Panel("$V_P$, first peaks (m/s)", "$f_{low-pass}$, 2 % (kHz)", "")
-    panel.xscale = panel.yscale = "log"
-    panel.legend = "outside"
-    for name, members, style in styles(rows):
-        velocity, producer = of_one_producer(members, "v_p_first_peaks")
-        kind = of_one_producer(members, "f_low_pass_2")[0]
-        law = law_of(members, velocity, kind)
-        text = f"{name}, {producer}"
+    velocity, producer = of_one_producer(rows, "v_p_first_peaks")
+    name = of_one_producer(rows, "f_low_pass_2")[0]
+    panel = Panel(
+        f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)",
+        xscale="log", yscale="log", legend="outside",
+    )  # fmt: skip
+    random = [row for row in rows if not row.crystal]
+    v, f = np.log(column(random, velocity)), np.log(column(random, name))
+    known = np.isfinite(v) & np.isfinite(f)
+    slopes = next((s for row in random if (s := row.stated.get("low_pass_power_of_v_p"))), ())
+    for slope, ls in zip(slopes, ("--", ":"), strict=False):
+        if known.any():  # through the middle of the points, over their range
+            ends = np.array([v[known].min(), v[known].max()])
+            line = f[known].mean() + slope * (ends - v[known].mean())
+            panel.line(np.exp(ends), np.exp(line), f"stated: {slope}", color="k", ls=ls, lw=0.9)
+    for text, members, style in styles(rows):
+        law = law_of(members, velocity, name)
         text += f": slope {law.exponent:.2f}" if np.isfinite(law.exponent) else ""
         text += rf" $\pm$ {law.error:.1g}" if np.isfinite(law.error) else ""
-        points(panel, column(members, velocity), members, kind, text, style)
-    random = [row for row in rows if not row.crystal]
-    if random:
-        first = min(random, key=lambda row: row.value("v_p_first_peaks_m_per_s"))
-        v, f = first.value("v_p_first_peaks_m_per_s"), first.value("f_low_pass_2_khz")
-        span = np.array([1, 3.0])
-        for slope, ls in zip(
-            first.stated.get("low_pass_power_of_v_p", ()), ("--", ":"), strict=False
-        ):
-            text = f"stated: {slope}"
-            panel.line(v * span, 0.8 * f * span**slope, text, color="k", ls=ls, lw=0.9)
-    return Picture([panel], shape=(8.4, 4.8))
+        points(panel, members, velocity, name, style)
+        panel.line([np.nan], [np.nan], text, marker="o", **style)
+    legend(panel, rows, frictions=False)
+    return Picture([panel], shape=(8.6, 4.8))
 
 
 def wavelength_cases(rows: list[Row]) -> Picture:
-    """Fig. 18: lambda_low-pass / D against void ratio, 2 % and 1 %; the paper's ranges."""
+    """Fig. 18: lambda_low-pass / D of random packings against void ratio, 2 % and 1 %."""
     panels = []
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
-        panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %", letter, yscale="log")
-        seen = [row.value(f"lambda_{percent}_over_d") for row in rows]
-        panel.ylim = (1, max(40.0, 1.3 * np.nanmax([*seen, 0.0])))
-        panel.legend = "outside" if percent == "1" else "upper left"
-        for name, members, style in styles(rows):
-            e = column(members, "void_ratio")
-            if name == "FCC":
-                kind, producer = of_one_producer(members, "lambda_edge", "over_d")
-                text = f"{name}, band edge, {producer}" if percent == "1" else ""
-                panel.line(e, column(members, kind), text, **style)
-                continue
-            kind, producer = of_one_producer(members, f"lambda_{percent}")
-            text = f"{name}, {producer}" if percent == "1" else ""
-            points(panel, e, members, kind, text, style)
-            if percent == "2":
-                text = "of each particle's maximum"
-                text = "" if any(s.label == text for s in panel.series) else text
-                own = column(members, of_one_producer(members, "lambda_2_own")[0])
-                panel.line(e, own, text, marker=".", ls="none", color="0.55", ms=4)
+        name, producer = of_one_producer(rows, f"lambda_{percent}")
+        panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
+        panel.yscale = "log"
+        random = [row for row in rows if not row.crystal]
+        seen = [*column(random, "void_ratio"), 0.6]
+        span = np.nanmin(seen) - 0.01, np.nanmax(seen) + 0.01
         said = [r.stated[k] for r in rows if (k := f"lambda_{percent}_over_d") in r.stated]
         for low, high in said[:1]:
             text, ends = f"stated: {low:g} to {high:g}", ([low] * 2, [high] * 2)
-            panel.add("band", [0.5, 0.75], *ends, text, color="0.88", zorder=0)
+            panel.add("band", span, *ends, text, color="0.88", zorder=0)
         panel.add("hline", [0], [2**0.5], None, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
+        width = column(random, "width_over_d")
+        if np.isfinite(width).any():
+            width = float(np.nanmedian(width))
+            panel.add("hline", [0], [width], None, f"width, {width:.3g} D", color="k", lw=0.8)
+        for _, members, style in styles(random):
+            points(panel, members, "void_ratio", name, style)
+        panel.xlim = span
         panels.append(panel)
-    return Picture(panels, columns=2, shape=(12, 4.4))
+    legend(panels[0], rows, frictions=False)
+    legend(panels[1], random, stresses=False)
+    panels[0].legend = panels[1].legend = "outside"
+    return Picture(panels, columns=2, shape=(13, 4.2))
 
 
 def gain_cases(rows: list[Row]) -> Picture:
@@ -173,29 +176,43 @@ def gain_cases(rows: list[Row]) -> Picture:
         raise InputError("no case has a gain factor; measure one")
     groups = [members for _, members, _ in styles(known)][:2]
     panels = []
-    looks = ("k", "-"), ("#0060a8", "--"), ("#c05000", ":"), ("0.5", "-.")
     for letter, members in zip(("(a)", "(b)"), groups, strict=False):
         title = f"{letter} {members[0].group}"
+        title += ", each stress a decade lower" if len(members) > 1 else ""
         panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
-        for row, (colour, ls) in zip(members, looks, strict=False):
-            f, gain = row.curves["gain"]
+        for k, row in enumerate(members):  # the curves of all stresses are nearly one
+            f, height = row.curves["gain"]
             width = row.value("gain_resolution_hz")
             text = f"{row.stress / 1e3:g} kPa, resolution {width:.0f} Hz"
             # Of a random packing as far as more than its noise is received.
             edge = np.inf if row.crystal else 2 * 1e3 * row.value("f_low_pass_2_linear_khz")
-            f, gain = (values[~(f > edge)] for values in (f, gain))
-            panel.line(f / row.curves["first"][0], gain, text, color=colour, ls=ls, lw=0.9)
-        panel.add("hline", [0], [1.0], None, "1", color="0.5", lw=0.8)
+            f, height = (values[~(f > edge)] for values in (f, height))
+            look = {"color": ("k", "0.5")[k % 2], "ls": "-", "lw": 0.9}
+            panel.line(f / row.curves["first"][0], height / 10**k, text, **look)
+            panel.add("hline", [0], [10.0**-k], None, "", color="0.6", lw=0.6)
         panels.append(panel)
-    for letter, members in zip(("(c)", "(d)"), groups, strict=False):
-        row = members[min(1, len(members) - 1)]
-        f, gain = row.curves["gain"]
+    below = [gain([members[min(1, len(members) - 1)]]).panels[0] for members in groups]
+    for letter, panel in zip(("(c)", "(d)"), below, strict=False):
+        panel.title = f"{letter} {panel.title}"
+    panels += below
+    return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))
+
+
+def gain(rows: list[Row]) -> Picture:
+    """Fig. 19: gain factor (receiver over source stress) of the springs, and the resonances.
+
+    Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
+    between the resonances sin kappa L = 0, not on them.
+    """
+    panels = []
+    for row in rows:
+        f, height = row.curves["gain"]
         f_r = row.curves["resonances"][0]
         top = 10 * row.curves["first"][0][0]
         keep = f < top
-        panel = Panel("frequency (kHz)", "gain factor", f"{letter} {row.label}")
-        panel.xlim = (0, top / 1e3)
-        panel.line(f[keep] / 1e3, gain[keep], "gain", color="k")
+        panel = Panel("frequency (kHz)", "gain factor", row.label, legend="upper right")
+        panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
+        panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
         f_r = f_r[f_r < top] / 1e3
         if len(f_r):
             style = {"color": "#0060a8", "ls": ":", "lw": 1}
@@ -203,7 +220,5 @@ def gain_cases(rows: list[Row]) -> Picture:
             middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
             style = {"color": "#c05000", "ls": "--", "lw": 0.8}
             panel.add("vline", middle, 0 * middle, None, "half way, source free of stress", **style)
-        panel.ylim = (0, 1.4 * float(gain[keep].max()))
-        panel.legend = "upper right"
         panels.append(panel)
-    return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))
+    return Picture(panels, columns=columns_for(len(panels)))

@@ -7,6 +7,7 @@ import numpy as np
 from analysis.columns import HIGH, LOW
 from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.measures import Measures
+from analysis.measures.shear_wave import velocities_of
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
 
@@ -69,16 +70,17 @@ def chi_z(cases: list[Measures]) -> Picture:
     """
     panels = []
     for m in _with_modes(cases):
-        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.5))
-        panel.legend, panel.legend_columns = "upper center", 2
+        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.12))
+        panel.legend = "outside" if m is cases[-1] else "center right"
         for k, (frequency, every, along) in enumerate(m.moved):
             for values, text, style in (
-                (every, "all particles", {"color": "0.45", "marker": ".", "ms": 3}),
-                (along, "chain", {"color": "#c05000", "marker": "x", "ms": 3}),
+                (every, "all particles", {"color": "0.45", "marker": ".", "ms": 2}),
+                (along, "chain", {"color": "#c05000", "marker": ".", "ms": 2, "alpha": 0.5}),
             ):
                 f, chi = _distinct(frequency / 1e3, values)
                 panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
         _not_computed(panel, m)
+        _across(panel, m)
         f_r = m.standing.frequency if m.standing else m.case.modes.resonance_frequency
         if f_r is not None and len(f_r):
             style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
@@ -89,6 +91,20 @@ def chi_z(cases: list[Measures]) -> Picture:
                 panel.line([end * m.f_max / 1e3 for end in ends], level, "stated", color="k", ls=ls)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
+
+
+def _across(panel: Panel, m: Measures) -> None:
+    """Where the first waves fit across a random packing: below them only waves along it exist."""
+    if m.case.is_crystal:
+        return
+    width = float(min(m.case.network.cell_size[:2]))
+    shear = velocities_of(m.case.moduli)[1]
+    for velocity, text, ls in (
+        (shear, "$V_S$ / width", "-."),
+        (m.long_wave.value, "$V_P$ / width", ":"),
+    ):
+        if np.isfinite(velocity):
+            panel.add("vline", [velocity / width / 1e3], [0], None, text, color="#0060a8", ls=ls)
 
 
 TO = 2e4

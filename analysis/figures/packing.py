@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from analysis.figures.picture import Panel, Picture, share_limits
@@ -31,9 +29,13 @@ def samples(cases: list[Measures]) -> Picture:
             colour_label="contacts", xlim=(0, 1e3 * network.length),
             ylim=(-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d),
         )  # fmt: skip
-        style: dict[str, Any] = {"diameter": 1e3 * d, "cmap": "viridis", "clim": (0, 12)}
-        panel.add("spheres", 1e3 * z, 1e3 * x, number[chosen], **style)
+        panel.add("spheres", 1e3 * z, 1e3 * x, number[chosen], diameter=1e3 * d, cmap="viridis")
         panels.append(panel)
+    random = [panel for m, panel in zip(cases, panels, strict=True) if not m.case.is_crystal]
+    seen = [panel.series[0].z for panel in random or panels]
+    ends = float(min(z.min() for z in seen)), float(max(z.max() for z in seen))
+    for panel in panels:  # one scale; the crystal's twelve contacts would waste half of it
+        panel.series[0].style["clim"] = ends if ends[1] > ends[0] else (ends[0] - 1, ends[0])
     return Picture(share_limits(panels, "x"), shape=(11, 0.4 + 1.6 * len(panels)))
 
 

@@ -118,17 +118,28 @@ def to_figure(picture: Picture) -> Figure:
 def save_png(picture: Picture, path: Path) -> Path:
     """Draw the picture and save it, in a palette of `COLOURS`: a third of the size."""
     with matplotlib.rc_context(fname=STYLE):
-        canvas = FigureCanvasAgg(to_figure(picture))
-        canvas.draw()
+        _write_png(to_figure(picture), path)
+    return path
+
+
+def _write_png(figure: Figure, path: Path) -> None:
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     data = io.BytesIO()
     image.quantize(COLOURS, dither=Image.Dither.NONE).save(data, "png", optimize=True)
     write_whole(path, data.getbuffer())
-    return path
 
 
 def save(picture: Picture, stem: Path) -> list[Path]:
-    """Write stem.png and stem.csv; returns their paths."""
-    table = stem.with_name(stem.name + ".csv")
+    """Write stem.png, stem.csv and stem.pdf, in vectors; returns their paths."""
+    png, table, vectors = (stem.with_name(stem.name + end) for end in (".png", ".csv", ".pdf"))
     write_picture(table, picture)
-    return [save_png(picture, stem.with_name(stem.name + ".png")), table]
+    with matplotlib.rc_context(fname=STYLE):
+        figure = to_figure(picture)
+        _write_png(figure, png)
+        data = io.BytesIO()
+        figure.set_layout_engine("none")  # the layout is that of the PNG
+        figure.savefig(data, format="pdf", metadata={"CreationDate": None})
+        write_whole(vectors, data.getbuffer())
+    return [png, table, vectors]

@@ -1,4 +1,4 @@
-"""Figures 14, 15 and 19, and the structure factor: dispersion, its width, and the gain factor."""
+"""Figures 14 and 15, and the structure factor: dispersion, and its width."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from analysis.measures import Measures
 from modal.theory.fcc import dispersion as eq_9
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals
-
-FAINTEST = 0.02
-"""Part of the map's maximum: from the first frequency below it on the map is left white."""
 
 
 def dispersion(cases: list[Measures]) -> Picture:
@@ -34,17 +31,15 @@ def dispersion(cases: list[Measures]) -> Picture:
         rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
         rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
         shade = amplitude[np.ix_(rows, columns)]
-        # Each frequency relative to its own maximum: the ridge is dark as far as there is a wave.
-        own = shade.max(axis=1, keepdims=True)
-        lost = np.logical_or.accumulate(own < FAINTEST * own.max(), axis=0)
-        shade = np.where(lost, 0.0, shade / np.maximum(own, 1e-30))
-        shade = 20 * np.log10(np.maximum(shade, 1e-2))
+        sent = np.exp(-2j * np.pi * f[rows, None] * record.time) @ record.source_displacement
+        shade = shade / abs(sent)[:, None]  # over the source: what is left of each frequency
+        shade = 20 * np.log10(np.maximum(shade / shade.max(), 1e-3))
         panel = Panel(
             r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right",
-            colour_label="amplitude, each frequency (dB)", xlim=(0, float(widest)),
+            colour_label="amplitude over the source's (dB)", xlim=(0, float(widest)),
             ylim=(0, top / 1e3),
         )  # fmt: skip
-        panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-40, vmax=0)
+        panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-50, vmax=0)
         kappa = kappa_line = np.linspace(0, widest, 101)
         if case.is_crystal:
             lattice = case.lattice
@@ -144,28 +139,3 @@ def structure(cases: list[Measures]) -> Picture:
     if not panels:
         raise InputError("no case has a structure factor; run python -m analysis prepare CASE")
     return Picture(panels, columns=2, shape=(11, 0.4 + 3.6 * len(panels) / 2))
-
-
-def gain(cases: list[Measures]) -> Picture:
-    """Fig. 19: gain factor (receiver over source stress) of the springs, and the resonances.
-
-    Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
-    between the resonances sin kappa L = 0, not on them.
-    """
-    panels = []
-    for m in cases:
-        found = m.gain
-        top = 12 * m.long_wave.value / (2 * m.case.network.length)
-        title = f"{m.case.label}, resolution {found.resolution:.0f} Hz"
-        panel = Panel("frequency (kHz)", "gain factor", title, legend="upper right")
-        panel.xlim = (0, top / 1e3)
-        keep = found.frequency < top
-        panel.ylim = (0, 1.25 * float(found.gain[keep].max()))
-        panel.line(found.frequency[keep] / 1e3, found.gain[keep], "gain", color="k")
-        f_r, _ = m.resonances
-        f_r = f_r[f_r < top]
-        if len(f_r):
-            style = {"color": "#0060a8", "ls": ":", "lw": 1}
-            panel.add("vline", f_r / 1e3, 0 * f_r, None, "resonances", **style)
-        panels.append(panel)
-    return Picture(panels, columns=columns_for(len(panels)))

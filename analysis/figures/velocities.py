@@ -1,11 +1,7 @@
-"""Figure 11, and the crystals over stress: velocities over frequency, by each way to them."""
+"""Figure 11: velocities over frequency, by each way to them."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from analysis.crystal import stress_rows
-from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.transfer import wall_velocity
 from analysis.figures.picture import Panel, Picture, columns_for
@@ -55,23 +51,3 @@ def velocity_frequency(cases: list[Measures]) -> Picture:
         )
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
-
-
-def stress_dependence(cases: list[Measures]) -> Picture:
-    """Long-wave velocity and band edge of the crystals: theory, modes, signals, with exponents."""
-    left = Panel("stress (kPa)", "$V_P$, long waves (m/s)", xscale="log", yscale="log")
-    right = Panel("stress (kPa)", "$f_{low-pass}$ (kHz)", xscale="log", yscale="log")
-    columns = stress_rows([m.case for m in cases if m.case.is_crystal])
-    stress = columns["stress_Pa"]
-    for name, marker, size in (("theory", "s", 9), ("modal", "o", 6), ("yade", "x", 6)):
-        label = "YADE" if name == "yade" else name
-        for panel, key, scale in (
-            (left, f"velocity_{name}_m_per_s", 1),
-            (right, f"f_low_pass_{name}_Hz", 1e-3),
-        ):
-            value = scale * columns[key]
-            law = power_law(stress, value)
-            text = f"{label}: {law}" if np.isfinite(law.exponent) else label
-            style = {"marker": marker, "mfc": "none", "ls": "none", "color": "k", "ms": size}
-            panel.line(stress / 1e3, value, text, **style)
-    return Picture([left, right], columns=2)

@@ -9,8 +9,9 @@ import numpy as np
 from analysis.case import Case
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
-from analysis.figures.picture import Panel, Picture, columns_for, merged, share_limits
+from analysis.figures.picture import Panel, Picture, columns_for, share_limits
 from analysis.measures import Measures
+from modal.packing.rattlers import firmly_held
 from modal.waves.signals import Signals
 
 POINTS = 130
@@ -90,31 +91,30 @@ def signals(cases: list[Measures]) -> Picture:
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
 
 
-LOOKS = {1e4: ("0.6", "-"), 1e5: ("k", "-"), 1e6: ("#0060a8", "--"), 1e7: ("#c05000", ":")}
-"""Colour and line of a stress, Pa."""
-
-
 def signals_stress(cases: list[Measures]) -> Picture:
-    """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction."""
-    panels = []
+    """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction.
+
+    Time is over that of long waves, by which the first arrivals of all stresses are at one place;
+    each stress stands above the one before.
+    """
+    panels: dict[str, Panel] = {}
     for m in sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.mu_comp, m.case.stress)):
         case, record = m.case, m.case.record_of(1e5)
         n, depth = _nearest(case, record, distances(case)[1])
-        near = min(LOOKS, key=lambda s: abs(np.log(s / case.stress)) if case.stress > 0 else s)
-        colour, line = LOOKS[near]
         group = "FCC" if case.is_crystal else rf"$\mu_{{comp}}$ = {case.mu_comp:g}"
-        group += f", pulse {record.input_frequency / 1e3:g} kHz"
-        panel = Panel("time (ms)", "$u_z$ (nm)", group, legend="upper right")
-        end = _end(case, record)
-        panel.xlim = (0, 1e3 * end)
-        u = 1e9 * record.chain_displacement[:, n]
-        panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
-        text = f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {depth:.0f} D, "
-        text += producer_name(record)
-        _curve(panel, record, n, end, text, color=colour, ls=line)
-        panels.append(panel)
-    panels = share_limits(merged(panels))
-    return Picture(panels, shape=(7, 0.5 + 2.2 * len(panels)))
+        group += f", pulse {record.input_frequency / 1e3:g} kHz, {depth:.0f} D"
+        axis = "time over that of long waves"
+        panel = panels.setdefault(group, Panel(axis, "$u_z$ (nm)", group, xlim=(0.8, 1.8)))
+        panel.legend = "upper right"
+        passed = record.time / (depth * case.diameter / m.long_wave.value)
+        seen = (passed > 0.8) & (passed < 1.8) & (record.time <= _end(case, record))
+        u = 1e9 * record.chain_displacement[seen, n]
+        above = sum(np.ptp(series.y) for series in panel.series)
+        text = f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {producer_name(record)}"
+        shade = ("k", "0.5", "#c05000", "#0060a8")[len(panel.series) % 4]
+        keep = _thin(int(seen.sum()) // 2)
+        panel.line(passed[seen][keep], u[keep] + above, text, color=shade)
+    return Picture(list(panels.values()), columns_for(len(panels)), (12, 3.6))
 
 
 def space_time(cases: list[Measures]) -> Picture:
@@ -151,6 +151,8 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
         record, edges = case.record, band.of_yade if case.signals else band.low_pass
         distance, frequency, amplitude = band.map(record, passages=band.common)
         order = np.argsort(distance)
+        if not case.is_crystal:  # a sphere that little holds swings by itself: an outlying column
+            order = order[firmly_held(case.network)[record.chain_particle[order]]]
         distance, amplitude = distance[order], amplitude[:, order]
         top = (0.8 if case.is_crystal else 0.4) * band.highest
         found = [edge.value for edge in edges[:2] if np.isfinite(edge.value)]
@@ -170,7 +172,9 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
             curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
         ):
             look = {"color": "#c05000", "ls": style}
-            panel.line_on_map(1e3 * distance, row / 1e3, f"{text} threshold", 1.2, **look)
+            middle, level = _slabs(distance, row, case.network.length)
+            text_of = f"{text} threshold, medians"
+            panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, **look)
             value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
             if not np.isfinite(edge.value):
                 panel.line([np.nan], [np.nan], f"{text}: no answer", color="#0060a8", ls=style)

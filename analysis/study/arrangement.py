@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from analysis.figures import FIGURES
-from analysis.figures.groups import MARKERS, SHADES
+from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
 from analysis.figures.render import save
 from analysis.rows import Row
@@ -23,6 +23,7 @@ from analysis.study.selection import numbers, select
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
+MARKERS = tuple(STRESS_MARKS.values())
 WIDTH = {1: 8, 2: 10, 3: 12}
 """Inches of a figure, by its columns of panels."""
 
@@ -64,10 +65,11 @@ def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
         panel = Panel(spec["x"], text)
         for k, (value, members) in enumerate(cases.groupby(spec["by"])):
             by = members.assign(y=numbers(members, text)).groupby(spec["x"])["y"]
-            mean, style = by.mean(), {"color": SHADES[k % len(SHADES)]}
-            label = f"{spec['by']} {value:g}"
-            panel.line(mean.index, mean, label, marker=MARKERS[k % len(MARKERS)], **style)
-            panel.add("error", mean.index, mean, by.std() / by.count() ** 0.5, capsize=2, **style)
+            mean, shade = by.mean(), SHADES[2 * k % len(SHADES)]
+            style = EDGE | {"color": shade, "mfc": shade, "marker": MARKERS[k % len(MARKERS)]}
+            panel.line(mean.index, mean, f"{spec['by']} {value:g}", **style | {"ls": "-"})
+            error = by.std() / by.count() ** 0.5
+            panel.add("error", mean.index, mean, error, capsize=2, color=shade)
         panels.append(panel)
     if not any(series.y.size for panel in panels for series in panel.series):
         raise InputError("no case has these quantities")
