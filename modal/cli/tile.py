@@ -15,9 +15,8 @@ from modal.packing.tiling import repeat, repeat_sample
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
-SAMPLE_BYTES, SHEARED_BYTES, NETWORK_BYTES = 100.0, 900.0, 1500.0
-"""Memory for each sphere of the result, measured: of a sample, of one whose contacts carry shear
-forces, of a network."""
+SAMPLE_BYTES, NETWORK_BYTES = 100.0, 1500.0
+"""Memory for each sphere of the result, measured: of a sample without shear, of a network."""
 
 
 def add(commands: Any) -> None:
@@ -45,7 +44,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             raise InputError(f"-o {output}: only a sample gives a sample; write *.network.h5")
         sample = read_sample(options.network)
         spheres = len(sample.position) * times[0] * times[1]
-        each = SAMPLE_BYTES if sample.shear is None else SHEARED_BYTES
+        each = SAMPLE_BYTES if sample.shear is None else NETWORK_BYTES
         refuse_above_memory(each * spheres, task, "repeat it fewer times")
         write_sample(output, replace(repeat_sample(sample, *times), provenance=made))
     elif output.endswith(".network.h5"):

@@ -9,7 +9,7 @@ from typing import Any
 
 from modal.cli.options import add_advanced, add_choice, add_flag, add_value, chosen, say, typed
 from modal.cli.reading import network_command, packing_of
-from modal.exchange.programs.sample import is_sample
+from modal.exchange.programs.own import is_sample
 from modal.formats.hdf5 import sha256
 from modal.packing.sample import read_sample
 from modal.system.contacts import TANGENTS

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
+from modal.exchange.input_script import Script
 from modal.exchange.law import SI, Units
-from modal.exchange.particles_and_contacts import Cell, Spheres, in_order
+from modal.exchange.particles_and_contacts import Cell, Spheres, check_spheres, in_order
 from modal.exchange.registry import File
 from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 
@@ -145,12 +148,14 @@ def _frame(
     )
 
 
-def units_of(frame: Frame, typed: Units | None, logged: str, said: str) -> Units:
+def units_of(
+    frame: Frame, scales: Sequence[float] | None, script: Script
+) -> tuple[Units, list[str]]:
     """The units in SI: those that are typed, or of the name that log and dump give them (or si).
 
-    InputError where two of them differ, and for lj, which has no SI.
+    And what is assumed of them. InputError where two differ, and for lj, which has no SI.
     """
-    dumped = frame.units
+    typed, dumped, logged, said = Units.typed(scales), frame.units, script.units, script.said
     if dumped and logged and dumped != logged:
         do = "give the log of this dump" if typed is None else "leave --log out, or mend one"
         fault(frame.rows.path, f"ITEM: UNITS {dumped}, and {said} has units {logged}", do)
@@ -164,18 +169,16 @@ def units_of(frame: Frame, typed: Units | None, logged: str, said: str) -> Units
     if typed and dumped and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
         what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"
         fault(frame.rows.path, what, "leave --scales out, which other units are for")
-    return typed or UNITS[name]
+    return typed or UNITS[name], ["units si"] * (not (typed or logged or dumped))
 
 
-def cell_of(frame: Frame, units: Units, walls: tuple[float, float]) -> Cell:
-    """Bounds and periods of the frame's box."""
-    return Cell(units.length * frame.low, units.length * frame.high, frame.periodic, walls)
+def spheres_of(
+    frame: Frame, units: Units, walls: Mapping[int, float], *, typed: bool, body: str = ""
+) -> tuple[Spheres, Cell]:
+    """The spheres of a dump, in the order of their numbers, and the cell of its box.
 
-
-def spheres_of(frame: Frame, units: Units, *, typed: bool, body: str = "") -> Spheres:
-    """The spheres of a dump, in the order of their numbers; `typed` if the law asks for types.
-
-    `body` is the column with the numbers of rigid bodies, if there are any.
+    `walls` have their z, m, by their codes; `typed` if the law asks for types; `body` is the column
+    with the numbers of rigid bodies, if there are any.
     """
     rows = frame.rows
 
@@ -214,16 +217,13 @@ def spheres_of(frame: Frame, units: Units, *, typed: bool, body: str = "") -> Sp
     coarse = max(frame.rounding, rounded * (rows.digits(size) in ROUNDED))
     if coarse > step:
         step, digits = coarse, min(digits, ROUNDED[0])
-    return Spheres(
-        number=number,
-        position=units.length * position,
-        radius=radius,
-        mass=mass,
-        kind=whole.get("type", np.ones(len(table), int)),
-        digits=digits,
-        step=units.length * step,
-        body=whole.get(body),
-    )
+    kind = whole.get("type", np.ones(len(table), int))
+    position, step = units.length * position, units.length * step
+    spheres = Spheres(number, position, radius, mass, kind, digits, step, whole.get(body))
+    planes = walls.get(SOURCE_WALL, np.nan), walls.get(RECEIVER_WALL, np.nan)
+    cell = Cell(units.length * frame.low, units.length * frame.high, frame.periodic, planes)
+    check_spheres(spheres, cell, str(rows.path))
+    return spheres, cell
 
 
 def _missing(frame: Frame, column: str) -> NoReturn:

@@ -6,13 +6,13 @@ follow from the law. What was found and assumed is told in `ImportResult`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from modal.exchange.law import DISPLACEMENT, MIDDLE, ONE_SIDED, ProgramLaw
+from modal.exchange.law import ProgramLaw
+from modal.exchange.laws import Laws
 from modal.exchange.particles_and_contacts import (
     Cell,
     Contacts,
@@ -37,8 +37,7 @@ from modal.tools.errors import InputError
 
 BLURRED = 1e-6
 """The same from which overlaps are taken from the forces where these are told."""
-AT_LIMIT = 1e-6
-"""Relative: a shear force so near to friction times normal force slides."""
+TURNING = ("stiffness_rolling", "stiffness_twisting")
 LIKE = 1e-3
 """Relative difference of forces and the law's from which it is remarked on."""
 UNLIKE = 10.0
@@ -58,32 +57,6 @@ class ImportResult:
     told: dict[str, Any] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     sought: bool = False
-
-
-@dataclass
-class _Pairs:
-    """Columns of m contacts, all cut alike, of what is told or follows."""
-
-    i: Ints
-    j: Ints
-    branch: Floats
-    shift: Ints
-    law: Ints
-    reach: Floats
-    effective: Floats
-    force: Floats | None
-    shear: Floats | None
-    line: Floats | None
-    along: Floats | None = None
-    across: Floats | None = None
-    rolling: Floats | None = None
-    twisting: Floats | None = None
-
-    def cut(self, kept: Bools) -> _Pairs:
-        cut: dict[str, Any] = {
-            name: None if data is None else data[kept] for name, data in vars(self).items()
-        }
-        return _Pairs(**cut)
 
 
 def network_of(
@@ -109,38 +82,29 @@ def network_of(
     told: dict[str, Any] = {}
     remarks: list[str] = []
 
-    given = contacts or touching_pairs(spheres, cell)
-    pairs, laws = _pairs(spheres, cell, walls, position, given, law_of)
-    distance = np.linalg.norm(pairs.branch, axis=1)
-    refuse_one_place(given, spheres, distance, name)
-    overlap = pairs.reach - distance
-    if given.stiffness is not None:
-        kept = np.ones(len(overlap), bool)  # what a table lists with a stiffness is a contact
-    else:
-        kept = overlap > 0 if pairs.force is None else pairs.force != 0
-    own = spheres.inside(given.i, given.j)
-    refuse_apart(given, spheres, kept & (overlap < -WIDEST * pairs.reach), -overlap, name)
-    for left, why in ((~kept & ~own, "do not touch"), (own, "are inside rigid bodies")):
-        if contacts is not None and left.any():
-            remarks.append(f"{int(left.sum())} of {len(left)} listed contacts {why}: left out")
-    kept &= ~own
-    if not kept.any():
-        raise InputError(f"{name}: no two spheres touch; dump a packing under stress")
-    pairs, overlap, effective = pairs.cut(kept), overlap[kept], pairs.effective[kept]
+    listed = contacts or touching_pairs(spheres, cell)
+    branch, shift = branches(position, cell, walls.tolist(), listed.i, listed.j)
+    distance = np.linalg.norm(branch, axis=1)
+    refuse_one_place(listed, spheres, distance, name)
+    kept = _kept(listed, spheres, distance, name, remarks)
+    touch, branch, shift = listed.some(kept), branch[kept], shift[kept]
+    reach, effective = _radii(spheres, touch)
+    overlap = reach - distance[kept]
+    laws = Laws.of(touch, spheres, law_of if touch.stiffness is None else None)
 
     error = spheres.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
-    if contacts is not None and laws:
-        remarks += unlisted(given, spheres, cell)
-    how = "positions"
-    if not laws:
-        remarks += digits_of_table(spheres, error, overlap, distance, name)
-    elif pairs.force is None:
+    if contacts is not None and laws.kinds:
+        remarks += unlisted(listed, spheres, cell)
+    how, force = "positions", touch.force
+    if not laws.kinds:
+        remarks += digits_of_table(spheres, error, overlap, distance[kept], name)
+    elif force is None:
         refuse_drowned(spheres, error, overlap, name)
-        (pairs.force,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
+        (force,) = laws.each(ProgramLaw.force, overlap, effective)
     else:
-        (by_law,) = _by_law(ProgramLaw.force, laws, pairs.law, overlap, effective)
-        pairs.force = np.where(np.isnan(pairs.force), by_law, pairs.force)
-        (pushed,) = _by_law(ProgramLaw.overlap, laws, pairs.law, pairs.force, effective)
+        (by_law,) = laws.each(ProgramLaw.force, overlap, effective)
+        force = np.where(np.isnan(force), by_law, force)
+        (pushed,) = laws.each(ProgramLaw.overlap, force, effective)
         factor = float(pushed.mean() / max(overlap.mean(), 1e-300))
         if not 1 / UNLIKE < factor < UNLIKE:
             raise InputError(
@@ -149,154 +113,99 @@ def network_of(
                 "lengths in one system of units (--scales)"
             )
         if error > BLURRED * np.median(pushed):
-            how, overlap = "forces", np.where(pairs.force > 0, pushed, overlap)
-            _turn_to_lines(pairs)
+            how, overlap = "forces", np.where(force > 0, pushed, overlap)
+            _turn_to_lines(branch, touch.line)
         else:
-            _compare_forces(pairs, by_law, remarks)
+            _compare_forces(touch, force, by_law, remarks)
     told["overlap_over_error_of_digits"] = float(np.median(overlap) / max(error, 1e-300))
     told["overlaps_from"] = how
-    if laws:
-        of = laws, pairs.law, overlap, effective
-        pairs.along, pairs.across = _by_law(ProgramLaw.stiffnesses, *of)
-        if any(law.resists_turning for law in laws):
-            pairs.rolling, pairs.twisting = _by_law(ProgramLaw.turning_stiffnesses, *of)
+    stiffness, turning = touch.stiffness, touch.turning
+    if laws.kinds:
+        stiffness = laws.each(ProgramLaw.stiffnesses, overlap, effective)
+        if any(law.resists_turning for law in laws.kinds):
+            turning = laws.each(ProgramLaw.turning_stiffnesses, overlap, effective)
             remarks.append("rolling and twisting: contacts stick, their limits are not looked at")
+    assert stiffness is not None
+    columns: dict[str, Any] = {} if turning is None else dict(zip(TURNING, turning, strict=True))
+    columns |= {"force_normal": force, "force_tangential": touch.shear, "overlap": overlap}
+    columns |= laws.columns(overlap) | {"sliding": laws.sliding(force, touch.shear)}
+    wall = touch.j < 0
+    radius_i, radius_j = spheres.radius[touch.i], spheres.radius[np.maximum(touch.j, 0)]
+    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
     with named(name):
-        network = _whole(spheres, cell, walls, position, pairs, overlap, laws)
+        network = Network(
+            position=position,
+            radius=spheres.radius,
+            mass=spheres.mass,
+            inertia=0.4 * spheres.mass * spheres.radius**2,
+            particle_i=touch.i,
+            particle_j=touch.j,
+            normal=normal,
+            # To the middle of the overlap.
+            lever_i=(radius_i - overlap / 2)[:, None] * normal,
+            lever_j=np.where(wall, 0.0, overlap / 2 - radius_j)[:, None] * normal,
+            stiffness_normal=stiffness[0],
+            stiffness_tangential=stiffness[1],
+            cell_shift=shift,
+            cell_size=size,
+            cell_periodic=cell.periodic,
+            wall_position=walls,
+            study=laws.notes(),
+            **columns,
+        )
         if spheres.body is not None:
             network = joined(network, spheres.body, bodies)
             told["spheres_of_bodies"] = len(spheres.body)
-    return ImportResult(network, laws, pairs.law, told, remarks, sought=bool(laws))
+    return ImportResult(network, laws.kinds, laws.of_each, told, remarks, bool(laws.kinds))
 
 
-def _pairs(
-    spheres: Spheres,
-    cell: Cell,
-    walls: Floats,
-    position: Floats,
-    given: Contacts,
-    law_of: LawOf | None,
-) -> tuple[_Pairs, list[ProgramLaw]]:
-    """The contacts as columns, and the different laws among them."""
-    wall, partner = given.j < 0, np.where(given.j < 0, 0, given.j)
-    branch, shift = branches(position, cell, walls.tolist(), given.i, given.j)
-    laws, law = list[ProgramLaw](), np.zeros(len(given.i), int)
-    if law_of is not None and given.stiffness is None:
-        kinds = spheres.kind[given.i], np.where(wall, given.j, spheres.kind[partner])
-        laws, law = _laws(*kinds, law_of)
-    a, b = spheres.radius[given.i], spheres.radius[partner]
-    # Sum of radii and effective radius; at a wall both are the sphere's own.
-    reach, effective = np.where(wall, a, a + b), np.where(wall, a, a * b / (a + b))
-    pairs = _Pairs(
-        given.i, given.j, branch, shift, law, reach, effective,
-        given.force, given.shear, given.line,
-        *(given.stiffness or (None, None)), *(given.turning or (None, None)),
-    )  # fmt: skip
-    return pairs, laws
+def _radii(spheres: Spheres, contacts: Contacts) -> tuple[Floats, Floats]:
+    """Sum of radii and effective radius (m,), m; at a wall both are the sphere's own."""
+    a, b = spheres.radius[contacts.i], spheres.radius[np.maximum(contacts.j, 0)]
+    wall = contacts.j < 0
+    return np.where(wall, a, a + b), np.where(wall, a, a * b / (a + b))
 
 
-def _turn_to_lines(pairs: _Pairs) -> None:
+def _kept(
+    listed: Contacts, spheres: Spheres, distance: Floats, name: str, remarks: list[str]
+) -> Bools:
+    """Shape (m,): contacts of spheres that touch, and not inside a body; InputError for others.
+
+    What a table lists with a stiffness is a contact.
+    """
+    reach, _ = _radii(spheres, listed)
+    overlap = reach - distance
+    kept = np.ones(len(overlap), bool)
+    if listed.stiffness is None:
+        kept = overlap > 0 if listed.force is None else listed.force != 0
+    own = spheres.inside(listed.i, listed.j)
+    refuse_apart(listed, spheres, kept & (overlap < -WIDEST * reach), -overlap, name)
+    for left, why in ((~kept & ~own, "do not touch"), (own, "are inside rigid bodies")):
+        if listed.listed is not None and left.any():
+            remarks.append(f"{int(left.sum())} of {len(left)} listed contacts {why}: left out")
+    kept = kept & ~own
+    if not kept.any():
+        raise InputError(f"{name}: no two spheres touch; dump a packing under stress")
+    return kept
+
+
+def _turn_to_lines(branch: Floats, line: Floats | None) -> None:
     """Turn branches to the lines that are told: six digits of a force against six of a position."""
-    if pairs.line is None:
+    if line is None:
         return
-    size = np.linalg.norm(pairs.line, axis=1)
+    size = np.linalg.norm(line, axis=1)
     told = size > 0
-    way = np.sign((pairs.line * pairs.branch).sum(axis=1))[told] / size[told]
-    length = np.linalg.norm(pairs.branch, axis=1)[told]
-    pairs.branch[told] = (way * length)[:, None] * pairs.line[told]
+    way = np.sign((line * branch).sum(axis=1))[told] / size[told]
+    length = np.linalg.norm(branch, axis=1)[told]
+    branch[told] = (way * length)[:, None] * line[told]
 
 
-def _compare_forces(pairs: _Pairs, by_law: Floats, remarks: list[str]) -> None:
+def _compare_forces(contacts: Contacts, force: Floats, by_law: Floats, remarks: list[str]) -> None:
     """Remark on told forces that are not the law's, apart for spheres and for walls."""
-    assert pairs.force is not None
-    ratio = pairs.force / np.where(by_law > 0, by_law, np.inf)
-    for where, chosen in (("between spheres", pairs.j >= 0), ("at walls", pairs.j < 0)):
+    ratio = force / np.where(by_law > 0, by_law, np.inf)
+    for where, chosen in (("between spheres", contacts.j >= 0), ("at walls", contacts.j < 0)):
         if chosen.any() and np.percentile(abs(ratio[chosen] - 1), 95) > LIKE:
             remarks.append(
                 f"forces {where} are {np.median(ratio[chosen]):.5g} of the law's in the median "
                 "contact: damping of a packing that moves, or another law?"
             )
-
-
-def _laws(first: Ints, second: Ints, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
-    """The different laws among contacts of these kinds, and which of them each follows (m,)."""
-    low, high = np.minimum(first, second), np.maximum(first, second)
-    kinds, law = np.unique(np.column_stack([low, high]), axis=0, return_inverse=True)
-    return [law_of(int(a), int(b)) for a, b in kinds], law.reshape(-1)
-
-
-def _by_law(
-    what: Callable[[ProgramLaw, Floats, Floats], Floats | tuple[Floats, Floats]],
-    laws: list[ProgramLaw],
-    law: Ints,
-    values: Floats,
-    effective: Floats,
-) -> Floats:
-    """Shape (1, m) or (2, m): what each contact's own law makes of its value."""
-    parts = [
-        np.atleast_2d(what(one, values[law == number], effective[law == number]))
-        for number, one in enumerate(laws)
-    ]
-    result = np.empty((len(parts[0]), len(values)))
-    for number, part in enumerate(parts):
-        result[:, law == number] = part
-    return result
-
-
-def _whole(
-    spheres: Spheres,
-    cell: Cell,
-    walls: Floats,
-    position: Floats,
-    pairs: _Pairs,
-    overlap: Floats,
-    laws: list[ProgramLaw],
-) -> Network:
-    """Normals, levers to the middle of the overlap, and what slides."""
-    wall = pairs.j < 0
-    normal = pairs.branch / np.linalg.norm(pairs.branch, axis=1)[:, None]
-    radius_i, radius_j = spheres.radius[pairs.i], spheres.radius[np.where(wall, 0, pairs.j)]
-    sliding = None
-    frictions = np.array([law.friction for law in laws])
-    if pairs.shear is not None and laws and pairs.force is not None:
-        limit = frictions[pairs.law] * pairs.force
-        # Without friction there is no spring that could slip.
-        sliding = (np.linalg.norm(pairs.shear, axis=1) >= limit * (1 - AT_LIMIT)) & (limit > 0)
-    assert pairs.along is not None and pairs.across is not None
-    return Network(
-        position=position,
-        radius=spheres.radius,
-        mass=spheres.mass,
-        inertia=0.4 * spheres.mass * spheres.radius**2,
-        particle_i=pairs.i,
-        particle_j=pairs.j,
-        normal=normal,
-        lever_i=(radius_i - overlap / 2)[:, None] * normal,
-        lever_j=np.where(wall, 0.0, overlap / 2 - radius_j)[:, None] * normal,
-        stiffness_normal=pairs.along,
-        stiffness_tangential=pairs.across,
-        stiffness_rolling=pairs.rolling,
-        stiffness_twisting=pairs.twisting,
-        force_normal=pairs.force,
-        force_tangential=pairs.shear,
-        overlap=overlap,
-        sliding=sliding,
-        cell_shift=pairs.shift,
-        cell_size=cell.high - cell.low,
-        cell_periodic=cell.periodic,
-        wall_position=walls,
-        **_of_laws(laws, pairs.law, overlap),
-        study={"mu_wave": float(frictions[0])} if laws and np.ptp(frictions) == 0 else {},
-    )
-
-
-def _of_laws(laws: list[ProgramLaw], law: Ints, overlap: Floats) -> dict[str, Any]:
-    """What the laws do otherwise than springs, as a network tells it of each contact (m,)."""
-    if not laws:
-        return {}
-    grows = np.array([each.grows and each.keeps in (DISPLACEMENT, ONE_SIDED) for each in laws])
-    shortening = {
-        f"{what}_shortening": np.array([0.5 * (getattr(each, arm) == MIDDLE) for each in laws])[law]
-        for what, arm in (("motion", "moves"), ("torque", "turns"))
-    }
-    return {"shear_growth": np.where(grows[law], 0.5 / overlap, 0.0), **shortening}

@@ -71,9 +71,14 @@ class Script:
         ]
 
 
-def read_log(path: str | Path) -> Script:
-    """The commands of a log that count at its end, and its printed stresses by step."""
-    script = Script(str(path))
+def read_log(path: str | Path | None, units: str) -> Script:
+    """The commands of a log that count at its end, and its printed stresses by step.
+
+    `units` are the program's where the log names none. Without a log nothing is known.
+    """
+    if path is None:
+        return Script()
+    script = Script(str(path), units)
     names: list[str] = []
     last = -1
     for number, words in _lines(path):
@@ -85,7 +90,7 @@ def read_log(path: str | Path) -> Script:
             script.thermo[last] = script.thermo.get(last, {}) | printed
             script.since.add(last)
         elif words == ["clear"]:
-            script = Script(str(path), thermo=script.thermo, changed=last)
+            script = Script(str(path), units, thermo=script.thermo, changed=last)
         else:
             before = script.style, list(script.pair), dict(script.walls)
             _command(script, words, f"{path}, line {number}")

@@ -1,8 +1,7 @@
 """LAMMPS' contacts: columns of dump local by their meaning, and its flat walls at low and high z.
 
-The columns c_ID[k] of a dump mean what the compute lines in the log say. Walls are those of one or
-more `fix wall/gran`; their forces come with the spheres, in the columns f_ID[1] to f_ID[4] of `fix
-ID ... contacts`.
+Walls are those of one or more `fix wall/gran`; their forces come with the spheres, in the columns
+f_ID[1] to f_ID[4] of `fix ID ... contacts`.
 """
 
 from __future__ import annotations
@@ -14,24 +13,28 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from modal.exchange.dump import Frame, frame_of
+from modal.exchange.dump import Frame
+from modal.exchange.dump_contacts import CODES, Words, planes_said, require, told_contacts
 from modal.exchange.input_script import Script
 from modal.exchange.lammps_law import coefficients
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.particles_and_contacts import Contacts, Spheres, ends_of
+from modal.exchange.particles_and_contacts import Contacts, Spheres
 from modal.exchange.rows import fault
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
-Computes = Mapping[str, Sequence[str]]
 RECIPE = {
     4: ("patom1", "patom2", "ptype1", "ptype2"),
     9: ("dist", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
     12: ("dist", "dx", "dy", "dz", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
 }
 """Columns of `write_contacts.lmp`, and of a usual recipe, where no log names them."""
-CODES = (SOURCE_WALL, RECEIVER_WALL)
+QUANTITIES = {
+    "ends": ("patom1", "patom2"),
+    "force": ("force",),
+    "shear": ("p1", "p2", "p3"),
+    "line": ("fx", "fy", "fz"),
+}
 TYPED = "--wall"
 """The name of walls that are typed on the command line."""
 
@@ -52,7 +55,7 @@ def contacts_of(
     frame: Frame,
     spheres: Spheres,
     path: str | Path | None,
-    computes: Computes,
+    computes: Words,
     units: Units,
     walls: Walls,
     fixes: Sequence[str],
@@ -63,60 +66,16 @@ def contacts_of(
     """
     if path is None:
         return None, []
-    listed = frame_of(path, "ENTRIES", frame.step)
-    columns, assumed = _meanings(listed, computes)
-    rows = listed.rows
-    for name in ("patom1", "patom2", "force"):
-        if name not in columns:
-            known = " ".join(columns) or " ".join(rows.columns)
-            do = "write compute property/local patom1 patom2 and pair/local force p1 p2 p3"
-            fault(rows.path, f"no column of {name} among {known}", do, rows.line - 1, name)
-    sheared = all(name in columns for name in ("p1", "p2", "p3"))
-    lined = all(name in columns for name in ("fx", "fy", "fz"))
-    names = (
-        ["patom1", "patom2", "force"] + ["p1", "p2", "p3"] * sheared + ["fx", "fy", "fz"] * lined
-    )
-    table = rows.read(*(columns[name] for name in names))
-    i, j = ends_of(rows, spheres.number, table[:, :2].T, [columns[name] for name in names[:2]])
-    force = units.force * table[:, 2]
-    shear = units.force * table[:, 3:6] if sheared else None
-    line = table[:, -3:] if lined else None
+    told = told_contacts(path, frame, spheres, computes, RECIPE, QUANTITIES)
+    require(told.rows, told.values, ("force",))
+    force, shear = units.force * told.values["force"][:, 0], told.values.get("shear")
+    shear = None if shear is None else units.force * shear
+    line = told.values.get("line")
+    contacts = Contacts(told.i, told.j, force, shear, line=line, listed=told.rows)
     if walls:
-        at, code, push, rub = contacts_with_walls(frame, spheres, units, walls, fixes)
-        i, j = np.concatenate([i, at]), np.concatenate([j, code])
-        force = np.concatenate([force, push])
-        shear = None if shear is None else np.concatenate([shear, rub])
-        upright = np.tile([0.0, 0.0, 1.0], (len(at), 1))
-        line = None if line is None else np.concatenate([line, upright])
-    return Contacts(i, j, force, shear, line=line, listed=rows), assumed
-
-
-def _meanings(listed: Frame, computes: Computes) -> tuple[dict[str, str], list[str]]:
-    """Name of a quantity: column that holds it; and what was assumed about that."""
-    columns: dict[str, str] = {}
-    groups: dict[str, list[str]] = {}
-    for column in listed.rows.columns:
-        indexed = re.fullmatch(r"c_(\w+)(?:\[(\d+)\])?", column)
-        if indexed:
-            groups.setdefault(indexed[1], []).append(column)
-        else:
-            columns[column] = column
-    assumed = []
-    for name, members in groups.items():
-        words = computes.get(name)
-        if words is None:
-            words = RECIPE.get(len(members))
-            if words is None:
-                what = f"what {members[0]} means stands in a compute line"
-                do = "give the log that has it (--log), or write as write_contacts.lmp does"
-                fault(listed.rows.path, what, do, listed.rows.line - 1, members[0])
-            assumed.append(f"columns of c_{name}: {' '.join(words)}")
-        for member in members:
-            at = re.search(r"\[(\d+)\]", member)
-            place = int(at[1]) - 1 if at else 0
-            if place < len(words):
-                columns[words[place]] = member
-    return columns, assumed
+        at_walls = contacts_with_walls(frame, spheres, units, walls, fixes)
+        contacts = contacts.with_walls(*at_walls)
+    return contacts, told.assumed
 
 
 def walls_of(script: Script, units: Units) -> Walls:
@@ -134,12 +93,6 @@ def walls_of(script: Script, units: Units) -> Walls:
     return found
 
 
-def planes_of(walls: Walls) -> tuple[float, float]:
-    """z of the lower and the upper wall, m, or NaN."""
-    low, high = (walls[code].z if code in walls else np.nan for code in CODES)
-    return low, high
-
-
 def _walls(name: str, words: Sequence[str], units: Units) -> dict[int, Wall]:
     where = name if name == TYPED else f"fix {name} wall/gran"
     kinds = [k for k, word in enumerate(words) if word in ("xplane", "yplane", "zcylinder")]
@@ -148,25 +101,14 @@ def _walls(name: str, words: Sequence[str], units: Units) -> dict[int, Wall]:
             f"{where}: {words[kinds[0]]} is not known; a network has walls at low and high z: "
             "turn the packing, or make the other axes periodic"
         )
-    if "zplane" not in words or len(words) < words.index("zplane") + 3:
-        raise InputError(f"{where}: give its law and then zplane LOW HIGH (or NULL)")
+    planes = planes_said(words, units, where, f"give its law before it, or type it with {TYPED}")
     at = words.index("zplane")
     if "wiggle" in words[at:]:
         raise InputError(
             f"{where}: it wiggles, and where it was at a step is not told; type where ({TYPED})"
         )
     law = coefficients(words[0], words[1:at], where, units, wall=True).law
-    found = {}
-    for code, word in zip(CODES, words[at + 1 : at + 3], strict=True):
-        if word.upper() == "NULL":
-            continue
-        try:
-            found[code] = Wall(name, law, units.length * float(word))
-        except ValueError:
-            raise InputError(
-                f"{where}: zplane {word} is no number; type the wall with {TYPED}"
-            ) from None
-    return found
+    return {code: Wall(name, law, z) for code, z in planes.items()}
 
 
 def contacts_with_walls(

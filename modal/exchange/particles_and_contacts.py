@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from modal.tools.errors import InputError
 
 NARROW = 2.0
 """A period must exceed this many of the largest diameters, or images are not told apart."""
+COLUMNS = ("i", "j", "force", "shear", "stiffness", "turning", "line")
+"""What is told of each contact."""
 FAR = 1e9
 """Radii from the origin, beyond which no digit is left for an overlap."""
 
@@ -76,6 +79,24 @@ class Contacts:
     turning: tuple[Floats, Floats] | None = None
     line: Floats | None = None
     listed: Rows | None = None
+
+    def some(self, kept: Bools) -> Contacts:
+        """Those that are `kept` (m,), in their order."""
+
+        def cut(data: Any) -> Any:
+            return data[kept] if isinstance(data, np.ndarray) else data and tuple(map(cut, data))
+
+        return Contacts(**{name: cut(getattr(self, name)) for name in COLUMNS})
+
+    def with_walls(self, i: Ints, j: Ints, force: Floats, shear: Floats | None) -> Contacts:
+        """These, then contacts with walls; no shear forces where those at the walls are absent."""
+        more = {"i": i, "j": j, "force": force, "shear": shear}
+        more["line"] = np.tile([0.0, 0.0, 1.0], (len(i), 1))
+        whole: dict[str, Any] = {}
+        for name, data in more.items():
+            own = getattr(self, name)
+            whole[name] = None if own is None or data is None else np.concatenate([own, data])
+        return replace(self, **whole)
 
 
 LawOf = Callable[[int, int], ProgramLaw]
@@ -184,6 +205,14 @@ def branches(
     plane = np.asarray(walls)[np.where(j == SOURCE_WALL, 0, 1)]
     branch[wall, 2] = (plane - position[i, 2])[wall]
     return branch, shift
+
+
+def pushes(spheres: Spheres, cell: Cell, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
+    """Of forces (m, 3), N, on i: the part along the normal, compression positive, and the rest."""
+    branch, _ = branches(spheres.position, cell, cell.walls, i, j)
+    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
+    push = -(force * normal).sum(axis=1)
+    return push, force + push[:, None] * normal
 
 
 def touching_pairs(spheres: Spheres, cell: Cell, least: float = 0.0) -> Contacts:

@@ -70,7 +70,7 @@ def all_programs() -> Iterator[Program]:
     This project's own come first: for its files nothing else is loaded.
     """
     names = [name for _, name, _ in pkgutil.iter_modules(programs.__path__)]
-    for name in sorted(names, key=lambda name: name not in ("network", "sample")):
+    for name in sorted(names, key=lambda name: name != "own"):
         yield cast(Program, importlib.import_module(f"{programs.__name__}.{name}"))
 
 

@@ -110,33 +110,47 @@ def check(network: Columns) -> None:
         if column.kind == "f" and data is not None and not np.isfinite(data).all():
             row = int(np.argwhere(~np.isfinite(data))[0, 0])
             raise InputError(f"{name} is not finite in row {row}; mend the export")
-    for name in ("radius", "mass", "inertia"):
-        refuse(getattr(network, name) <= 0, "particle", f"has {name} <= 0")
-    for name in (name for name in CONTACTS if name.startswith("stiffness")):
-        if (stiffness := getattr(network, name)) is not None:
-            refuse(stiffness < 0, "contact", f"has negative {name}")
-    i, j = network.particle_i, network.particle_j
-    refuse((i < 0) | (i >= n), "contact", f"has particle_i outside 0 to {n - 1}")
-    refuse((j < RECEIVER_WALL) | (j >= n), "contact", f"has particle_j outside -2 to {n - 1}")
+    _refuse_first(_of_columns(network))
     _check_cell(network)
     _check_walls(network)
-    _check_bonds(network)
+    if (network.stiffness_rolling is None) != (network.stiffness_twisting is None):
+        raise InputError(
+            "one of stiffness_rolling and stiffness_twisting lacks; give both, zeros where a "
+            "contact does not resist"
+        )
     spheres = network.inertia_tensor is None
-    if spheres:
-        _check_particles(network)
+    _refuse_first(_of_particles(network) if spheres else _of_bodies(network))
     if network.n_contacts:
         pushed = network.force_tangential if network.force_normal is None else network.force_normal
         least = 0.0 if pushed is None else SMALL_FORCE * float(abs(pushed).mean())
         for first in range(0, network.n_contacts, PART):
             part = network.some(slice(first, first + PART))
-            _check_ends(part, first)
-            if spheres:
-                _check_spheres(part, first)
-            _check_meeting(part, first)
-            _check_shear(part, first, least)
+            _refuse_first(_of_contacts(part, spheres, least), first)
         if spheres:
             _check_pairs(network)
         _check_forces(network)
+
+
+Faults = Iterator[tuple[str, Bools, str]]
+"""Kind of thing, which of them (k,) are at fault, and what that is: one after the other."""
+
+
+def _refuse_first(faults: Faults, first: int = 0) -> None:
+    """InputError for the first fault that there is; `first` is the number of the first thing."""
+    for kind, wrong, fault in faults:
+        refuse(wrong, kind, fault, first)
+
+
+def _of_columns(network: Columns) -> Faults:
+    """What each column must be by itself."""
+    for name in ("radius", "mass", "inertia"):
+        yield "particle", getattr(network, name) <= 0, f"has {name} <= 0"
+    for name in (name for name in CONTACTS if name.startswith("stiffness")):
+        if (stiffness := getattr(network, name)) is not None:
+            yield "contact", stiffness < 0, f"has negative {name}"
+    i, j, n = network.particle_i, network.particle_j, network.n_particles
+    yield "contact", (i < 0) | (i >= n), f"has particle_i outside 0 to {n - 1}"
+    yield "contact", (j < RECEIVER_WALL) | (j >= n), f"has particle_j outside -2 to {n - 1}"
 
 
 def _check_cell(network: Columns) -> None:
@@ -176,17 +190,16 @@ def _check_walls(network: Columns) -> None:
     refuse((z < low) | (z > high), "particle", "has its centre beyond a wall")
 
 
-def _check_particles(network: Columns) -> None:
+def _of_particles(network: Columns) -> Faults:
     """Inertia and mass of spheres of these radii."""
     share = network.inertia / (network.mass * network.radius**2)
-    wrong = (share < INERTIA[0]) | (share > INERTIA[1])
     fault = "has an inertia that no sphere of its mass and radius has (0.4 m R^2; a shell 2/3)"
-    refuse(wrong, "particle", fault)
+    yield "particle", (share < INERTIA[0]) | (share > INERTIA[1]), fault
     density = density_of(network)
     median = float(np.median(density))
     factor = np.maximum(density / median, median / density)
     fault = f"is {DENSITY:g} times lighter or heavier for its radius than the median of all"
-    refuse(factor > DENSITY, "particle", fault)
+    yield "particle", factor > DENSITY, fault
     stated = network.noted("density")
     if stated is not None and not 1 / STATED_DENSITY < median / stated < STATED_DENSITY:
         raise InputError(
@@ -200,70 +213,60 @@ def density_of(network: Columns) -> Floats:
     return network.mass / sphere_volume(network.radius)
 
 
-def _check_bonds(network: Columns) -> None:
-    """Rolling and twisting are told together; tensors of inertia are those of bodies."""
-    if (network.stiffness_rolling is None) != (network.stiffness_twisting is None):
-        raise InputError(
-            "one of stiffness_rolling and stiffness_twisting lacks; give both, zeros where a "
-            "contact does not resist"
-        )
+def _of_bodies(network: Columns) -> Faults:
+    """Tensors of inertia are those of bodies."""
     tensor = network.inertia_tensor
-    if tensor is None:
-        return
+    assert tensor is not None
     size = abs(tensor).max(axis=(1, 2))
     skew = abs(tensor - tensor.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-9 * size
-    refuse(skew, "particle", "has an inertia_tensor that is not symmetric")
+    yield "particle", skew, "has an inertia_tensor that is not symmetric"
     value = np.linalg.eigvalsh(tensor)
-    refuse(value[:, 0] <= 0, "particle", "has an inertia_tensor that is not positive definite")
+    yield "particle", value[:, 0] <= 0, "has an inertia_tensor that is not positive definite"
     # No axis has more than the two others together: a flat body has as much.
     flat = value[:, 2] > (1 + 1e-9) * (value[:, 0] + value[:, 1])
-    refuse(flat, "particle", "has an inertia_tensor that no body has")
+    yield "particle", flat, "has an inertia_tensor that no body has"
     off = abs(value.mean(axis=1) / network.inertia - 1) > 1e-6
-    refuse(off, "particle", "has an inertia other than a third of its inertia_tensor's trace")
+    yield "particle", off, "has an inertia other than a third of its inertia_tensor's trace"
 
 
-def _check_ends(network: Columns, first: int) -> None:
-    """Normals are unit vectors, walls have no levers; `first` is that of the contacts."""
-    normal, wall = network.normal, network.with_wall
-    fault = "has a normal that is not a unit vector"
-    refuse(abs(_dot(normal, normal) - 1) > 2e-6, "contact", fault, first)
+def _of_contacts(network: Columns, spheres: bool, least: float) -> Faults:
+    """Normals, levers, overlaps and shear forces above the `least`, N, against each other."""
+    normal, branch, wall = network.normal, network.branch, network.with_wall
+    length = abs(_dot(normal, normal) - 1) > 2e-6
+    yield "contact", length, "has a normal that is not a unit vector"
     held = np.zeros(len(wall), bool)
     held[wall] = network.lever_j[wall].any(axis=1)
-    refuse(held, "contact", "is with a wall, whose lever_j must be zero", first)
-
-
-def _check_meeting(network: Columns, first: int) -> None:
-    """Levers end in one point, as the centres lie; `first` is that of the contacts."""
-    branch = network.branch
+    yield "contact", held, "is with a wall, whose lever_j must be zero"
+    if spheres:
+        yield from _of_touching(network, branch)
     missed = network.lever_i - network.lever_j
     missed -= branch
-    missed[network.with_wall] = 0.0
+    missed[wall] = 0.0
     misfit = _dot(missed, missed) > MISFIT**2 * _dot(branch, branch)
-    refuse(misfit, "contact", "has levers that do not end in one point", first)
+    yield "contact", misfit, "has levers that do not end in one point"
+    force = network.force_tangential
+    if force is not None:
+        along, size = abs(_dot(force, normal)), np.sqrt(_dot(force, force))
+        yield "contact", along > ACROSS * size + least, "has a tangential force along its normal"
 
 
-def _check_spheres(network: Columns, first: int) -> None:
-    """Normals, levers and overlaps against positions and radii; `first` is that of the contacts."""
-
-    def refuse_contact(wrong: Bools, fault: str) -> None:
-        refuse(wrong, "contact", fault, first)
-
-    i, j, wall = network.particle_i, network.partner, network.with_wall
-    normal, branch = network.normal, network.branch
+def _of_touching(network: Columns, branch: Floats) -> Faults:
+    """Normals, levers and overlaps against positions and radii."""
+    normal, walls = network.normal, np.flatnonzero(network.with_wall)
     distance = np.sqrt(_dot(branch, branch))
-    walls = np.flatnonzero(wall)
-    radius_i, radius_j = network.radius.take(i), network.radius.take(j)
+    radius_i = network.radius.take(network.particle_i)
+    radius_j = network.radius.take(network.partner)
     radius_j[walls] = np.inf
     smaller = np.minimum(radius_i, radius_j)
     radius_j[walls] = 0.0
     reach = radius_i + radius_j
     overlap = reach - distance
     fault = "joins places that do not touch: centres (or wall) further apart than the radii reach"
-    refuse_contact(overlap < -WIDEST * reach, fault)
+    yield "contact", overlap < -WIDEST * reach, fault
     fault = f"has spheres that overlap by more than {DEEPEST:g} of the smaller radius"
-    refuse_contact(overlap > DEEPEST * smaller, fault)
+    yield "contact", overlap > DEEPEST * smaller, fault
     fault = "has a normal that does not point from the centre of i to that of j, or to the wall"
-    refuse_contact(_dot(branch, normal) < np.cos(ANGLE) * distance, fault)
+    yield "contact", _dot(branch, normal) < np.cos(ANGLE) * distance, fault
 
     gap = np.minimum(overlap, 0.0)
     deep = overlap - gap
@@ -272,10 +275,10 @@ def _check_spheres(network: Columns, first: int) -> None:
         # From where the other sphere's surface crosses the normal to its own, or across a gap.
         off = (along < (1 - LEVER) * radius - deep) | (along > (1 + LEVER) * radius - gap)
         off |= _dot(lever, lever) - along**2 > (LEVER * radius) ** 2
-        refuse_contact(off, "has a lever that does not end where the two touch")
+        yield "contact", off, "has a lever that does not end where the two touch"
     if network.overlap is not None:
         wrong = abs(network.overlap - overlap) > OVERLAP * smaller
-        refuse_contact(wrong, "has an overlap other than positions and radii give")
+        yield "contact", wrong, "has an overlap other than positions and radii give"
 
 
 def _check_pairs(network: Columns) -> None:
@@ -354,15 +357,6 @@ def _check_forces(network: Columns) -> None:
             f"tangential over normal stiffness is {np.median(ratio[stiff]):.3g} in the median "
             "contact (elastic bodies: 2/3 to 1); give both in N/m"
         )
-
-
-def _check_shear(network: Columns, first: int, least: float) -> None:
-    """Tangential forces above the `least`, N, lie across the normal."""
-    force = network.force_tangential
-    if force is not None:
-        along, size = abs(_dot(force, network.normal)), np.sqrt(_dot(force, force))
-        fault = "has a tangential force along its normal"
-        refuse(along > ACROSS * size + least, "contact", fault, first)
 
 
 def refuse(wrong: Bools, kind: str, fault: str, first: int = 0) -> None:

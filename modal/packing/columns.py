@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -19,60 +19,36 @@ RECEIVER_WALL = -2
 
 SCHEMA = NETWORK_SCHEMA
 VERSION = (1, 2)
-"""With a column of `OF_BONDS` a file says 2, which a reader that would miss it refuses."""
-OF_A_LAW = ("shear_growth", "motion_shortening", "torque_shortening")
-"""What another program's law of contact does otherwise than springs do."""
-OF_BONDS = ("stiffness_rolling", "stiffness_twisting", "inertia_tensor")
-"""What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
+"""A reader that would miss a column of `OF_BONDS` refuses a file that says 2."""
 UNKNOWN = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of the contacts that a program may not know."""
-OPTIONAL = (*UNKNOWN, *OF_A_LAW, *OF_BONDS)
-"""Columns that a network may lack."""
+OF_BONDS = ("stiffness_rolling", "stiffness_twisting", "inertia_tensor")
+"""What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
+TURN, KG_M2 = "N m/rad", "kg m^2"
 
 
-def _column(dataset: str, kind: str, *shape: int | str, unit: str) -> Column:
-    """A column of that name; what is not finite is refused by its row, with all else."""
-    name = dataset.rpartition("/")[2]
-    since = VERSION[name in OF_BONDS]
-    return Column(dataset, kind, shape, unit, name in OPTIONAL, finite=False, since=since)
+def stored(folder: str, kind: str, *shape: int | str, unit: str = "1", name: str = "") -> Column:
+    """A column, named as its field unless it has another `name`.
+
+    What is not finite is refused by its row, with all else.
+    """
+    return Column(f"{folder}/{name}", kind, shape, unit, finite=False)
 
 
-PARTICLES = {
-    "position": _column("particles/position", "f", "n", 3, unit="m"),
-    "radius": _column("particles/radius", "f", "n", unit="m"),
-    "mass": _column("particles/mass", "f", "n", unit="kg"),
-    "inertia": _column("particles/inertia", "f", "n", unit="kg m^2"),
-    "inertia_tensor": _column("particles/inertia_tensor", "f", "n", 3, 3, unit="kg m^2"),
-}
-"""Columns of the particles, the one that tells their number first."""
-CONTACTS = {
-    "particle_i": _column("contacts/particle_i", "i", "m", unit="1"),
-    "particle_j": _column("contacts/particle_j", "i", "m", unit="1"),
-    "normal": _column("contacts/normal", "f", "m", 3, unit="1"),
-    "lever_i": _column("contacts/lever_i", "f", "m", 3, unit="m"),
-    "lever_j": _column("contacts/lever_j", "f", "m", 3, unit="m"),
-    "stiffness_normal": _column("contacts/stiffness_normal", "f", "m", unit="N/m"),
-    "stiffness_tangential": _column("contacts/stiffness_tangential", "f", "m", unit="N/m"),
-    "stiffness_rolling": _column("contacts/stiffness_rolling", "f", "m", unit="N m/rad"),
-    "stiffness_twisting": _column("contacts/stiffness_twisting", "f", "m", unit="N m/rad"),
-    "force_normal": _column("contacts/force_normal", "f", "m", unit="N"),
-    "force_tangential": _column("contacts/force_tangential", "f", "m", 3, unit="N"),
-    "overlap": _column("contacts/overlap", "f", "m", unit="m"),
-    "sliding": _column("contacts/sliding", "b", "m", unit="1"),
-    "cell_shift": _column("contacts/cell_shift", "i", "m", 3, unit="1"),
-    "shear_growth": _column("contacts/shear_growth", "f", "m", unit="1/m"),
-    "motion_shortening": _column("contacts/motion_shortening", "f", "m", unit="1"),
-    "torque_shortening": _column("contacts/torque_shortening", "f", "m", unit="1"),
-}
-"""The same of the contacts."""
-COLUMNS = {
-    **PARTICLES,
-    **CONTACTS,
-    "cell_size": _column("cell/size", "f", 3, unit="m"),
-    "cell_periodic": _column("cell/periodic", "b", 3, unit="1"),
-    "wall_position": _column("walls/position", "f", 2, unit="m"),
-}
-"""All columns of a network and of its file."""
+def columns_of(table: type) -> dict[str, Column]:
+    """The columns that the fields of a class are `stored` as; those that may be None are optional.
+
+    With one of `OF_BONDS` a file says version 2.
+    """
+    found = {}
+    for name, hint in get_type_hints(table, include_extras=True).items():
+        for column in getattr(hint, "__metadata__", ()):
+            dataset = column.dataset + name * column.dataset.endswith("/")
+            optional, since = hasattr(table, name), VERSION[name in OF_BONDS]
+            found[name] = column._replace(dataset=dataset, optional=optional, since=since)
+    return found
+
+
 PART = 1 << 14
 """Contacts of a part, of those that are worked on together."""
 Made = TypeVar("Made")
@@ -83,31 +59,31 @@ Same = TypeVar("Same", bound="Columns")
 class Columns:
     """The columns of `modal.packing.network.Network`, which has their meaning."""
 
-    position: Floats
-    radius: Floats
-    mass: Floats
-    inertia: Floats
-    particle_i: Ints
-    particle_j: Ints
-    normal: Floats
-    lever_i: Floats
-    lever_j: Floats
-    stiffness_normal: Floats
-    stiffness_tangential: Floats
-    cell_size: Floats
-    cell_periodic: Bools
-    wall_position: Floats
-    force_normal: Floats | None = None
-    force_tangential: Floats | None = None
-    overlap: Floats | None = None
-    sliding: Bools | None = None
-    cell_shift: Ints | None = None
-    shear_growth: Floats | None = None
-    motion_shortening: Floats | None = None
-    torque_shortening: Floats | None = None
-    stiffness_rolling: Floats | None = None
-    stiffness_twisting: Floats | None = None
-    inertia_tensor: Floats | None = None
+    position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]
+    radius: Annotated[Floats, stored("particles", "f", "n", unit="m")]
+    mass: Annotated[Floats, stored("particles", "f", "n", unit="kg")]
+    inertia: Annotated[Floats, stored("particles", "f", "n", unit=KG_M2)]
+    particle_i: Annotated[Ints, stored("contacts", "i", "m")]
+    particle_j: Annotated[Ints, stored("contacts", "i", "m")]
+    normal: Annotated[Floats, stored("contacts", "f", "m", 3)]
+    lever_i: Annotated[Floats, stored("contacts", "f", "m", 3, unit="m")]
+    lever_j: Annotated[Floats, stored("contacts", "f", "m", 3, unit="m")]
+    stiffness_normal: Annotated[Floats, stored("contacts", "f", "m", unit="N/m")]
+    stiffness_tangential: Annotated[Floats, stored("contacts", "f", "m", unit="N/m")]
+    cell_size: Annotated[Floats, stored("cell", "f", 3, unit="m", name="size")]
+    cell_periodic: Annotated[Bools, stored("cell", "b", 3, name="periodic")]
+    wall_position: Annotated[Floats, stored("walls", "f", 2, unit="m", name="position")]
+    force_normal: Annotated[Floats | None, stored("contacts", "f", "m", unit="N")] = None
+    force_tangential: Annotated[Floats | None, stored("contacts", "f", "m", 3, unit="N")] = None
+    overlap: Annotated[Floats | None, stored("contacts", "f", "m", unit="m")] = None
+    sliding: Annotated[Bools | None, stored("contacts", "b", "m")] = None
+    cell_shift: Annotated[Ints | None, stored("contacts", "i", "m", 3)] = None
+    shear_growth: Annotated[Floats | None, stored("contacts", "f", "m", unit="1/m")] = None
+    motion_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
+    torque_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
+    stiffness_rolling: Annotated[Floats | None, stored("contacts", "f", "m", unit=TURN)] = None
+    stiffness_twisting: Annotated[Floats | None, stored("contacts", "f", "m", unit=TURN)] = None
+    inertia_tensor: Annotated[Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2)] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -210,6 +186,14 @@ class Columns:
         """`PART` contacts at a time, whose matrices then take little memory."""
         for first in range(0, self.n_contacts, PART):
             yield self.some(slice(first, first + PART))
+
+
+COLUMNS = columns_of(Columns)
+"""All columns of a network and of its file."""
+PARTICLES, CONTACTS = (
+    [name for name, column in COLUMNS.items() if column.shape[0] == length] for length in "nm"
+)
+"""Names of those of the particles and of the contacts."""
 
 
 def _own(data: Array) -> Array:

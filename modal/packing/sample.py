@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from modal.formats.product import Column, Product
 from modal.packing.checks import density_of
+from modal.packing.columns import columns_of, stored
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
 from modal.packing.contact_models import ContactLaw, laws_of
 from modal.packing.neighbours import ContactList, canonical_order, tangents, touching
@@ -27,36 +28,7 @@ SCHEMA = "granular-sample"
 VERSION = 1, 2, 3
 """Between walls; periodic along z, and of another contact model than Hertz and Mindlin's, which
 earlier readers would not notice."""
-_PLACES = {
-    "position": ("particles/position", ("n", 3), "m"),
-    "side": ("cell/side", (2,), "m"),
-    "walls": ("walls/position", (2,), "m"),
-}
-_OPTIONAL: dict[str, tuple[str, tuple[int | str, ...], str]] = {
-    "radii": ("particles/radius", ("n",), "m"),
-    "velocity": ("particles/velocity", ("n", 3), "m/s"),
-    "angular_velocity": ("particles/angular_velocity", ("n", 3), "rad/s"),
-    "densities": ("particles/density", ("n",), "kg/m^3"),
-    "shear": ("contacts/shear", ("m", 2), "N"),
-    "strain_rate": ("cell/strain_rate", (3,), "1/s"),
-}
-ELASTIC = ("young", "poisson")
-_NUMBERS = "friction", "radius", *ELASTIC, "density", *(f"wall_{name}" for name in ELASTIC)
-FORMAT = Product(
-    SCHEMA,
-    {
-        name: Column(dataset, "f", shape, unit, optional=name in _OPTIONAL, finite=False)
-        for name, (dataset, shape, unit) in (_PLACES | _OPTIONAL).items()
-    }
-    | {"period": Column("cell/period", "f", (1,), "m", optional=True, since=2)},
-    attributes=dict.fromkeys(_NUMBERS, float) | {"contact_model": str},
-    # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
-    defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None}
-    | {"contact_model": HERTZ_MINDLIN},
-    since={"contact_model": 3},
-    groups=("study", "provenance"),
-    versions=VERSION,
-)
+SPIN = "rad/s"
 UNEQUAL = 1e-9
 """Relative: a density so far from the material's is the sphere's own, not round-off."""
 ANOTHER = 1e-6
@@ -77,18 +49,20 @@ class Sample:
     Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z.
     """
 
-    position: Floats
-    side: Floats
-    walls: Floats
+    position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]
+    side: Annotated[Floats, stored("cell", "f", 2, unit="m")]
+    walls: Annotated[Floats, stored("walls", "f", 2, unit="m", name="position")]
     friction: float
-    shear: Floats | None = None
-    velocity: Floats | None = None
-    angular_velocity: Floats | None = None
-    strain_rate: Floats | None = None
+    shear: Annotated[Floats | None, stored("contacts", "f", "m", 2, unit="N")] = None
+    velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit="m/s")] = None
+    angular_velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit=SPIN)] = None
+    strain_rate: Annotated[Floats | None, stored("cell", "f", 3, unit="1/s")] = None
     radius: float = RADIUS
-    radii: Floats | None = None
+    radii: Annotated[Floats | None, stored("particles", "f", "n", unit="m", name="radius")] = None
     material: Material = GLASS
-    densities: Floats | None = None
+    densities: Annotated[
+        Floats | None, stored("particles", "f", "n", unit="kg/m^3", name="density")
+    ] = None
     wall_material: Elasticity | None = None
     periodic_z: bool = False
     study: dict[str, Any] = field(default_factory=dict)
@@ -162,6 +136,22 @@ class Sample:
         )
 
 
+ELASTIC = ("young", "poisson")
+_NUMBERS = "friction", "radius", *ELASTIC, "density", *(f"wall_{name}" for name in ELASTIC)
+COLUMNS = columns_of(Sample)
+FORMAT = Product(
+    SCHEMA,
+    COLUMNS | {"period": Column("cell/period", "f", (1,), "m", optional=True, since=2)},
+    attributes=dict.fromkeys(_NUMBERS, float) | {"contact_model": str},
+    # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
+    defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None}
+    | {"contact_model": HERTZ_MINDLIN},
+    since={"contact_model": 3},
+    groups=("study", "provenance"),
+    versions=VERSION,
+)
+
+
 def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> float:
     """Volume of voids over volume of n spheres, wall to wall; `radius` of all or of each (n,)."""
     cube = float(np.mean(radius**3))
@@ -175,10 +165,6 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     other networks: stiffnesses of another law or of other moduli, other contacts, or a cell without
     periods.
     """
-    rows, i, j, shift, sign = _canonical(network)
-    first, second = tangents(sign[:, None] * network.normal[rows])
-    force = sign[:, None] * network.require("force_tangential", "sample with its history")[rows]
-    shear = np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
     radius, density = network.radius, density_of(network)
     noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
     material = Material(**{name: type(own)(noted[name]) for name, own in vars(GLASS).items()})
@@ -188,7 +174,6 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         side=network.cell_size[:2].copy(),
         walls=network.wall_position.copy(),
         friction=friction,
-        shear=shear if shear.any() else None,
         radius=float(radius[0] if (radius == radius[0]).all() else radius.mean()),
         radii=None if (radius == radius[0]).all() else radius.copy(),
         material=material,
@@ -198,14 +183,8 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         study=network.study,
         provenance=network.provenance,
     )
-    contact = sample.contacts()
-    theirs = np.column_stack([i, j, shift])
-    ours = np.column_stack([contact.particle_i, contact.particle_j, contact.cell_shift])
-    if theirs.shape != ours.shape or (theirs != ours).any():
-        raise InputError(
-            "the network's contacts are not those of spheres that overlap in a lateral cell; "
-            "export it with this program"
-        )
+    shear, rows = shear_along(network, sample.contacts())
+    sample.shear = shear if shear.any() else None
     rebuilt = sample.network()
     for name in ("stiffness_normal", "stiffness_tangential"):
         theirs = getattr(network, name)[rows]
@@ -217,6 +196,24 @@ def sample_of_network(network: Network, friction: float) -> Sample:
                 "study, or take the linear wave, which knows any law"
             )
     return sample
+
+
+def shear_along(network: Network, contact: ContactList) -> tuple[Floats, Ints]:
+    """Shear forces (m, 2), N, as a sample keeps them, in canonical order, and whose rows (m,).
+
+    InputError where `contact`, those of spheres that overlap, are not the network's.
+    """
+    rows, i, j, shift, sign = _canonical(network)
+    force = sign[:, None] * network.require("force_tangential", "sample with its history")[rows]
+    theirs = np.column_stack([i, j, shift])
+    ours = np.column_stack([contact.particle_i, contact.particle_j, contact.cell_shift])
+    if theirs.shape != ours.shape or (theirs != ours).any():
+        raise InputError(
+            "the network's contacts are not those of spheres that overlap in a lateral cell: by "
+            "round-off, or from another program; take the network itself"
+        )
+    shear = [(force * along).sum(axis=1) for along in tangents(contact.normal)]
+    return np.column_stack(shear), rows
 
 
 def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
@@ -268,7 +265,7 @@ def read_sample(path: str | Path) -> Sample:
 
 def validate(sample: Sample, name: str = "sample") -> None:
     """Refuse what no packing of spheres can be; InputError with one line."""
-    for column in (*_PLACES, *_OPTIONAL):
+    for column in COLUMNS:
         data = getattr(sample, column)
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")

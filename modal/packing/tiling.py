@@ -11,9 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.packing.neighbours import canonical_order, tangents
 from modal.packing.network import Network
-from modal.packing.sample import Sample
+from modal.packing.sample import Sample, shear_along
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
@@ -109,22 +108,5 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
     if sample.shear is None:
         return large
     # Shear forces stand in the order of the contacts, along tangents that follow from the normals.
-    network = sample.network()
-    i, j, shift, row = _copied_contacts(network, along_z, times_x, times_y)
-    # A copy may have its two ends numbered the other way.
-    turned = (j >= 0) & (i > j)
-    i[turned], j[turned] = j[turned], i[turned]
-    shift[turned] *= -1
-    order = canonical_order(i, j, shift)
-    contact = large.contacts()
-    ours, theirs = (i, j, shift), (contact.particle_i, contact.particle_j, contact.cell_shift)
-    if not all(np.array_equal(a[order], b) for a, b in zip(ours, theirs, strict=True)):
-        raise InputError(
-            "a contact of the sample is so weak that round-off closes or opens it in a copy; "
-            "repeat its network (-o *.network.h5)"
-        )
-    del i, j, shift, ours, theirs
-    force = network.require("force_tangential", "history of contacts")[row[order]]
-    force[turned[order]] *= -1
-    shear = [(force * along).sum(axis=1) for along in tangents(contact.normal)]
-    return replace(large, shear=np.column_stack(shear))
+    shear, _ = shear_along(repeat(sample.network(), times_x, times_y), large.contacts())
+    return replace(large, shear=shear)

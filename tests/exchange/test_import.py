@@ -310,7 +310,7 @@ def spoilt(what: str, atoms: Path, contacts: Path, log: Path) -> None:
         ("wall", r"fix w wall/gran: xplane is not known"),
         ("outside", r"x.atoms: sphere 54 lies outside the cell along z"),
         ("wrong order", r"x.atoms, line 9: ITEM: ENTRIES where spheres"),
-        ("nameless", r"x.contacts, line 9, column c_p\[1\]: what c_p\[1\] means stands"),
+        ("nameless", r"x.contacts, line 9, column c_p\[1\]: what the 2 columns of c_p mean"),
     ],
 )
 def test_lammps_is_refused_by_file_line_and_column(tmp_path, capsys, what, said):

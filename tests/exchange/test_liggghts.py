@@ -96,7 +96,7 @@ def test_columns_that_nobody_named_are_understood(network, tmp_path, capsys):
     np.testing.assert_allclose(found.force_tangential, network.force_tangential, atol=1e-4 * scale)
     contacts, log = rewritten(tmp_path, 12, rows[:, :12], " pos vel")
     arguments = (ATOMS, "--contacts", contacts, "--log", log, "-o", out)
-    assert re.search(r"y.contacts, line 9, column id: no id; add id", refused(capsys, *arguments))
+    assert re.search(r"y.contacts, line 9, column id1: no id1 among", refused(capsys, *arguments))
 
 
 def test_rounded_bounds_without_forces_are_refused(tmp_path, capsys):

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.dump import cell_of, frame_of, of_liggghts, spheres_of, units_of
+from modal.exchange.dump import frame_of, of_liggghts, spheres_of, units_of
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import Script, read_log
-from modal.exchange.lammps_contacts import TYPED, contacts_of, planes_of, walls_of
+from modal.exchange.lammps_contacts import TYPED, contacts_of, walls_of
 from modal.exchange.lammps_law import law_of_pairs
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.particles_and_contacts import check_spheres
 from modal.exchange.registry import File, Option
 from modal.exchange.rows import fault, read_lines
 from modal.packing.rigid_bodies import Bodies
@@ -54,22 +53,20 @@ def read(
     bodies: str | Path | None = None,
 ) -> ImportResult:
     """A packing of LAMMPS."""
-    script = read_log(log) if log else Script()
+    # LAMMPS' own units, where a log names none, are lj.
+    script = read_log(log, "lj")
     wall_fixes = tuple(script.walls)
     if pair:
-        script.style, script.pair = typed_pair(pair)
+        script.said, (script.style, script.pair) = "--pair", typed_pair(pair)
     if wall:
         script.walls = {TYPED: tuple(wall.split())}
-    said = script.said = f"{log}" if log and not pair else "--pair"
     if not script.style:
         raise InputError(
             f"{path}: no law of contact is known; `import` it with the log (--log log.lammps) or "
             'the line (--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3")'
         )
     frame = frame_of(path, "ATOMS", step)
-    assumed = ["units si"] * (scales is None and not (log or frame.units))
-    # LAMMPS' own units, where a log names none, are lj.
-    units = units_of(frame, Units.typed(scales), (script.units or "lj") if log else "", said)
+    units, assumed = units_of(frame, scales, script)
     of_pairs, walls = law_of_pairs(script, units), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:
@@ -80,12 +77,11 @@ def read(
     if frame.rows.has("mol") and not log:
         do = "give the log (--log), which says so, or leave mol out of the dump"
         raise InputError(f"{path}: spheres of one mol may be one rigid body or bonded; {do}")
-    spheres = spheres_of(frame, units, typed=len(models) > 1, body=body)
+    planes = {code: each.z for code, each in walls.items()}
+    spheres, cell = spheres_of(frame, units, planes, typed=len(models) > 1, body=body)
     if whole and spheres.body is not None and (spheres.body < 1).any():
         do = "make single spheres no part of its group"
         raise InputError(f"{path}: a {body} of 0, which is one more body to fix rigid; {do}")
-    cell = cell_of(frame, units, planes_of(walls))
-    check_spheres(spheres, cell, str(path))
     for name in script.walls:
         group = script.groups.get(name, "all")
         if contacts is None and wall is None and group != "all":

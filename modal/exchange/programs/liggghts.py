@@ -7,32 +7,27 @@ that is typed in, and is refused.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from modal.exchange.dump import ROUNDED, cell_of, frame_of, of_liggghts, spheres_of, units_of
+from modal.exchange.dump import ROUNDED, Frame, frame_of, of_liggghts, spheres_of, units_of
+from modal.exchange.dump_contacts import CODES, planes_said, require, told_contacts
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import PROPERTIES, Script, read_log
 from modal.exchange.lammps_law import material_of
-from modal.exchange.law import DISPLACEMENT, MIDDLE, ProgramLaw, Units
+from modal.exchange.law import DISPLACEMENT, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import (
     Cell,
     Contacts,
     LawOf,
     Spheres,
-    branches,
-    check_spheres,
-    ends_of,
+    pushes,
     touching_pairs,
 )
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File
-from modal.exchange.rows import fault
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.errors import InputError
 
@@ -79,7 +74,7 @@ def read(
     scales: Sequence[float] | None = None,
 ) -> ImportResult:
     """A packing of LIGGGHTS."""
-    script = read_log(log) if log else Script()
+    script = read_log(log, "si")
     if pair:
         script.said, script.style = "--pair", tuple(pair.split())
         script.properties |= {name: _after(pair, name) for name in PROPERTIES if name in pair}
@@ -88,31 +83,33 @@ def read(
             f"{script.said}: fix rigid: clumps of LIGGGHTS are not known; leave it out"
         )
     frame = frame_of(path, "ATOMS", step)
-    units = units_of(frame, Units.typed(scales), (script.units or "si") if log else "", script.said)
+    units, assumed = units_of(frame, scales, script)
     planes, of_wall = walls_of(wall, script, units)
     law_of = law_of_types(script, units, of_wall)
     typed = any(len(values) > 1 for values in script.properties.values())
-    spheres, cell = spheres_of(frame, units, typed=typed), cell_of(frame, units, planes)
-    check_spheres(spheres, cell, str(path))
+    spheres, cell = spheres_of(frame, units, planes, typed=typed)
     touching, remarks = None, script.remark_on_changes(frame.step)
     if contacts is not None:
-        touching = _contacts(contacts, frame.step, spheres, cell, script.computes, units)
-        if np.isfinite(planes).any():
-            touching = _with_walls(touching, spheres, cell)
+        touching, meant = _contacts(contacts, frame, spheres, cell, script.computes, units)
+        assumed += meant
+        if planes:  # found from positions: the forces there are not told
+            found = touching_pairs(spheres, cell)
+            at = found.i[found.j < 0]
+            touching = touching.with_walls(at, found.j[found.j < 0], np.full(len(at), np.nan), None)
             remarks += ["shear forces at the walls are not told: all shear forces are left out"]
         if frame.rounding:
             remarks += [
                 f"the cell's bounds have {ROUNDED[0]} digits: overlaps and normals are taken from "
                 "forces; bounds that few digits hold (fix deform ... final) are exact"
             ]
-    found = network_of(spheres, cell, touching, law_of, str(path))
-    found.remarks += remarks
-    found.told["assumed"] = ["units si"] * (scales is None and not (log or frame.units)) + [
+    imported = network_of(spheres, cell, touching, law_of, str(path))
+    imported.remarks += remarks
+    imported.told["assumed"] = assumed + [
         f"the {name} wall is of the material of the sphere that touches it (say {TYPED_WALL})"
         for code, name in ((SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper"))
-        if code not in of_wall and (found.network.particle_j == code).any()
+        if code not in of_wall and (imported.network.particle_j == code).any()
     ]
-    return found
+    return imported
 
 
 def _after(line: str, name: str) -> list[float]:
@@ -125,63 +122,43 @@ def _after(line: str, name: str) -> list[float]:
 
 def _contacts(
     path: str | Path,
-    step: int,
+    frame: Frame,
     spheres: Spheres,
     cell: Cell,
     computes: Mapping[str, Sequence[str]],
     units: Units,
-) -> Contacts:
-    """What `pair/gran/local` tells of the contacts between spheres."""
-    listed = frame_of(path, "ENTRIES", step)
-    rows = listed.rows
-    columns = [name for name in rows.columns if re.fullmatch(r"c_\w+\[\d+\]", name)]
-    name = columns[0][2:].split("[")[0] if columns else ""
-    kinds: Sequence[str] = computes.get(name) or UNASKED
-    if name not in computes and len(columns) == sum(COLUMNS.values()):
-        kinds = tuple(COLUMNS)
-    place, at = {}, 0
-    for kind, width in COLUMNS.items():
-        if kind in kinds:
-            place[kind] = at
-            at += width
-    if not columns or (name not in computes and at != len(columns)):
-        what = f"{len(columns)} columns of pair/gran/local, where its values take {at}"
-        fault(rows.path, what, "give the log with the compute line (--log)", rows.line - 1)
-    parts = ("force_normal", "force_tangential")
-    forces = parts if place.keys() >= set(parts) else ("force",)
-    for kind in ("id", *forces):
-        if kind not in place or place[kind] + 3 > len(columns):
-            fault(rows.path, f"no {kind}", f"add {kind} to pair/gran/local", rows.line - 1, kind)
-    names = [columns[place["id"] + k] for k in (0, 1)]
-    names += [columns[place[kind] + k] for kind in forces for k in range(3)]
-    table = rows.read(*names)
-    i, j = ends_of(rows, spheres.number, table[:, :2].T, names[:2])
-    branch, _ = branches(spheres.position, cell, cell.walls, i, j)
-    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
-    told = units.force * table[:, 2:5]
-    along, shear = told, units.force * table[:, 5:]
-    if len(forces) == 1:
-        along = (told * normal).sum(axis=1)[:, None] * normal
-        shear = told - along
+) -> tuple[Contacts, list[str]]:
+    """What `pair/gran/local` tells of the contacts between spheres, and what is assumed."""
+    meant = {name: _columns(words or UNASKED) for name, words in computes.items()}
+    told = told_contacts(path, frame, spheres, meant, RECIPES, QUANTITIES)
+    parted = told.values.keys() >= {"force_normal", "force_tangential"}
+    if not parted:
+        require(told.rows, told.values, ("force",))
+    along = units.force * told.values["force_normal" if parted else "force"]
+    push, shear = pushes(spheres, cell, told.i, told.j, along)
+    if parted:
+        shear = units.force * told.values["force_tangential"]
     # Versions differ in which of the two bears the forces that are written; a contact pushes.
-    push = -(along * normal).sum(axis=1)
     shear = np.where(push < 0, -1.0, 1.0)[:, None] * shear
     # A normal of its own tells more than rounded bounds; that of the whole force is not one.
-    line = told if len(forces) > 1 else None
-    return Contacts(i, j, abs(push), shear, line=line, listed=rows)
+    line = along if parted else None
+    contacts = Contacts(told.i, told.j, abs(push), shear, line=line, listed=told.rows)
+    return contacts, told.assumed
 
 
-def _with_walls(contacts: Contacts, spheres: Spheres, cell: Cell) -> Contacts:
-    """Contacts with flat walls, found from positions: their forces are not told."""
-    found = touching_pairs(spheres, cell)
-    wall = found.j < 0
-    more = {"i": found.i[wall], "j": found.j[wall], "force": np.full(wall.sum(), np.nan)}
-    if contacts.line is not None:
-        more["line"] = np.tile([0.0, 0.0, 1.0], (len(more["i"]), 1))
-    whole: dict[str, Any] = {
-        name: np.concatenate([getattr(contacts, name), data]) for name, data in more.items()
-    }
-    return replace(contacts, shear=None, **whole)
+def _columns(asked: Sequence[str]) -> list[str]:
+    """What the columns of `pair/gran/local` mean whose values are `asked` for, in any order."""
+    return [
+        f"{name}{k + 1}" for name, width in COLUMNS.items() if name in asked for k in range(width)
+    ]
+
+
+RECIPES = {len(_columns(asked)): _columns(asked) for asked in (UNASKED, tuple(COLUMNS))}
+"""Columns where no log says which they are."""
+QUANTITIES = {
+    "ends": ("id1", "id2"),
+    **{kind: (f"{kind}1", f"{kind}2", f"{kind}3") for kind in COLUMNS if "force" in kind},
+}
 
 
 def law_of_types(script: Script, units: Units, of_wall: dict[int, int]) -> LawOf:
@@ -220,49 +197,35 @@ def law_of_types(script: Script, units: Units, of_wall: dict[int, int]) -> LawOf
         one, two = (materials[min(k, len(materials)) - 1] for k in (a, b))
         young, shear = one.against(two)
         place = (a - 1) * len(materials) + b - 1
-        return ProgramLaw(
-            normal=4 / 3 * young,
-            hertz=True,
-            tangential=8 * shear,
-            grows=True,
-            friction=friction[place] if len(friction) > place else friction[0],
-            keeps=DISPLACEMENT,
-            moves=MIDDLE,
-            turns=MIDDLE,
-        )
+        limit = friction[place] if len(friction) > place else friction[0]
+        return ProgramLaw(4 / 3 * young, True, 8 * shear, True, limit, DISPLACEMENT)
 
     return law_of
 
 
 def walls_of(
     wall: str | None, script: Script, units: Units
-) -> tuple[tuple[float, float], dict[int, int]]:
-    """z of both walls, m, NaN for none, and their types by their codes, where these are said.
+) -> tuple[dict[int, float], dict[int, int]]:
+    """z, m, of the walls by their codes, and their types, where these are said.
 
     From --wall "type N zplane LOW HIGH", or from the log's fixes, each of one plane; a single one
     is the floor.
     """
-    planes = {SOURCE_WALL: np.nan, RECEIVER_WALL: np.nan}
-    types: dict[int, int] = {}
     if wall:
         words = wall.split()
+        planes = planes_said(words, units, "--wall", f"for LIGGGHTS give {TYPED_WALL}")
+        if "type" not in words:
+            return planes, {}
         try:
-            at = words.index("zplane")
-            for code, word in zip(planes, words[at + 1 : at + 3], strict=True):
-                planes[code] = np.nan if word.upper() == "NULL" else units.length * float(word)
-            if "type" in words:
-                types = dict.fromkeys(planes, int(words[words.index("type") + 1]))
+            kind = int(words[words.index("type") + 1])
         except (ValueError, IndexError):
-            raise InputError(
-                '--wall: for LIGGGHTS give "type N zplane LOW HIGH" (a number or NULL)'
-            ) from None
-        return (planes[SOURCE_WALL], planes[RECEIVER_WALL]), types
+            raise InputError(f"--wall: type is no number; give {TYPED_WALL}") from None
+        return planes, dict.fromkeys(CODES, kind)
     found = sorted(_plane(name, words, units) for name, words in script.walls.items())
-    if len(found) > len(planes):
+    if len(found) > len(CODES):
         raise InputError(f"{script.said}: {len(found)} walls zplane; give two, {TYPED_WALL}")
-    for code, (z, kind) in zip(planes, found, strict=False):
-        planes[code], types[code] = z, kind
-    return (planes[SOURCE_WALL], planes[RECEIVER_WALL]), types
+    each = list(zip(CODES, found, strict=False))
+    return {code: z for code, (z, _) in each}, {code: kind for code, (_, kind) in each}
 
 
 def _plane(name: str, words: Sequence[str], units: Units) -> tuple[float, int]:

@@ -19,9 +19,9 @@ from modal.exchange.particles_and_contacts import (
     Cell,
     Contacts,
     Spheres,
-    branches,
     ends_of,
     in_order,
+    pushes,
 )
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File
@@ -65,19 +65,14 @@ def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
 
 def _spheres(file: Restart, units: Units) -> Spheres:
     """The particles, in the order of their numbers."""
-    numbers, kinds, places, radii, masses = zip(*file.particles, strict=True)
-    number, order = in_order(file.rows("Particles"), np.array(numbers))
-    texts = [word for place in places for word in place]
-    position, digits = np.array(texts, float).reshape(-1, 3)[order], significant_digits(texts)
-    return Spheres(
-        number=number,
-        position=units.length * position,
-        radius=units.length * np.array(radii)[order],
-        mass=units.mass * np.array(masses)[order],
-        kind=np.array(kinds)[order],
-        digits=digits,
-        step=units.length * last_step(position, digits),
-    )
+    table = np.array(file.particles)
+    number, order = in_order(file.rows("Particles"), table[:, 0])
+    digits = significant_digits([word for place in file.positions for word in place])
+    _, kind, radius, mass = table[order].T
+    position = np.array(file.positions, float)[order]
+    step = units.length * last_step(position, digits)
+    lengths = units.length * position, units.length * radius
+    return Spheres(number, *lengths, units.mass * mass, kind.astype(int), digits, step)
 
 
 def _contacts(
@@ -87,16 +82,14 @@ def _contacts(
     second = np.empty(len(file.interactions))
     for row, touch in enumerate(file.interactions):
         if touch.wall and touch.second not in codes:
-            file.blame(touch.line, f"a contact with wall {touch.second:.0f}, {OTHER}", ALONE)
+            touch.line.blame(f"a contact with wall {touch.second:.0f}, {OTHER}", ALONE)
         second[row] = codes[int(touch.second)] if touch.wall else touch.second
     rows = file.rows("Interactions")
     first = np.array([touch.first for touch in file.interactions])
     i, j = ends_of(rows, spheres.number, (first, second), ("particleIds",) * 2, CODES)
     force = units.force * np.array([touch.force for touch in file.interactions])
-    branch, _ = branches(spheres.position, cell, cell.walls, i, j)
-    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
-    push = -(force * normal).sum(axis=1)
-    return Contacts(i, j, push, force + push[:, None] * normal, listed=rows)
+    push, shear = pushes(spheres, cell, i, j, force)
+    return Contacts(i, j, push, shear, listed=rows)
 
 
 def _planes(

@@ -159,15 +159,9 @@ def _spheres(rows: Rows, units: Units) -> Spheres:
         do = "number spheres from 0 or 1; -1 and -2 are the walls"
         fault(rows.path, f"id {number[0]} is negative", do, rows.line + order[0], "id")
     table, digits = table[order], rows.digits("x", "y", "z")
-    return Spheres(
-        number=number,
-        position=units.length * table[:, 1:4],
-        radius=units.length * table[:, 4],
-        mass=units.mass * table[:, 5],
-        kind=np.zeros(len(table), int),
-        digits=digits,
-        step=units.length * last_step(table[:, 1:4], digits),
-    )
+    position, radius = units.length * table[:, 1:4], units.length * table[:, 4]
+    step, kind = units.length * last_step(table[:, 1:4], digits), np.zeros(len(table), int)
+    return Spheres(number, position, radius, units.mass * table[:, 5], kind, digits, step)
 
 
 def _contacts(path: str | Path, spheres: Spheres, cell: Cell, units: Units) -> Contacts:

@@ -1,4 +1,7 @@
-"""This project's own samples, whose contacts are sought when they are read."""
+"""This project's own contact networks and samples; see `docs/formats.md`.
+
+The contacts of a sample are sought when it is read.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,12 @@ from pathlib import Path
 from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import File, Option
 from modal.packing.checks import named
+from modal.packing.network import read_network
 from modal.packing.sample import read_sample
 
-NAME = "this project (*.sample.h5)"
+NAME = "this project (*.network.h5, *.sample.h5)"
 OPTIONS: Mapping[str, Option] = {}
+HDF5 = b"\x89HDF\r\n"
 
 
 def is_sample(path: str | Path) -> bool:
@@ -20,12 +25,14 @@ def is_sample(path: str | Path) -> bool:
 
 
 def sniff(file: File) -> bool:
-    """By its name alone."""
-    return is_sample(file.path)
+    """Any HDF5 file, and what has the name of one."""
+    return file.path.name.endswith(".h5") or file.head.startswith(HDF5)
 
 
 def read(path: Path) -> ImportResult:
-    """The network of the springs that the sample's positions make."""
+    """The network as it stands in the file, or of the springs that the sample's positions make."""
+    if not is_sample(path):
+        return ImportResult(read_network(path))
     sample = read_sample(path)
     with named(path):
         return ImportResult(sample.network(), sought=True)
