@@ -184,7 +184,7 @@ class Case(CaseFiles):
 
     @cached_property
     def structure(self) -> StructureFactor | None:
-        """Dynamic structure factor, from `python -m analysis prepare`."""
+        """Dynamic structure factor, as `measure --keep` makes it."""
         return read_structure(self.product("structure")) if self.has("structure") else None
 
     @cached_property

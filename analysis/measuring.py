@@ -178,12 +178,17 @@ class Measuring:
         return line_width(self.network)
 
     def _kept(self, kind: str) -> Case | None:
-        """The case that has a file of this kind: given, or kept in a folder; None without one."""
-        if self._case is not None and self._case.has(kind):
-            return self._case
-        if self._keep is None:
+        """The case that has a file of this kind: given, or kept in a folder; None without one.
+
+        One that lies in that folder and is stale is made again.
+        """
+        folder = None if self._keep is None else Path(self._keep)
+        case = self._case
+        given = case is not None and case.has(kind)
+        if given and (folder is None or case.path(kind).parent.resolve() != folder.resolve()):
+            return case
+        if folder is None:
             return None
-        folder = Path(self._keep)
         folder.mkdir(parents=True, exist_ok=True)
         if self._case is None:
             name = self.network.fingerprint[:16]
@@ -213,8 +218,9 @@ class Measuring:
 
         Of some waves first, then of those on both sides of where the width reaches the frequency.
         """
+        kept = self._kept("structure")
         velocity, diameter = self.needed_velocity, self.diameter
-        if (kept := self._kept("structure")) is not None and kept.structure is not None:
+        if kept is not None and kept.structure is not None:
             return Scattering.of(kept.structure, velocity, diameter)
         line, highest = COARSE * self.line, 0.75 * velocity / diameter
         # Waves in a length: halves of standing waves between walls, whole ones in a cell without.

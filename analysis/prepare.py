@@ -1,7 +1,6 @@
-"""What the report of a case needs beside the products of its run: gain, densities, ridge.
+"""Costly spectra of a packing, kept in files: gain, density of states, structure factor.
 
-Each is made from the contact network alone and kept in a file, because it takes longer than a
-report should.
+Each is made from the contact network alone; `measure --keep` makes it, and what has it, reads it.
 """
 
 from __future__ import annotations
@@ -37,13 +36,12 @@ def prepare(case: Case, kinds: Sequence[str] = KINDS) -> list[Path]:
     made.
     """
     network, digest, made = case.network, case.packing[0].sha256, []
-    what = case.short.removeprefix("case ") if case.files is None else case.packing_path.name
 
     def wanted(kind: str, **settings: Any) -> Provenance | None:
         """What the file is to be made from, if it has to be made."""
         if kind not in kinds:
             return None
-        command = f"python -m analysis prepare {what}"
+        command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
         provenance = Provenance(command, settings, case.packing)
         if is_current(case.path(kind), provenance):
             return None

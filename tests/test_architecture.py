@@ -32,12 +32,10 @@ BELOW = {
 }
 """Room of modal: the rooms that it may import from, besides itself."""
 ANALYSIS_BELOW = {
-    "batch_table": set(),
     "table": set(),
     "watch": set(),
     "estimators": {"table"},
     "agreement": {"estimators", "table"},
-    "packings": {"batch_table", "estimators", "measurement", "table", "value"},
     "case_files": set(),
     "case": {"case_files", "estimators"},
     "belonging": {"case", "estimators"},
@@ -53,16 +51,15 @@ ANALYSIS_BELOW = {
     "rows": {"case", "columns", "estimators", "measures"},
     "comparable": {"rows"},
     "figures": {
-        *("case", "columns", "comparable", "crystal", "estimators", "measures", "packings"),
+        *("case", "columns", "comparable", "crystal", "estimators", "measures"),
         "rows",
     },
     "study": {
         *("case", "case_files", "columns", "crystal", "estimators", "figures", "measurement"),
-        *("measures", "packings", "rows", "table"),
+        *("measures", "rows", "table", "value"),
     },
     "cli": {
-        *("agreement", "belonging", "case", "case_files", "estimators", "figures"),
-        *("measurement", "measures", "packings", "prepare", "quantities"),
+        *("agreement", "belonging", "figures", "measurement", "measures", "quantities"),
         *("status", "study", "table", "watch"),
     },
     "__main__": {"cli"},

@@ -3,7 +3,7 @@
 #   snakemake -s workflow/convergence.smk -c 2 --keep-going
 #
 # Another table of the same columns: --config table=NAME, of studies/convergence/NAME.table, with a folder of its own.
-# Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis convergence` makes
+# Beside each state from 100 kPa on stand the same at rest and its numbers; `python -m analysis study *.table` makes
 # tables and figures of them. States are kept: a row added later runs alone. Where states are gone and their numbers
 # kept (seeds.csv beside the tables), --config first=6 makes the seeds from 6 on, which join the others there.
 import sys
@@ -17,17 +17,17 @@ workdir: Path(workflow.basedir).parent
 
 
 sys.path[:0] = [workflow.basedir, str(Path(workflow.basedir).parent)]
-from analysis.packings.seeds import QUANTITIES, Seeds
+from analysis.study.convergence import QUANTITIES, settings_of
 from jobs import FULL, PYTHON, resources
 from modal.cli.pack import option_of
 
 FOLDER = config.get("folder", "products/convergence")
 try:
-    settings = Seeds(f"studies/convergence/{config.get('table', 'convergence')}.table").settings
+    settings = settings_of(Path(f"studies/convergence/{config.get('table', 'convergence')}.table"))
 except (OSError, ValueError) as error:
     raise WorkflowError(str(error)) from error
 NUMBERS = " ".join(QUANTITIES.values())
-ROWS = {f"{name}_mu{friction}": row for (name, friction), row in settings.items()}
+ROWS = {f"{name}_mu{friction}": row.to_dict() for (name, friction), row in settings.iterrows()}
 
 
 def needs(rule):

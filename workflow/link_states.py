@@ -11,8 +11,15 @@ import os
 import sys
 from pathlib import Path
 
-from analysis.batch_table import value
 from modal.packing.sample import read_sample
+
+
+def cell(value: object) -> object:
+    """A setting as YADE has it of a cell of its table: a number, or a text with `_` for a blank."""
+    try:
+        return float(str(value))
+    except ValueError:
+        return str(value).replace("_", " ")
 
 
 def main(folder: Path, wanted: dict[str, str], outputs: list[Path]) -> int:
@@ -21,7 +28,7 @@ def main(folder: Path, wanted: dict[str, str], outputs: list[Path]) -> int:
     for path in sorted(folder.rglob("*Pa.sample.h5")):
         study = read_sample(path).study
         for name, own in wanted.items():
-            if name in study and study[name] not in (own, value(own)):
+            if name in study and cell(study[name]) != cell(own):
                 print(
                     f"{path}: made with {name} {study.get(name)}, not {own}; move {folder} away",
                     file=sys.stderr,

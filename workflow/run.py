@@ -47,21 +47,12 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
         wait(folder / ".jobs", "jobs of a run that was killed are at work: waiting").close()
         while profile == "slurm" and at_work():
             time.sleep(10)
-    status = [
-        sys.executable,
-        "-m",
-        "analysis",
-        "status",
-        "--products",
-        str(folder),
-        "--study",
-        study,
-    ]
+    status = [sys.executable, "-m", "analysis", "study", study, "--products", str(folder)]
     stale = []
     if any(folder.glob("*.h5")):
         stale = output([*status, "--stale", *jobs.cases]).split()
         if only == "status":
-            print(output(status), end="")
+            print(output([*status, "--status"]), end="")
     settings = ["--config", *given]
     again = ["--forcerun", *stale] if stale else []
     if only:

@@ -13,16 +13,12 @@ from modal.tools.errors import InputError
 GROUPS = {
     "your packing": {
         "measure": ("measure", "start here: velocities, low-pass, moduli ... with errors"),
-        "figure": ("cases", "when a number is not enough: one figure, or again from its CSV"),
+        "figure": ("figure", "when a number is not enough: one figure, or again from its CSV"),
         "watch": ("waves", "to see a wave or modes move: one page, in three dimensions"),
         "agreement": ("waves", "when a DEM run is in doubt: against the linear wave, by cause"),
     },
     "the study": {
-        "prepare": ("cases", "before figures of many: costly spectra of a case, kept in files"),
-        "result": ("study", "when a case is done: all its numbers in one small file"),
-        "study": ("study", "when cases are measured: all tables, figures and targets, one page"),
-        "status": ("cases", "which products are there, and which are stale and why"),
-        "convergence": ("convergence", "what the settings of a preparation change, over seeds"),
+        "study": ("study", "of many packings: tables, figures, targets, one page; its stages"),
     },
 }
 """Commands by group: the module of each in this room, loaded when it is called; when to use it."""

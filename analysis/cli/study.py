@@ -1,4 +1,4 @@
-"""The commands of a study: result, of one case, and study, of all results."""
+"""The command study: its cases measured, what of them is stale, and all results on one page."""
 
 from __future__ import annotations
 
@@ -6,79 +6,101 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from analysis.cli.options import add_command
+from analysis.cli.options import add_command, add_products
+from analysis.status import stale_files, status_table
 from analysis.study.arrangement import wanted
 from analysis.study.beside import table_of
+from analysis.study.convergence import write_convergence
 from analysis.study.description import Study
 from analysis.study.measuring import of_case, of_quantities, of_seed, of_state
 from analysis.study.targets import Rules
 from analysis.study.whole import case_of, write_study
-from modal.cli.options import NewFolder
+from modal.cli.options import NewFile, NewFolder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
 
 def add(commands: Any) -> None:
-    """The commands' options."""
-    text = "one case of a study measured: its result, a JSON file, for `study`"
-    example = "result mine --study studies/friction_width.yaml -o mine.json"
-    result = add_command(commands, "result", text, example, _result)
-    result.add_argument("case", metavar="CASE", help="its name in the study, or of a state")
-    result.add_argument("file", nargs="*", metavar="FILE", help="its packing and waves, or a state")
-    result.add_argument("--products", default="products", metavar="DIR", help="folder to read")
-    kind = result.add_mutually_exclusive_group()
-    kind.add_argument("--state", action="store_true", help="FILE is a state that is no case")
-    kind.add_argument("--scatter", action="store_true", help="only numbers that show a scatter")
-    result.add_argument("-o", "--output", required=True, metavar="FILE", help="*.json")
-    text = "all results of a study: tables, figures, targets, one page; in seconds"
-    example = "study studies/friction_width.yaml --results products/results"
-    whole = add_command(commands, "study", text, example, _study)
-    whole.add_argument("study", metavar="YAML", help="the study")
-    whole.add_argument("--results", default="products/results", metavar="DIR", help="to read")
-    whole.add_argument("--case", metavar="NAME", help="print the table of one case, write nothing")
-    whole.add_argument(
-        "-o", "--output", type=NewFolder, default="products/study", metavar="DIR", help="write to"
+    """The command's options: of the whole, then of its stages."""
+    text = (
+        "all results of a study: tables, figures, targets, one page, in seconds; or one of its "
+        "stages; of a *.table what each setting of a compression changes"
     )
-    result.add_argument("--study", required=True, metavar="YAML", help="the study")
-
-
-def _result(options: argparse.Namespace) -> int:
-    study, output = Study(options.study), Path(options.output)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    files = [Path(text) for text in options.file]
-    if options.state:
-        of_state(options.case, files[0], output)
-        return 0
-    if options.case not in study.rows:
-        raise InputError(f"{options.case}: no case of {options.study}")
-    if options.scatter:
-        of_seed(options.case, Path(options.products), output)
-    elif quantities := study.settings["measure"]:
-        of_quantities(options.case, files, output, quantities)
-    else:
-        specs = study.settings["figures"] or study.part("figures")
-        figures = wanted(specs, study.cases.loc[[options.case]])
-        stated = Rules(study.cases, study.stated()).stated_of(options.case)
-        of_case(options.case, Path(options.products), output, figures, stated)
-    put(output)
-    return 0
+    example = "study studies/friction_width.yaml --results products/results"
+    study = add_command(commands, "study", text, example, _study)
+    study.add_argument("study", metavar="YAML", help="the study, or a *.table of settings")
+    study.add_argument("file", nargs="*", metavar="FILE", help="packing and waves to --measure")
+    study.add_argument("--results", default="products/results", metavar="DIR", help="to read")
+    study.add_argument(
+        *("-o", "--output"),
+        type=lambda text: NewFile(text) if text.endswith(".json") else NewFolder(text),
+        default=NewFolder("products/study"),
+        metavar="DIR",
+        help="folder to write to; with --measure the file, *.json",
+    )
+    add_products(study)
+    stage = study.add_mutually_exclusive_group()
+    stage.add_argument("--measure", metavar="NAME", help="write the result of a case, of a state")
+    stage.add_argument("--case", metavar="NAME", help="print the table of a case, write nothing")
+    stage.add_argument("--status", action="store_true", help="which products are there, or stale")
+    stage.add_argument("--stale", nargs="+", metavar="NAME", help="the stale files of cases alone")
+    text = "measure only numbers that show a scatter"
+    study.add_argument("--scatter", action="store_true", help=text)
 
 
 def _study(options: argparse.Namespace) -> int:
-    study, results, output = Study(options.study), Path(options.results), Path(options.output)
-    if not results.is_dir():
-        raise InputError(f"{results}: no such folder; give --results DIR")
-    if options.case:
+    results, output, products = map(Path, (options.results, options.output, options.products))
+    if options.study.endswith(".table"):
+        put("\n".join(map(str, write_convergence(Path(options.study), results, output))))
+        return 0
+    study = Study(options.study)
+    if options.measure:
+        _measure(study, options.measure, options)
+        put(output)
+        return 0
+    read = products if options.status or options.stale else results
+    if not read.is_dir():
+        raise InputError(f"{read}: no such folder; give --products or --results DIR")
+    if options.stale:
+        put(
+            "".join(f"{path}\n" for path in stale_files(products, study.rows, options.stale)),
+            end="",
+        )
+    elif options.status:
+        put(status_table(products, study.rows))
+    elif options.case:
         row, frame, rules = case_of(study, results, options.case)
         table = table_of(row, frame, rules)
         put(f"{table.title}\n{table.text()}")
         put("".join(f"note: {note}\n" for note in row.notes), end="")
-        return 0
-    try:
-        page, missing = write_study(
-            study, results, output, ["python", "-m", "analysis", *options.argv]
-        )
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
-    put(page)
-    return 3 if missing else 0
+    else:
+        command = ["python", "-m", "analysis", *options.argv]
+        try:
+            page, missing = write_study(study, results, output, command)
+        except OSError as error:
+            raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
+        put(page)
+        return 3 if missing else 0
+    return 0
+
+
+def _measure(study: Study, name: str, options: argparse.Namespace) -> None:
+    """The result of a case, or of a state, which is named as WALK_STRESSPa and is no case."""
+    output, products = Path(options.output), Path(options.products)
+    files = [Path(text) for text in options.file]
+    if not isinstance(options.output, NewFile):
+        raise InputError(f"-o {output}: a result is a file; name it *.json")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    if name.endswith("Pa") and len(files) == 1:
+        of_state(name, files[0], output)
+    elif name not in study.rows:
+        raise InputError(f"{name}: no case of {options.study}")
+    elif options.scatter:
+        of_seed(name, products, output)
+    elif quantities := study.settings["measure"]:
+        of_quantities(name, files, output, quantities)
+    else:
+        specs = study.settings["figures"] or study.part("figures")
+        figures = wanted(specs, study.cases.loc[[name]])
+        stated = Rules(study.cases, study.stated()).stated_of(name)
+        of_case(name, products, output, figures, stated)

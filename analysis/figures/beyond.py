@@ -86,7 +86,7 @@ def scattering(rows: list[Row]) -> Picture:
     """
     members = [row for row in rows if "ridge" in row.curves]
     if not members:
-        raise InputError("no case has a structure factor; run python -m analysis prepare CASE")
+        raise InputError("no case has a structure factor; keep one: measure FILE --keep DIR")
     common = _common_stress(members)
     title = f"{common / 1e3:g} kPa"
     axis = "frequency, $f D / V_P$"
@@ -117,7 +117,7 @@ def density_excess(rows: list[Row]) -> Picture:
     """Beyond the paper: density of states over f^2, and its size against coordination number."""
     members = [row for row in rows if np.isfinite(row.value("excess_at_a_tenth"))]
     if not members:
-        raise InputError("no case has a density of states; run python -m analysis prepare CASE")
+        raise InputError("no case has a density of states; keep one: measure FILE --keep DIR")
     height = Panel("", "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", yscale="log")
     place = Panel("", "frequency of its maximum over $f_{max}$", legend="outside")
     for _, group, style in styles(members):

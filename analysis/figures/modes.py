@@ -49,7 +49,7 @@ def natural_frequencies(cases: list[Measures]) -> Picture:
         panels += [left, right]
     if not panels:
         raise InputError(
-            "no case has all its modes or a density of states; run python -m analysis prepare CASE"
+            "no case has all its modes or a density of states; keep one: measure FILE --keep DIR"
         )
     return Picture(merged(panels), columns=2, shape=(10, 4))
 

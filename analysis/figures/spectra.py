@@ -137,5 +137,5 @@ def structure(cases: list[Measures]) -> Picture:
         narrow.add("hline", [0], [found.resolution / 2e3], None, "half a resolution", color="0.7")
         panels += [panel, narrow]
     if not panels:
-        raise InputError("no case has a structure factor; run python -m analysis prepare CASE")
+        raise InputError("no case has a structure factor; keep one: measure FILE --keep DIR")
     return Picture(panels, columns=2, shape=(11, 0.4 + 3.6 * len(panels) / 2))

@@ -60,13 +60,15 @@ def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
 
 
 def test_random_case_without_a_run(packing, tmp_path, capsys):
-    """`prepare` makes what is missing, once; figures need no YADE run."""
+    """`measure --keep` makes what is missing, once; figures need no YADE run."""
     write_network(tmp_path / "case06.network.h5", packing)
     folder = ["--products", str(tmp_path)]
-    assert main(["prepare", "6", *folder]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 3
-    assert main(["prepare", "6", *folder]) == 0
-    assert capsys.readouterr().out == ""
+    kept = ["measure", str(tmp_path / "case06.network.h5"), "--keep", str(tmp_path)]
+    made = []
+    for _ in range(2):
+        assert main([*kept, "--quantities", "gain", "excess_peak", "ioffe_regel"]) in (0, 3)
+        made.append({path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()})
+    assert made[0] == made[1] and len(made[0]) == 4
     for name in ("natural_frequencies", "structure", "gain", "signals", "dispersion"):
         assert main(["figure", name, "6", *folder, "-o", str(tmp_path)]) == 0
         assert (tmp_path / f"case06.{name}.png").is_file()

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 
 from analysis.__main__ import main
+from analysis.estimators.limit import limit
 from analysis.measurement import Measurement
-from analysis.packings.convergence import (
-    LADDERS,
+from analysis.study.convergence import (
+    QUANTITIES,
+    SWEEPS,
     limits_table,
     rows_of,
-    rungs,
     twins_table,
 )
-from analysis.packings.limit import limit
-from analysis.packings.seeds import QUANTITIES, Means, Seeds
 from analysis.value import Value
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
@@ -32,13 +31,13 @@ twin_yade yade - 500 6 - - 40
 half_step modal 0.1 1000 8 0.35 1e-3 40
 """
 NOISE = 0.05
-STEP = LADDERS[0].title
+STEP = SWEEPS[0].title
 
 
 @pytest.fixture
 def folder(tmp_path):
     """e is 0.6 + 0.1 fraction with noise; the twins draw from one distribution."""
-    (tmp_path / "table").write_text(TABLE)
+    (tmp_path / "own.table").write_text(TABLE)
     rng = np.random.default_rng(5)
     fractions = {"own": 0.7, "half_step": 0.35, "quarter_step": 0.175, "twin": 0, "twin_yade": 0}
     for name, fraction in fractions.items():
@@ -52,9 +51,7 @@ def folder(tmp_path):
 
 
 def read_rows(folder):
-    seeds = Seeds(folder / "table")
-    seeds.add_folder(folder)
-    return rows_of(seeds)
+    return rows_of(folder / "own.table", folder, folder / "none")[0]
 
 
 def test_mean_and_error_are_those_of_the_draw(folder):
@@ -66,11 +63,11 @@ def test_mean_and_error_are_those_of_the_draw(folder):
     assert abs(value - 0.67) < 4 * error
 
 
-def test_ladder_holds_the_rows_that_differ_in_one_setting(folder):
+def test_a_sweep_holds_the_rows_that_differ_in_one_setting(folder):
     rows = read_rows(folder)
-    found = rungs(LADDERS[0], rows, 0.4, 1e5)
+    found = SWEEPS[0].points(rows, 0.4, 1e5)
     assert [row.name for row in found] == ["quarter_step", "half_step", "own"]
-    assert rungs(LADDERS[0], rows, 0.1, 1e5) == []
+    assert SWEEPS[0].points(rows, 0.1, 1e5) == []
 
 
 def test_limit_of_a_line_is_exact_and_its_error_that_of_least_squares():
@@ -119,20 +116,9 @@ def test_tables_tell_the_limit_and_the_twins(folder):
     assert line[4] == "40, 40" and abs(float(line[-1])) < 4
 
 
-def test_means_of_earlier_seeds_join_as_if_each_were_known():
-    """Mean and standard error of all: the textbook's, from the numbers themselves."""
-    numbers = np.random.default_rng(3).normal(0.7, NOISE, 9)
-    for count in (0, 1, 5, 8, 9):
-        first, rest = numbers[:count], numbers[count:]
-        error = first.std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
-        known = {"e": (float(first.mean()), float(error))} if count else {}
-        found = Means(count, 0, known).joined("e", rest)
-        assert found == pytest.approx((numbers.mean(), numbers.std(ddof=1) / 3, 9), rel=1e-12)
-
-
 def convergence(folder, out, packings="."):
-    given = str(folder / packings), "--table", str(folder / "table"), "-o", str(out)
-    return main(["convergence", *given])
+    given = str(folder / "own.table"), "--results", str(folder / packings), "-o", str(out)
+    return main(["study", *given])
 
 
 def test_seeds_made_later_join_those_that_are_kept(folder):
@@ -174,10 +160,10 @@ def test_seeds_of_which_the_means_are_known_count(folder):
 def test_seeds_of_other_settings_are_refused(folder, capsys):
     assert convergence(folder, folder / "out") == 0
     changed = TABLE.replace("own modal 0.4 1000 8 0.7", "own modal 0.4 1000 8 0.6")
-    (folder / "table").write_text(changed)
+    (folder / "own.table").write_text(changed)
     assert convergence(folder, folder / "out") == 2
     assert "was made with modal 1000 8 0.7 1e-3, " in capsys.readouterr().err
-    (folder / "table").write_text(TABLE.replace("quarter_step", "fourth_step"))
+    (folder / "own.table").write_text(TABLE.replace("quarter_step", "fourth_step"))
     assert convergence(folder, folder / "out") == 2
     assert "has no row quarter_step of friction 0.4; remove" in capsys.readouterr().err
     (folder / "out" / "seeds.csv").write_text("setting,mu_comp\n")
@@ -199,12 +185,12 @@ def test_numbers_of_a_packing_are_those_of_its_contacts(tmp_path):
     sample = random_sample(150, 1e7, aspect=1.5, tolerance=1e-4)
     path = tmp_path / "own_mu0.4" / "1" / "100000Pa.json"
     path.parent.mkdir(parents=True)
-    (tmp_path / "table").write_text(TABLE)
+    (tmp_path / "own.table").write_text(TABLE)
     write_sample(tmp_path / "a.rest.sample.h5", replace(sample, study={"stress": 1e7}))
     asked = ["--quantities", *QUANTITIES.values(), "-o", str(path)]
     assert main(["measure", str(tmp_path / "a.rest.sample.h5"), *asked]) == 3  # too short for waves
     (row,) = read_rows(tmp_path)
-    found, contact = {name: values[0] for name, values in row.values.items()}, sample.contacts()
+    found, contact = row.seeds.iloc[0], sample.contacts()
     pairs, walls = (contact.particle_j >= 0).sum(), (contact.particle_j < 0).sum()
     assert found["Z"] == pytest.approx((2 * pairs + walls) / 150)
     # Hertz: forces go with the overlap to 3/2; those of walls are left out.

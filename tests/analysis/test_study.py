@@ -71,10 +71,11 @@ def made(tmp_path_factory):
     write_network(folder / "case06.network.h5", frictionless())
     (folder / "seed_2").mkdir()
     write_network(folder / "seed_2/case06.network.h5", random_network(150, 1e5, seed=4))
-    command = ["result", "--study", str(PAPER), "--products"]
+    command = ["study", str(PAPER), "--products"]
     for case in ("case02", "case03", "case06"):
-        assert main([*command, str(folder), case, "-o", str(results / f"{case}.json")]) == 0
-    seed = ["--scatter", "case06", "-o", str(results / "seed_2/case06.json")]
+        name = ["--measure", case, "-o", str(results / f"{case}.json")]
+        assert main([*command, str(folder), *name]) == 0
+    seed = ["--scatter", "--measure", "case06", "-o", str(results / "seed_2/case06.json")]
     assert main([*command, str(folder / "seed_2"), *seed]) == 0
     whole = ["study", str(PAPER), "--results", str(results), "-o", str(output)]
     assert main(whole) == 3  # cases are missing

@@ -30,11 +30,7 @@ class Limit:
     @property
     def error(self) -> float:
         """Its standard error."""
-        return float(np.sqrt(self._enlarged * self.covariance[0, 0]))
-
-    @property
-    def _enlarged(self) -> float:
-        return float(np.fmax(1.0, self.chi))
+        return float(np.sqrt(np.fmax(1.0, self.chi) * self.covariance[0, 0]))
 
     def distance(self, size: float, value: float, error: float) -> float:
         """How far one of the points lies from the limit, in standard errors of the difference.
@@ -43,23 +39,18 @@ class Limit:
         covariance is that of the line's values at 0 and at `size`.
         """
         shared = self.covariance[0] @ [1.0, size]
-        variance = error**2 + self.covariance[0, 0] - 2 * shared
-        if not variance > 0:
-            return np.nan
-        return float((value - self.value) / np.sqrt(self._enlarged * variance))
-
-
-NOWHERE = Limit(np.full(2, np.nan), np.full((2, 2), np.nan), np.nan)
+        variance = np.fmax(1.0, self.chi) * (error**2 + self.covariance[0, 0] - 2 * shared)
+        return float((value - self.value) / np.sqrt(variance)) if variance > 0 else np.nan
 
 
 def limit(size: Floats, value: Floats, error: Floats) -> Limit:
     """The line through means `value` (n,) at `size` (n,), which have standard errors `error` (n,).
 
-    Points without an error do not count; `NOWHERE` from fewer than two.
+    Points without an error do not count; NaN from fewer than two.
     """
     known = np.isfinite(value) & np.isfinite(error) & (error > 0)
     if known.sum() < 2:
-        return NOWHERE
+        return Limit(np.full(2, np.nan), np.full((2, 2), np.nan), np.nan)
     matrix = np.stack([np.ones(known.sum()), size[known]], axis=1) / error[known, None]
     target = value[known] / error[known]
     covariance: Floats = np.linalg.inv(matrix.T @ matrix).astype(float)
