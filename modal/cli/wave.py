@@ -18,7 +18,7 @@ from modal.tools.errors import InputError
 from modal.waves.nonlinear import ACCURACY, propagate_nonlinear
 from modal.waves.propagate import propagate
 from modal.waves.recording import COMPONENT
-from modal.waves.signals import read_signals, write_signals
+from modal.waves.signals import Signals, read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
 from modal.waves.sources import Plane, Point, Source, Wall
 
@@ -35,8 +35,8 @@ USUAL = {
 }
 """Those options where nothing is said; without a usual value they must be given."""
 LINEAR = {
-    **{"pre_stress": "none", "sliding": "elastic", "damping": None, "plane": None},
-    **{"point": None, "tolerance": 1e-9, "whole": False},
+    **{"pre_stress": "none", "sliding": "elastic", "damping": None, "tolerance": 1e-9},
+    **{"whole": False},
 }
 """The same of options that a wave has none of whose contacts follow their law."""
 NOISY = 0.01
@@ -137,16 +137,22 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
                 "velocities, low-pass frequency, attenuation: python -m analysis measure "
                 f"{options.network} {options.output}"
             )
+    return _recorded(signals, 6 * network.n_particles) | {
+        "products_with_k": wave.products,
+        **accuracy,
+    }
+
+
+def _recorded(signals: Signals, freedom: int) -> dict[str, Any]:
+    """What any wave tells of its record."""
     moved = signals.chain_displacement
     if not moved.size and signals.layer_displacement is not None:
         moved = signals.layer_displacement
     return {
         "particles_of_the_chain": len(signals.chain_particle),
         "times": len(signals.time),
-        "products_with_k": wave.products,
-        **accuracy,
         "largest_displacement_m": float(abs(moved).max()),
-        "degrees_of_freedom": 6 * network.n_particles,
+        "degrees_of_freedom": freedom,
     }
 
 
@@ -163,6 +169,7 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
     sample = read_sample(options.network)
     wave = propagate_nonlinear(
         sample,
+        source=asked_of(options)["source"],
         motion=_motion(options),
         accuracy=ACCURACY if options.accuracy is None else options.accuracy,
         network_sha256=sha256(options.network),
@@ -181,17 +188,13 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
             f"without a wave the sample moves by {wave.noise:.1g} of the wave's motion; bring it "
             "to rest (modal relax)"
         )
-    return {
-        "particles_of_the_chain": len(signals.chain_particle),
-        "times": len(signals.time),
+    return _recorded(signals, 6 * len(sample.position)) | {
         "steps": wave.steps,
         "time_step_s": signals.time_step,
         "time_step_error": wave.error,
         "noise": wave.noise,
-        "largest_displacement_m": float(abs(signals.chain_displacement).max()),
         "contacts_slid": int((wave.dissipated > 0).sum()),
         "contacts_opened": int(wave.opened.sum()),
         "energy_gap": balance.gap if balance else math.nan,
         "dissipated_share": float(wave.energy[-1, 3] / wave.energy[:, 0].max()),
-        "degrees_of_freedom": 6 * len(sample.position),
     }

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.dem.forces import TOTALS, WITHOUT_HISTORY, forces_by_loop
+from modal.dem.forces import TOTALS, UPRIGHT, WITHOUT_HISTORY, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, near_enough, still_complete
 from modal.packing.sample import Sample
 from modal.tools.slabs import slabs_of
@@ -73,7 +73,7 @@ class CentralForces:
             position,
             self._near.ends,
             self._near.shift,
-            lengths,
+            np.append(lengths, UPRIGHT),
             np.array([0.0, lengths[2]]),
             self.radius,
             self._laws,

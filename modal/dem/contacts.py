@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.dem.forces import TOTALS, forces_by_loop
+from modal.dem.forces import TOTALS, UPRIGHT, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, near_enough
 from modal.packing.neighbours import tangents
 from modal.packing.sample import Sample
@@ -19,7 +19,7 @@ from modal.tools.slabs import slabs_of
 SKIN = 0.02
 """Reach of the list of pairs beyond touch, diameters of the largest sphere: it holds while no
 sphere has gone by half."""
-STILL = np.zeros((2, 3))
+STILL = np.zeros((3, 3))
 """Change of a cell whose periods and walls rest, m."""
 
 
@@ -49,9 +49,10 @@ class MovingContacts:
     forces. `work` (m, 2), J, is what shear forces have stored and slip has dissipated so far, see
     `modal.dem.forces`; nothing of that is noted unless `books` are kept.
     position (n, 3), m, is not brought back into the cell; side (2,) and walls (2,), m, may be
-    strained in place; `whole` cells are periodic along z too, between the `walls`; largest,
-    smallest, m, of the radii. `friction` limits the shear forces, the sample's own by default;
-    `skin` is the reach of the list, diameters.
+    strained in place; `whole` cells are periodic along z too, between the `walls`, with a period
+    that leans by `lean` (2,), m, along x and y; largest, smallest, m, of the radii. `friction`
+    limits the shear forces, the sample's own by default; `skin` is the reach of the list,
+    diameters.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class MovingContacts:
         self._sample, self.friction = sample, sample.friction if friction is None else friction
         self.side = np.array(sample.side, float)
         self.walls, self.whole = np.array(sample.walls, float), sample.periodic_z
+        self.lean = UPRIGHT
         self.skin = skin
         self._laws = sample.laws
         self._radius = np.full(n, sample.sizes)
@@ -139,15 +141,15 @@ class MovingContacts:
     def touch(self, velocity: np.ndarray, dt: float, change: np.ndarray = STILL) -> None:
         """Forces at the present positions, where `velocity` (n, 6) has led in `dt`, s.
 
-        `change` (2, 3), m, is what the periods have gained by the same step, and the way that the
-        source wall has gone.
+        `change` (3, 3), m, is what the periods have gained by the same step, the way that the
+        source wall has gone, and what the lean of the period along z has gained.
         """
         totals = forces_by_loop(
             self._slabs,
             self.position,
             self._ends,
             self._shift,
-            self.lengths,
+            np.append(self.lengths, self.lean),
             self.walls,
             self._radius,
             self._laws,

@@ -7,8 +7,9 @@ cuts it at the friction limit. With Hertz and Mindlin it is the law of YADE term
 `modal.system.contacts` with finite increments. Without friction there is no history.
 
 `radius` (n,) is that of each sphere, m; `laws` are that of two spheres and that of a sphere and a
-wall (`modal.packing.contact_models`), by whose class a loop is compiled. `change` (2, 3), m, is
-what the periods have gained in the step, and what the source wall has moved by. The lever arms of a
+wall (`modal.packing.contact_models`), by whose class a loop is compiled. `side` (5,), m, are the
+periods, and how far the one along z leans along x and y; `change` (3, 3), m, is what these have
+gained in the step, and in its second row what the source wall has moved by. The lever arms of a
 contact end in the middle of its overlap; of equal spheres they are equal, and what makes them
 differ adds zeros.
 
@@ -49,7 +50,9 @@ TOTALS = (
     *("source x", "source y", "source z", "receiver x", "receiver y", "receiver z"),
 )
 """What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m, and
-the forces on both walls, N."""
+the forces on both walls, N; of a cell without walls the first is that across its period along z."""
+UPRIGHT = np.zeros(2)
+"""Lean of a period along z that stands upright, m."""
 WITHOUT_HISTORY = None, None, None, None, None, None, None
 """In place of motion, time step, change of the sides, friction, normals, shear forces and their
 work: numba then compiles a loop of the normal forces alone."""
@@ -124,8 +127,8 @@ def _forces_of_slab(
         size = radius[i]
         if j >= 0:
             a, b, up = shift[c, 0], shift[c, 1], shift[c, 2]
-            bx = position[j, 0] - position[i, 0] + a * side[0]
-            by = position[j, 1] - position[i, 1] + b * side[1]
+            bx = position[j, 0] - position[i, 0] + a * side[0] + up * side[3]
+            by = position[j, 1] - position[i, 1] + b * side[1] + up * side[4]
             bz = position[j, 2] - position[i, 2] + up * side[2]
             square = bx * bx + by * by + bz * bz
             reach = size + radius[j]
@@ -161,7 +164,8 @@ def _forces_of_slab(
                 apart = plus(apart, 1.0, (motion[j, 0], motion[j, 1], motion[j, 2]))
                 second = motion[j, 3], motion[j, 4], motion[j, 5]
                 turning = plus(turning, 1.0, second)
-            gained = a * change[0, 0], b * change[0, 1], up * change[0, 2]
+            gained = a * change[0, 0] + up * change[2, 0], b * change[0, 1] + up * change[2, 1]
+            gained = gained[0], gained[1], up * change[0, 2]
             if j == SOURCE_WALL:
                 gained = change[1, 0], change[1, 1], change[1, 2]
             slip = increment(n, lever, longer, apart, turning, second, dt, gained)
@@ -198,6 +202,8 @@ def _forces_of_slab(
             load[j, 0] -= fx
             load[j, 1] -= fy
             load[j, 2] -= fz
+            if up != 0:
+                at_source = plus(at_source, 1.0 * up, (fx, fy, fz))
         elif j == SOURCE_WALL:
             at_source = plus(at_source, -1.0, (fx, fy, fz))
         else:
@@ -246,7 +252,8 @@ def forces_by_arrays(
     count = len(position)
     i, j = ends.T
     pair = j >= 0
-    branch = position[j] - position[i] + shift * side
+    branch = position[j] - position[i] + shift * side[:3]
+    branch[:, :2] += shift[:, 2:] * side[3:]
     face = walls[np.where(j == SOURCE_WALL, 0, 1)] - position[i, 2]
     branch[~pair] = np.column_stack([0 * face, 0 * face, face])[~pair]
     # A sphere beyond a wall is pushed back: its distance is negative.
@@ -267,7 +274,7 @@ def forces_by_arrays(
         lever, second = radius[i] - overlap / 2, np.where(pair, motion[j].T, 0.0)
         longer = np.where(pair, radius[j] - radius[i], 0.0)
         apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
-        gained = np.where(pair, (shift[near] * change[0]).T, 0.0)
+        gained = np.where(pair, (shift[near] * change[0] + shift[near, 2:] * change[2]).T, 0.0)
         gained[:, j == SOURCE_WALL] = change[1][:, None]
         slip = increment(n, lever, longer, apart, turning, second[3:], dt, gained)
         old = turned(shear[near].T, normal[near].T, n, turning, dt)
@@ -297,6 +304,7 @@ def forces_by_arrays(
     virial = -(distance * force * n).sum(axis=1)
     energy = law.elastic_energy(overlap, effective).sum()
     walls_hold = [-force[:, j == code].sum(axis=1) for code in (SOURCE_WALL, RECEIVER_WALL)]
+    walls_hold[0] = walls_hold[0] + (force * np.where(pair, shift[near, 2], 0)).sum(axis=1)
     sums = pressed.sum(), contact, len(near), slid, *virial, energy, kn.sum()
     return np.array([*sums, *np.concatenate(walls_hold)])
 

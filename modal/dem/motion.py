@@ -97,7 +97,9 @@ class Dynamics:
 
     contacts: see `MovingContacts`; velocity (n, 6), m/s and rad/s; rates (3,), 1/s, of the cell;
     damping, the share of each force that local damping takes; masses (n, 2), kg and kg m^2. `step`
-    takes the time step, s; `books` as of `MovingContacts`.
+    takes the time step, s; `books` as of `MovingContacts`. Of a source of waves: `carried`, the
+    numbers of spheres that the source wall takes along, so that a plane opens between these and all
+    others; `push` (n, 6), N and N m, pushes spheres, or is None.
     """
 
     def __init__(
@@ -105,7 +107,7 @@ class Dynamics:
     ) -> None:
         self.contacts = MovingContacts(sample, skin=skin, stiffness=False, books=books)
         self._source_at, self._source_step, self._source_way = np.zeros(3), np.zeros(3), 0.0
-        self._bare = sample
+        self._bare, self.carried, self.push = sample, np.zeros(0, int), None
         n = len(sample.position)
         self.velocity, self.damping = np.zeros((n, 6)), damping
         if sample.velocity is not None:
@@ -121,16 +123,36 @@ class Dynamics:
     def place_source(self, displacement: Floats) -> None:
         """Put the source wall of a cell at rest `displacement` (3,), m, off its place at the start.
 
-        It slides along x and y; the next step finds the forces of it where it is.
+        It slides along x and y, and takes along the `carried` spheres; in a cell without walls it
+        is the end of the period along z. The next step finds the forces of it where it is.
         """
+        contacts = self.contacts
         self._source_step = displacement - self._source_at
         self._source_at = displacement
-        self.contacts.walls[0] = self._bare.walls[0] + displacement[2]
-        self._source_way += abs(float(self._source_step[2]))
+        contacts.walls[0] = self._bare.walls[0] + displacement[2]
+        contacts.position[self.carried] += self._source_step
+        if contacts.whole:
+            contacts.lean = -displacement[:2]
+        way = abs(self._source_step)
+        self._source_way += float(way.max() if len(self.carried) else way[2])
+
+    def displacement(self) -> Floats:
+        """Shape (n, 3), m: how far the spheres have moved by themselves, not carried along."""
+        moved: Floats = self.contacts.position - self._bare.position
+        moved[self.carried] -= self._source_at
+        return moved
+
+    def held(self) -> Floats:
+        """Shape (3,), N: what holds the source at its place, of the forces found last."""
+        contacts = self.contacts
+        total: Floats = -contacts.on_walls[0] - contacts.load[self.carried, :3].sum(axis=0)
+        return total
 
     def step(self, dt: float, control: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
         """One step; `control` gives the strain rates (3,), 1/s, for the stresses (3,), Pa."""
         self.find_forces(dt)
+        if self.push is not None:
+            self.contacts.load += self.push
         rates = self.rates if control is None else np.asarray(control(self.stress()), float)
         contacts, radius = self.contacts, self._bare.radius
         faces = 0.0 if contacts.whole else np.array([radius, -radius])
@@ -169,12 +191,20 @@ class Dynamics:
             contacts.seek()
             self._note_sought()
         self._age += 1
-        gained = contacts.lengths * (1 - 1 / (1 + dt * self.rates))
-        contacts.touch(self.velocity, dt, np.array([gained, self._source_step]))
+        gained, lean = contacts.lengths * (1 - 1 / (1 + dt * self.rates)), np.zeros(3)
+        if contacts.whole:
+            gained[2] -= self._source_step[2]
+            lean[:2] = -self._source_step[:2]
+        velocity = self.velocity
+        if len(self.carried) and dt:
+            velocity = velocity.copy()
+            velocity[self.carried, :3] += self._source_step / dt
+        contacts.touch(velocity, dt, np.array([gained, self._source_step, lean]))
 
     def _note_sought(self) -> None:
         self._age, self._far = 0, False
-        self._moved = self._source_way = 0.0
+        # A list is sought with a period that stands upright.
+        self._moved = self._source_way = float(abs(self.contacts.lean).max())
         self._sought_at: Floats = self.contacts.position.copy()
         self._stretch[:] = 1.0
 

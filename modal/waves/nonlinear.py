@@ -1,13 +1,16 @@
 """The wave at finite amplitude: contacts that follow their law, slide, open and close.
 
 The spheres of a sample move in the leapfrog steps of `modal.dem`. State k is at time k dt: forces
-of the positions x_k and of the source wall at d(k dt), velocities half a step ahead, as in YADE and
+of the positions x_k and of the source at d(k dt), velocities half a step ahead, as in YADE and
 in `modal.waves.leapfrog`. The step follows from the error that it makes: the scheme is of second
 order, so two runs whose steps differ by a factor r tell the error of the finer one, their
 difference over r^2 - 1. Where contacts slide or open the order may be lower; then the last
 difference is all that is known, and it is told.
 
-The energy is booked: what the source wall has given is kinetic, or stored in contacts, or
+Sources are those of the linear wave: the source wall, a plane between spheres that opens, a sphere
+that a force pushes or a torque turns. Walls and planes do not twist: a sample has periods sideways.
+
+The energy is booked: what the source has given is kinetic, or stored in contacts, or
 dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and works
 by the trapezoidal rule, leapfrog keeps that sum but for the change of stiffness within a step.
 """
@@ -32,9 +35,10 @@ from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.receivers import Receivers
-from modal.waves.recording import DIRECTIONS
+from modal.waves.recording import COMPONENT
 from modal.waves.signals import Signals, record_times
 from modal.waves.source import Motion, Pulse
+from modal.waves.sources import Plane, Source, Wall
 
 ACCURACY = 1e-3
 """Error of the time step, over the largest displacement recorded, where no other is asked for."""
@@ -57,7 +61,7 @@ class NonlinearWave:
     `signals` as of the linear wave, with the energy balance; `steps` of the last run; `error`: that
     of its time step, over the largest displacement recorded (NaN where the step was given);
     `noise`: largest displacement without any motion of the wall, over the same. `energy` (nt, 4),
-    J, at the times of the signals: work of the source wall, kinetic energy, what the contacts have
+    J, at the times of the signals: work of the source, kinetic energy, what the contacts have
     stored beyond the state at rest, what slip has dissipated. Of each contact of the sample's
     network (m,): `dissipated` by its slip, J, and whether it was seen `opened`.
     """
@@ -83,8 +87,8 @@ class NonlinearWave:
 class _Run:
     """What one run has recorded.
 
-    Displacements (nt, count), m, of the chain, of layers and, where asked, of all; wall forces
-    (nt, 2), N; and the rest as in `NonlinearWave`.
+    Displacements (nt, count), m, of the chain, of layers and, where asked, of all; what holds the
+    source and what pushes the receiver wall (nt, 2), N; and the rest as in `NonlinearWave`.
     """
 
     moved: Floats
@@ -99,6 +103,7 @@ def propagate_nonlinear(
     sample: Sample | Network,
     duration: float,
     *,
+    source: Source | None = None,
     motion: Motion | None = None,
     interval: float = 1e-6,
     accuracy: float = ACCURACY,
@@ -108,12 +113,12 @@ def propagate_nonlinear(
     direction: str = "z",
     network_sha256: str = "",
 ) -> NonlinearWave:
-    """The wave that a motion of the source wall, of any size, sends through a sample at rest.
+    """The wave that a motion of the source, of any size, sends through a sample at rest.
 
     Displacements are off by `accuracy` of the largest recorded one, or `time_step`, s, is taken as
     it is. `friction` is the sample's own; of a network, which has none, it must be given. Other
-    arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
-    quite at rest is told, not taken off.
+    arguments, and what is recorded, as of `modal.propagate` (of torsion no torque on a wall). The
+    noise of a sample that is not quite at rest is told, not taken off.
 
     >>> import modal
     >>> net = modal.fcc(cells=(1, 1, 20))
@@ -121,16 +126,15 @@ def propagate_nonlinear(
     >>> wave.signals.balance is None or wave.signals.balance.kept
     True
     """
-    if direction not in DIRECTIONS:
-        raise InputError(f"direction {direction!r}: choose x, y or z")
     if not (0 < interval <= duration < np.inf and 0 < accuracy < 1):
         raise InputError(
             "duration and interval must be positive, the interval no longer than the duration, "
             "the accuracy between 0 and 1"
         )
     wave = _Wave(
-        _at_rest(sample, friction), duration, interval, motion or Pulse(), direction, particles
-    )
+        _at_rest(sample, friction), duration, interval, source or Wall(), motion or Pulse(),
+        direction, particles,
+    )  # fmt: skip
     if time_step is not None:
         if not 0 < time_step < wave.limit:
             raise InputError(
@@ -162,8 +166,6 @@ def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
                 "a network has no friction, which says when its contacts slide: give friction"
             )
         return sample_of_network(sample, friction)
-    if sample.periodic_z:
-        raise InputError("a cell periodic along z has no wall that sends a wave; take walls")
     if sample.velocity is not None and sample.velocity.any():
         raise InputError("the sample is on its way; bring it to rest first (modal relax)")
     if friction is not None:
@@ -172,7 +174,7 @@ def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
 
 
 class _Wave:
-    """A sample, the motion of its source wall, and the runs in steps of any length.
+    """A sample, its source and the motion of that, and the runs in steps of any length.
 
     `limit`, s, is the longest stable step of the springs at rest.
     """
@@ -182,15 +184,22 @@ class _Wave:
         sample: Sample,
         duration: float,
         interval: float,
+        source: Source,
         motion: Motion,
         direction: str,
         particles: bool,
     ) -> None:
         self.sample, self.network = sample, sample.network()
-        self.motion, self.direction, self.interval = motion, direction, interval
-        self.axis = DIRECTIONS.index(direction)
+        self.source, self.motion, self.interval = source, motion, interval
         self.time = record_times(duration, interval)
         self.receivers = Receivers(self.network, direction, particles=particles)
+        self.component = COMPONENT[direction]
+        self.moves = source.imposed(self.network, direction) is not None
+        if self.moves and not isinstance(source, Wall | Plane):
+            raise InputError(
+                f"the non-linear wave does not know how a {source.name} moves contacts"
+            )
+        self.load = source.load(self.network, direction).reshape(-1, 6)
         self._operator = ContactOperator(self.network, mass_scaled=True)
         top, _ = bound_of_spectrum(self._operator)
         self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
@@ -219,11 +228,10 @@ class _Wave:
         )
 
     def run(self, every: int, *, driven: bool = True) -> _Run:
-        """One run of `every` steps from record to record; at rest the wall where not `driven`."""
-        started, sample, nt = clock.perf_counter(), self.sample, len(self.time)
-        axis = self.axis
+        """One run of `every` steps from record to record; at rest the source where not `driven`."""
+        started, nt, along = clock.perf_counter(), len(self.time), self.component
         dt, steps = self.interval / every, every * (nt - 1)
-        rows = self.receivers.rows[:, axis::6].tocsr()  # of displacements along the direction alone
+        rows = self.receivers.rows[:, along::6].tocsr()  # of what moves along the direction alone
         count = rows.shape[0]
         refuse_endless(
             f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
@@ -232,12 +240,14 @@ class _Wave:
             bytes_needed=8 * (3 * nt * count + steps),
             remedy="take a shorter duration or a larger accuracy",
         )
-        moving = Dynamics(sample, books=True)
+        moving = Dynamics(self.sample, books=True)
         contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
-        start = sample.position[:, axis]
+        if isinstance(self.source, Plane):
+            moving.carried = np.flatnonzero(self.sample.position[:, 2] < self.source.height)
+        turned = np.zeros(len(inertia))
         contact_count, look = self.network.n_contacts, max(1, nt // LOOKS)
-        wall = self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
-        wall = wall if driven else np.zeros(steps + 1)
+        given = self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
+        given = given if driven else np.zeros(steps + 1)
         run = _Run(
             np.empty((nt, count)), np.empty((nt, 2)), np.empty((nt, 4)), np.zeros(contact_count),
             np.zeros(contact_count, bool), 0.0,
@@ -246,22 +256,30 @@ class _Wave:
         for k in progress(steps + 1, "wave" if driven else "noise"):
             row, recorded = k // every, k % every == 0
             if recorded:
-                run.moved[row] = rows @ (contacts.position[:, axis] - start)
+                run.moved[row] = rows @ (turned if along > 2 else moving.displacement()[:, along])
                 before = moving.velocity.copy()
-            moving.place_source(wall[k] * np.eye(3)[axis])
-            moving.step(dt)
-            # Minus the force that the wall feels is what it exerts: its work is the mean of both
-            # ends of a step, as that of the forces between spheres is.
-            now = -float(contacts.on_walls[0, axis])
-            if k:
-                work += 0.5 * (force + now) * (wall[k] - wall[k - 1])
-            force = now
+            # Works are those of the mean force of both ends of a step, as between spheres.
+            if self.moves:
+                moving.place_source(given[k] * np.eye(3)[along])
+                moving.step(dt)
+                now = float(moving.held()[along])
+                work += 0.5 * (force + now) * (given[k] - given[k - 1]) if k else 0.0
+                force = now
+            else:
+                if k:
+                    way = dt * float((self.load * moving.velocity).sum())
+                    work += 0.5 * (given[k - 1] + given[k]) * way
+                moving.push = given[k] * self.load
+                moving.step(dt)
+            if along > 2:
+                turned += dt * moving.velocity[:, along]
             if recorded:
                 stored = contacts.elastic_energy + float(contacts.work[:, 0].sum())
                 rest = rest if k else stored
                 kinetic = 0.5 * float((inertia * before * moving.velocity).sum())
                 run.energy[row] = work, kinetic, stored - rest, contacts.slipped
-                run.on_walls[row] = contacts.on_walls[:, axis]
+                beyond = contacts.on_walls[1, along] if along < 3 else math.nan
+                run.on_walls[row] = force, beyond
                 if row % look == 0 or k == steps:
                     closed = np.zeros(contact_count, bool)
                     closed[contacts.kept()[0]] = True
@@ -274,16 +292,17 @@ class _Wave:
 
     def signals(self, run: _Run, every: int, network_sha256: str) -> Signals:
         """The run in the form of the linear wave."""
-        area = self.network.area
-        static, sign = run.on_walls[0], np.array([-1.0, 1.0])
-        stress = sign * (run.on_walls - static) / area
+        stress, none = (run.on_walls - run.on_walls[0]) / self.network.area, np.empty(0)
+        beyond = self.receivers.walls and self.component < 3
         dt = self.interval / every
         return self.receivers.signals(
             self.time,
             run.moved,
             self.motion,
-            source_stress=stress[:, 0],
-            receiver_stress=stress[:, 1],
+            source=self.source.name,
+            source_height=self.source.height_in(self.network),
+            source_stress=stress[:, 0] if self.moves else none,
+            receiver_stress=stress[:, 1] if beyond else none,
             producer="nonlinear",
             time_step=dt,
             run_time=run.seconds,
@@ -299,7 +318,9 @@ class _Wave:
         work, kinetic, stored, lost = run.energy.T
         held = kinetic + stored
         slid = int((run.dissipated > 0).sum())
-        bound = drift_limit(self.network, dt / self.limit, self.motion.amplitude, held[quiet])
+        # A force bends contacts by what nobody knows beforehand: any share of them.
+        size = self.motion.amplitude if self.moves else math.inf
+        bound = drift_limit(self.network, dt / self.limit, size, held[quiet])
         return EnergyBalance(
             energy=float(held[quiet]),
             drift=float(held[-1] / held[quiet] - 1),

@@ -129,7 +129,7 @@ def propagate(
     own = {name: value for name, value in own.items() if value is not None}
     linear = {"tolerance": tolerance != 1e-9, "pre_stress": pre_stress != "none", "whole": whole}
     linear |= {"sliding": sliding != "elastic", "damping": damping is not None}
-    linear |= {"source": source is not None, "integrator": integrator is not None}
+    linear |= {"integrator": integrator is not None}
     for name in (name for name, given in linear.items() if given) if nonlinear else own:
         kind = "linear" if nonlinear else "non-linear"
         raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
@@ -137,6 +137,7 @@ def propagate(
         return propagate_nonlinear(
             network,
             duration,
+            source=source,
             motion=motion,
             interval=interval,
             particles=particles,

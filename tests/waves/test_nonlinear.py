@@ -14,11 +14,14 @@ from scipy.integrate import solve_ivp
 import modal
 from modal.__main__ import main
 from modal.packing import crystal as gallery
-from modal.packing.sample import read_sample, write_sample
+from modal.packing.contact_law import RADIUS
+from modal.packing.rattlers import force_bearing
+from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.preparation.relax import relax
 from modal.tools.errors import InputError
 from modal.waves.signals import read_signals
 from modal.waves.source import Pulse, step
+from modal.waves.sources import Plane, Point, Wall
 
 DURATION = 8e-4
 """In which a wave crosses the column of forty spheres, s, and comes back."""
@@ -88,19 +91,70 @@ def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
     assert balance.kept and abs(balance.gap) < 1e-5 and balance.slid == balance.opened == 0
 
 
-@pytest.mark.parametrize("direction", ["z", "x"])
-def test_small_waves_are_the_linear_wave(rested, direction):
-    """The difference from the full tangent shrinks in proportion to the amplitude."""
+@pytest.fixture(scope="module")
+def endless():
+    """150 spheres at rest in a cell without walls."""
+    sample, balance = relax(sample_of_network(modal.random_packing(150, periodic=True), 0.3))
+    assert balance.at_rest and sample.periodic_z
+    return sample
+
+
+@pytest.mark.parametrize(
+    ("walls", "source", "direction"),
+    [
+        *((True, "wall", direction) for direction in "zx"),
+        *((True, "plane", direction) for direction in "zx"),
+        *((True, "point", direction) for direction in ("z", "y", "torsion")),
+        *((False, "plane", direction) for direction in "zxy"),
+        *((False, "point", direction) for direction in ("x", "torsion")),
+    ],
+)
+def test_small_waves_are_the_linear_wave(rested, endless, walls, source, direction):
+    """The difference from the full tangent shrinks in proportion to the amplitude.
+
+    The larger one is 4e-3 of an overlap, without walls, where looser contacts are, 4e-4; a sphere
+    is pushed so that it moves about as far. Of all spheres that bear force.
+    """
+    sample = rested if walls else endless
+    network = sample.network()
+    bearing, kn = force_bearing(network), network.stiffness_normal.mean()
+    # A torque of kn D size / 5 turns a sphere by some size / R.
+    size = {"torsion": kn * RADIUS}.get(direction, 10 * kn) if source == "point" else 1.0
+    of = {"wall": Wall(), "plane": Plane(sample.walls.mean()), "point": Point(70)}[source]
     differences = []
-    for amplitude in (2e-9, 2e-10):
-        options = {"motion": Pulse(amplitude, 1e5), "direction": direction}
-        wave = modal.propagate(rested, 1e-4, nonlinear=True, time_step=1e-8, **options).signals
-        linear = modal.propagate(rested, 1e-4, pre_stress="full", **options).signals
-        names = ("chain_displacement", "layer_displacement", "source_stress", "receiver_stress")
-        differences.append([off(getattr(wave, name), getattr(linear, name)) for name in names])
-    assert (np.array(differences[0]) < 1e-2).all()
+    near = not walls and direction != "torsion"
+    for amplitude in (1e-10, 1e-11) if near else (1e-9, 1e-10):
+        options = {"motion": Pulse(amplitude * size, 1e5), "direction": direction, "source": of}
+        options["particles"] = True
+        pair = [
+            modal.propagate(sample, 5e-5, **options, **more).signals
+            for more in ({"nonlinear": True, "time_step": 1e-8}, {"pre_stress": "full"})
+        ]
+        names = ["layer_displacement"] + ["source_stress"] * (source != "point")
+        names += ["receiver_stress"] * (walls and direction != "torsion")
+        found = [off(*(getattr(wave, name) for wave in pair)) for name in names]
+        found.append(off(*(wave.particle_displacement[:, bearing] for wave in pair)))
+        differences.append(found)
+    assert (np.array(differences[0]) < 2e-2).all()
     # What is left of a tenth is the error of the time step, 2e-5 of these waves.
     assert (np.array(differences[1]) < 0.12 * np.array(differences[0]) + 5e-5).all()
+
+
+@pytest.mark.parametrize("source", ["plane z", "plane x", "point z", "point torsion"])
+def test_energy_adds_up_whatever_sends_it(endless, source):
+    """Of a third of an overlap, with slip and opening, in a cell without walls."""
+    kind, direction = source.split()
+    size = 2.5e-7
+    if kind == "point":
+        size *= 20 * endless.network().stiffness_normal.mean()
+        size *= RADIUS if direction == "torsion" else 1
+    wave = modal.propagate(
+        endless, 5e-5, nonlinear=True, motion=Pulse(size, 1e5), direction=direction, time_step=1e-8,
+        source=Plane(endless.walls.mean()) if kind == "plane" else Point(70),
+    )  # fmt: skip
+    work, kinetic, stored, lost = wave.energy.T
+    assert lost[-1] > 1e-3 * work.max()
+    assert abs(kinetic + stored + lost - work).max() < 1e-3 * abs(work).max()
 
 
 def test_crystal_one_sphere_wide_is_the_wider_one():
@@ -184,15 +238,20 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
     sample, out = str(tmp_path / "rested.sample.h5"), str(tmp_path / "wave.signals.h5")
     write_sample(sample, rested)
     words = f"wave {sample} --nonlinear --amplitude 1e-8 --duration 5e-5 --direction x -o {out}"
+    words += f" --plane {rested.walls.mean()}"
     assert main([*words.split(), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    signals = read_signals(out)
-    assert signals.direction == "x" and len(signals.time) == said["times"] == 51
+    signals = read_signals(out, of_any_source=True)
+    assert (
+        signals.direction == "x"
+        and signals.source.startswith("plane")
+        and len(signals.time) == said["times"] == 51
+    )
     assert signals.balance.kept and abs(said["energy_gap"]) < 1e-3
     assert said["time_step_error"] < 1e-3
 
 
-def test_what_is_no_sample_at_rest_is_refused(rested, column):
+def test_what_is_no_sample_at_rest_is_refused(rested, column, endless):
     moving = replace(rested, velocity=np.ones_like(rested.position))
     for sample, options, reason in (
         (moving, {}, "on its way"),
@@ -200,6 +259,8 @@ def test_what_is_no_sample_at_rest_is_refused(rested, column):
         (rested, {"friction": 0.3}, "its own friction"),
         (rested, {"time_step": 1e-5}, "stable up to"),
         (rested, {"pre_stress": "full"}, "of the linear wave"),
+        (rested, {"direction": "torsion"}, "cannot be twisted"),
+        (endless, {}, "no wall sends a wave"),
     ):
         with pytest.raises(InputError, match=reason):
             modal.propagate(sample, 1e-5, nonlinear=True, **options)
