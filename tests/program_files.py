@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import packings
 
 from modal.__main__ import main
-from modal.packing.network import Network
+from modal.packing.network import Network, read_network
 
 PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
 """Young's modulus and Poisson's ratio of `packings.polydisperse`."""
@@ -101,15 +104,6 @@ def packing(periodic_z: bool, n: int = 60) -> Network:
     return packings.polydisperse(periodic_z, n=n)
 
 
-def respelt(path: Path, line: int, column: int, text: str, separator: str = " ") -> None:
-    """Write `text` in a column, from 0, of a line, from 1."""
-    lines = path.read_text().splitlines()
-    words = lines[line - 1].split(separator)
-    words[column] = text
-    lines[line - 1] = separator.join(words)
-    path.write_text("\n".join(lines) + "\n")
-
-
 LIGGGHTS = (
     "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 "
     "coefficientFriction 0.3"
@@ -137,17 +131,100 @@ def liggghts(network: Network, folder: Path) -> tuple[Path, Path]:
     return atoms, contacts
 
 
-def imported(capsys, *arguments: object) -> dict:
-    """What `import` prints as JSON."""
-    status = main(["import", *map(str, arguments), "--json"])
-    out, err = capsys.readouterr()
-    assert status == 0, err
-    return json.loads(out)
+@dataclass
+class Given:
+    """The files of a packing, and what `import` says of them."""
+
+    capsys: object
+    spheres: Path
+    options: dict[str, object]
+
+    @property
+    def out(self) -> Path:
+        """The network that `import` writes."""
+        return self.spheres.parent / "out.network.h5"
+
+    def __getattr__(self, name: str) -> Path:
+        return self.options[name]
+
+    def _import(self, more: dict[str, object]) -> tuple[int, str, str]:
+        words = [str(self.spheres)]
+        for name, value in (self.options | more).items():
+            if value is not None:
+                values = value if isinstance(value, tuple) else (value,)
+                words += [f"--{name}", *map(str, values)]
+        status = main(["import", *words, "-o", str(self.out), "--json"])
+        return status, *self.capsys.readouterr()
+
+    def imported(self, **more: object) -> dict:
+        """What `import` prints as JSON; an option that is None is left out."""
+        status, out, err = self._import(more)
+        assert status == 0, err
+        return json.loads(out)
+
+    def refused(self, said: str, **more: object) -> None:
+        """`import` refuses in one line, which says so, and writes nothing."""
+        self.out.unlink(missing_ok=True)
+        status, _, error = self._import(more)
+        assert status == 2 and error.count("\n") == 1, error
+        assert re.search(said, error), error
+        assert not self.out.exists()
+
+    def network(self, **more: object) -> Network:
+        """What `import` writes."""
+        self.imported(**more)
+        return read_network(self.out)
+
+    def spoil(self, name: str, old: str, new: str, count: int = 1) -> None:
+        """Replace a pattern in a file, where it must be."""
+        path = self.spheres if name == "spheres" else self.options[name]
+        text, found = re.subn(old, new, path.read_text(), count=count)
+        assert found, (path.name, old)
+        path.write_text(text)
+
+    def respell(self, name: str, line: int, column: int | slice, words: object) -> None:
+        """Write other words in a line, from 1, from this column, from 0, or over this slice."""
+        path = self.spheres if name == "spheres" else self.options[name]
+        by = "," if ".csv" in path.name else " "
+        lines = path.read_text().splitlines()
+        row = lines[line - 1].split(by)
+        row[column] = words
+        lines[line - 1] = by.join(row)
+        path.write_text("\n".join(lines) + "\n")
+
+    def rewrite(self, name: str, change: Callable[[list[str]], list[str]], first: int) -> None:
+        """Change the words of each row below the `first` lines."""
+        path = self.spheres if name == "spheres" else self.options[name]
+        by = "," if ".csv" in path.name else " "
+        lines = path.read_text().splitlines()
+        rows = [by.join(change(line.split(by))) for line in lines[first:]]
+        path.write_text("\n".join([*lines[:first], *rows]) + "\n")
 
 
-def refused(capsys, *arguments: object) -> str:
-    """The one line with which `import` refuses."""
-    assert main(["import", *map(str, arguments)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    return error
+WRITERS = {
+    "lammps": (lammps, ("contacts", "log")),
+    "liggghts": (liggghts, ("contacts",)),
+    "tables": (tables, ("contacts",)),
+}
+
+
+def written(
+    capsys, folder: Path, program: str, made: Network | bool = True, *more: object
+) -> Given:
+    """The files of a packing, or of `packing` periodic along z or not, as a program writes them."""
+    write, names = WRITERS[program]
+    network = packing(made) if isinstance(made, bool) else made
+    spheres, *others = write(network, folder, *more)
+    options = dict(zip(names, others, strict=True))
+    if program == "liggghts":
+        options["pair"] = LIGGGHTS
+    return Given(capsys, spheres, options)
+
+
+def same(found: Network, wanted: Network, names: str, rtol: float = 0.0) -> None:
+    """Columns of contacts are equal, in whatever order; vectors to `rtol` of their mean size."""
+    a, b = sorted_ends(wanted), sorted_ends(found)
+    for name in names.split():
+        have, want = getattr(found, name)[b], getattr(wanted, name)[a]
+        size = abs(want).mean() if want.ndim > 1 else 0.0
+        np.testing.assert_allclose(have, want, rtol=rtol, atol=rtol * size, err_msg=name)

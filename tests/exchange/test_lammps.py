@@ -40,14 +40,15 @@ STEP, MOVED = 2e-8, 1e-10
 """Time step, s, and how far a sphere is moved, m."""
 GLASS = "hertz/material 6e10 0 0.2 tangential"
 ROLLS = "rolling sds 3e6 0 3 twisting marshall"
+HOOKE = "hooke 4e6 0 tangential linear_history 3e6 0 3"
 LAWS = {
     "mindlin/force": ("granular", f"{GLASS} mindlin/force NULL 0 3"),
     "mindlin": ("granular", f"{GLASS} mindlin NULL 0 3"),
-    "hooke": ("granular", "hooke 4e6 0 tangential linear_history 3e6 0 3"),
+    "hooke": ("granular", HOOKE),
     "gran/hertz/history": ("gran/hertz/history 4.2e10 3.6e10 0 0 3 0", ""),
     "friction 0": ("gran/hooke/history 4e6 NULL 0 NULL 0 0", ""),
     "sds": ("granular", f"{GLASS} mindlin/force NULL 0 3 rolling sds 2e6 0 3 twisting sds 0.2 0 3"),
-    "marshall": ("granular", f"hooke 4e6 0 tangential linear_history 3e6 0 3 {ROLLS}"),
+    "marshall": ("granular", f"{HOOKE} {ROLLS}"),
 }
 """Name: pair_style with its arguments, and coefficients."""
 SAME = f"granular hertz {4 / 3 * 6e10 / (2 * (1 - 0.2**2))!r} 0"
@@ -55,16 +56,14 @@ SAME = f"granular hertz {4 / 3 * 6e10 / (2 * (1 - 0.2**2))!r} 0"
 WALLS = {
     "mindlin/force": f"{SAME} tangential mindlin/force 5e10 0 3",
     "mindlin": f"{SAME} tangential mindlin 5e10 0 3",
-    "hooke": "granular hooke 4e6 0 tangential linear_history 3e6 0 3",
+    "hooke": f"granular {HOOKE}",
     "gran/hertz/history": "hertz/history 4.2e10 3.6e10 1e-9 0 3 0",
     "friction 0": "hooke/history 4e6 NULL 1e-9 NULL 0 0",
     "sds": f"{SAME} tangential mindlin/force 5e10 0 3 rolling sds 1e6 0 3 twisting sds 0.1 0 3",
-    "marshall": f"granular hooke 4e6 0 tangential linear_history 3e6 0 3 {ROLLS}",
+    "marshall": f"granular {HOOKE} {ROLLS}",
 }
 """Laws of the walls. A damping of 0 there is NaN in LAMMPS of 2025 (0 / 0). Not hertz/material:
 LAMMPS of 2021 makes it 1 + nu stiffer at walls."""
-
-
 SMOOTH = f"{SAME} tangential linear_nohistory 0 0"
 """A wall that keeps no shear, which LAMMPS would forget when a moving wall takes its place."""
 
@@ -72,8 +71,7 @@ SMOOTH = f"{SAME} tangential linear_nohistory 0 0"
 def data_file(network: Network, path: Path, speed: float = 0.5) -> None:
     """Spheres at random velocities, so that contacts shear while they are followed."""
     random = np.random.default_rng(5)
-    low = np.array([0, 0, network.wall_position[0]])
-    n = network.n_particles
+    low, n = np.array([0, 0, network.wall_position[0]]), network.n_particles
     text = f"packing\n\n{n} atoms\n1 atom types\n"
     for axis, name in enumerate("xyz"):
         high = low[axis] + network.cell_size[axis]
@@ -93,8 +91,7 @@ def run(folder: Path, script: str) -> None:
     (folder / "in.lmp").write_text(script)
     command = [LAMMPS, "-in", "in.lmp", "-log", "log.lammps", "-screen", "none"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    log = (folder / "log.lammps").read_text()
-    assert done.returncode == 0, log[-500:] + done.stderr
+    assert done.returncode == 0, (folder / "log.lammps").read_text()[-500:] + done.stderr
 
 
 def script_of(network: Network, law: str) -> str:
@@ -103,12 +100,10 @@ def script_of(network: Network, law: str) -> str:
     With a law that resists rolling for none: the moments that are carried then turn with the
     contacts, of which a network knows nothing.
     """
-    style, coefficients = LAWS[law]
-    periodic = bool(network.cell_periodic[2])
-    walls = ""
-    if not periodic:
-        low, high = network.wall_position.tolist()
-        walls = f"fix wall all wall/gran {WALLS[law]} zplane {low!r} {high!r} contacts"
+    (style, coefficients), periodic = LAWS[law], bool(network.cell_periodic[2])
+    low, high = network.wall_position.tolist()
+    walls = f"fix wall all wall/gran {WALLS[law]} zplane {low!r} {high!r} contacts"
+    walls *= not periodic
     return f"""units si
 atom_style sphere
 boundary p p {"p" if periodic else "f"}
@@ -154,15 +149,10 @@ def moved(spheres: np.ndarray) -> str:
     text += "dump_modify f sort id format float %.17g\nrun 0\n"
     for k in spheres:
         for axis in range(6):
+            named, arc = ("vx {} vy {} vz {}", 1) if axis < 3 else ("omega {} {} {}", 1e3)
             for way in (1, -2, 1):
-                vector = [0.0] * 3
-                vector[axis % 3] = way * MOVED / STEP * (1 if axis < 3 else 1e3)
-                if axis < 3:
-                    x, y, z = vector
-                    text += f"set atom {k + 1} vx {x!r} vy {y!r} vz {z!r}\n"
-                else:
-                    text += f"set atom {k + 1} omega {' '.join(map(repr, vector))}\n"
-                text += "run 1 post no\n"
+                vector = (way * MOVED / STEP * arc * np.eye(3)[axis % 3]).tolist()
+                text += f"set atom {k + 1} {named.format(*map(repr, vector))}\nrun 1 post no\n"
             text += f"set atom {k + 1} vx 0 vy 0 vz 0\nset atom {k + 1} omega 0 0 0\n"
     return text
 
@@ -178,16 +168,12 @@ def differences(path: Path, spheres: np.ndarray) -> np.ndarray:
     text = path.read_text()
     steps = [int(step) for step in re.findall(r"TIMESTEP\n(\d+)", text)]
     frames = re.split(r"tqz ?\n", text)[1:]
-    forces = {
-        step: np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1:].ravel()
-        for step, frame in zip(steps, frames, strict=True)
-    }
-    columns, step = [], steps[0]
-    for _ in spheres:
-        for axis in range(6):
-            there, beyond = forces[step + 1], forces[step + 2]
-            columns.append((beyond - there) / (2 * MOVED * (1 if axis < 3 else 1e3)))
-            step += 3
+    tables = (np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1:].ravel() for frame in frames)
+    forces = dict(zip(steps, tables, strict=True))
+    columns = []
+    for k in range(6 * len(spheres)):
+        there, beyond = (forces[steps[0] + 3 * k + way] for way in (1, 2))
+        columns.append((beyond - there) / (2 * MOVED * (1 if k % 6 < 3 else 1e3)))
     return np.column_stack(columns)
 
 
@@ -265,9 +251,8 @@ def test_rigid_bodies_are_those_of_lammps(tmp_path):
     script = script_of(made, "hooke").replace("run 200", f"{numbered}run 0")
     script = script.replace("sphere\n", "sphere\natom_modify map array\n", 1)
     script = script.replace("vel yes", "vel yes cutoff 8e-3")
-    at_rest = script.replace(
-        "unfix nve\n", "unfix nve\ngroup clumps molecule > 0\nfix r clumps rigid/small molecule\n"
-    )
+    clumps = "unfix nve\ngroup clumps molecule > 0\nfix r clumps rigid/small molecule\n"
+    at_rest = script.replace("unfix nve\n", clumps)
     at_rest = at_rest.replace("include", "variable bodies string mol\ninclude")
     run(tmp_path, at_rest + BODIES)
     found = imported(tmp_path)
@@ -390,26 +375,18 @@ run {steps}
 """
         run(tmp_path, script)
         frames = (tmp_path / "heights").read_text().split("id z")[1:]
-        heights[moved] = np.array(
-            [np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1] for frame in frames]
-        )
+        tables = (np.loadtxt(frame.split("ITEM")[0].splitlines()) for frame in frames)
+        heights[moved] = np.array([table[:, 1] for table in tables])
     network = imported(tmp_path).network
     time = step * np.arange(-1, steps + 2)
     sway = amplitude * (1 - np.cos(2 * np.pi * np.maximum(time, 0) / period))
     np.savetxt(tmp_path / "motion.txt", np.column_stack([time, sway])[1:], fmt="%.17g")
-    layers = Layers(network)
+    layers, motion = Layers(network), read_motion(tmp_path / "motion.txt")
     found = np.array([layers.means(row) for row in heights[True] - heights[False]])
 
     def error(pre_stress: str) -> float:
-        wave = stepped(
-            network,
-            steps * step,
-            step,
-            motion=read_motion(tmp_path / "motion.txt"),
-            every=every,
-            pre_stress=pre_stress,
-            particles=True,
-        )
+        how = {"motion": motion, "pre_stress": pre_stress, "particles": True}
+        wave = stepped(network, steps * step, step, every=every, **how)
         wanted = np.array([layers.means(row) for row in wave.particle_displacement])
         # The wave has reached the upper wall.
         assert abs(wanted[:, -1]).max() > 0.01 * abs(wanted).max()

@@ -9,7 +9,7 @@ import numpy as np
 import program_files
 import pytest
 from places import PACKINGS
-from program_files import refused
+from program_files import Given, same
 
 import modal
 from modal.exchange.registry import import_packing
@@ -17,18 +17,32 @@ from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
 from modal.tools.errors import InputError
 
-FILE = "out.network.h5"
 
-
-def three_types(folder: Path, *lines: str) -> tuple[Path, Path]:
+@pytest.fixture
+def types(given):
     """Spheres of three types in turn, and a log with these lines of pair_coeff."""
-    atoms, _, log = program_files.lammps(program_files.packing(True), folder)
-    head, rows = atoms.read_text().split("mass\n")
-    rows = re.sub(r"(?m)^(\d+) 1 ", lambda row: f"{row[1]} {int(row[1]) % 3 + 1} ", rows)
-    atoms.write_text(f"{head}mass\n{rows}")
-    said = "".join(f"pair_coeff {line}\n" for line in lines)
-    log.write_text(f"units si\npair_style granular\n{said}")
-    return atoms, log
+
+    def make(*lines: str) -> Given:
+        files = given("lammps")
+        files.rewrite("spheres", lambda row: [row[0], str(int(row[0]) % 3 + 1), *row[2:]], 9)
+        said = "".join(f"pair_coeff {line}\n" for line in lines)
+        files.log.write_text(f"units si\npair_style granular\n{said}")
+        files.options = {"log": files.log}
+        return files
+
+    return make
+
+
+@pytest.fixture
+def walled(given):
+    """Spheres between walls, contacts and log, the commands of which are added to."""
+
+    def make(more: str = "") -> Given:
+        files = given("lammps", False)
+        files.spoil("log", r"\Z", more)
+        return files
+
+    return make
 
 
 A, B = (f"hertz {modulus} 0 tangential linear_nohistory 0 0.3" for modulus in (4e10, 9e10))
@@ -47,15 +61,14 @@ A, B = (f"hertz {modulus} 0 tangential linear_nohistory 0 0.3" for modulus in (4
         (("1*2 1*2 A", "3 3 B"), "AAMAMB"),
     ],
 )
-def test_last_pair_coeff_of_a_pair_holds(tmp_path, lines, wanted):
+def test_last_pair_coeff_of_a_pair_holds(types, lines, wanted):
     """The pairs 11, 12, 13, 22, 23, 33; M is the geometric mean of A and B.
 
     The expected laws are what forces of LAMMPS (29 Sep 2021) show, but for `3 1`, which that one
     refuses, as its manual wants the lower type first: it is taken for `1 3` here.
     """
-    said = (line.replace("A", A).replace("B", B) for line in lines)
-    atoms, log = three_types(tmp_path, *said)
-    found = import_packing(atoms, log=log)
+    files = types(*(line.replace("A", A).replace("B", B) for line in lines))
+    found = import_packing(files.spheres, log=files.log)
     network = found.network
     kind = (np.arange(network.n_particles) + 1) % 3 + 1
     ends = np.sort([kind[network.particle_i], kind[network.particle_j]], axis=0)
@@ -68,26 +81,19 @@ def test_last_pair_coeff_of_a_pair_holds(tmp_path, lines, wanted):
 
 
 @pytest.mark.parametrize(
-    ("types", "said"),
+    ("lines", "said"),
     [
-        ("A A", "log.lammps: pair_coeff A A: 'A' is no type; give numbers or ranges"),
-        ("0 1", "pair_coeff 0 1: '0' is no type"),
-        ("3*2 *", r"pair_coeff 3\*2 \*: '3\*2' is no type"),
-        ("1*2*3 *", r"'1\*2\*3' is no type"),
-        ("2* 1", r"pair_coeff 2\* 1: covers no pair, .*; exchange the two"),
+        (("* * A", "A A B"), "log.lammps: pair_coeff A A: 'A' is no type; give numbers or ranges"),
+        (("* * A", "0 1 B"), "pair_coeff 0 1: '0' is no type"),
+        (("* * A", "3*2 * B"), r"pair_coeff 3\*2 \*: '3\*2' is no type"),
+        (("* * A", "1*2*3 * B"), r"'1\*2\*3' is no type"),
+        (("* * A", "2* 1 B"), r"pair_coeff 2\* 1: covers no pair, .*; exchange the two"),
+        # Mixing needs a law of each of the two types.
+        (("1 * A",), "no pair_coeff for types 2 and 2; give one"),
     ],
 )
-def test_types_that_are_none_are_refused(tmp_path, capsys, types, said):
-    atoms, log = three_types(tmp_path, f"* * {A}", f"{types} {B}")
-    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
-    assert re.search(said, error), error
-
-
-def test_pairs_that_no_line_covers_are_refused(tmp_path, capsys):
-    """Mixing needs a law of each of the two types."""
-    atoms, log = three_types(tmp_path, f"1 * {A}")
-    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
-    assert "no pair_coeff for types 2 and 2; give one" in error
+def test_types_that_are_none_and_pairs_without_a_law_are_refused(types, lines, said):
+    types(*(re.sub("A$", A, line).replace("B", B) for line in lines)).refused(said)
 
 
 WALL = "wall/gran granular hertz 41666666666.66667 0 tangential linear_nohistory 0 0 zplane"
@@ -95,9 +101,10 @@ LOW, HIGH = "0.0", "0.01889427084603357"
 CONTACTS = PACKINGS / "mine.contacts"
 
 
-def split(folder: Path, top: str = "41666666666.66667") -> tuple[Path, Path]:
+def split(capsys, folder: Path, top: str = "41666666666.66667") -> Given:
     """The example with a fix for each wall, that of the upper one of this modulus, N/m^2."""
-    atoms, log = folder / "x.atoms", folder / "log.lammps"
+    options = {"contacts": CONTACTS, "log": folder / "log.lammps"}
+    files = Given(capsys, folder / "x.atoms", options)
     rows = []
     for line in (PACKINGS / "mine.atoms").read_text().splitlines():
         words = line.split(" ")
@@ -107,36 +114,29 @@ def split(folder: Path, top: str = "41666666666.66667") -> tuple[Path, Path]:
             absent = ["0"] * 4
             words[-4:] = absent + words[-4:] if float(words[-1]) > 0 else words[-4:] + absent
         rows.append(" ".join(words))
-    atoms.write_text("\n".join(rows) + "\n")
-    text = (PACKINGS / "log.lammps").read_text()
-    one = f"fix wall all {WALL} {LOW} {HIGH} contacts\n"
-    assert one in text
+    files.spheres.write_text("\n".join(rows) + "\n")
+    files.log.write_text((PACKINGS / "log.lammps").read_text())
     upper = WALL.replace("41666666666.66667", top)
     two = f"fix bot all {WALL} {LOW} NULL contacts\nfix top all {upper} NULL {HIGH} contacts\n"
-    log.write_text(text.replace(one, two))
-    return atoms, log
+    files.spoil("log", f"fix wall all {WALL} {LOW} {HIGH} contacts\n", two)
+    return files
 
 
-def test_two_fixes_are_the_walls_of_one(tmp_path):
+def test_two_fixes_are_the_walls_of_one(tmp_path, capsys):
     """The same contacts, forces and stiffnesses, with the log's IDs and with typed walls."""
-    atoms, log = split(tmp_path)
+    files = split(capsys, tmp_path)
     whole = {"contacts": CONTACTS, "log": PACKINGS / "log.lammps"}
     wanted = modal.read(PACKINGS / "mine.atoms", **whole)
     assert [(wanted.particle_j == code).sum() for code in (-1, -2)] == [9, 13]
-    a = program_files.sorted_ends(wanted)
-    typed = f"{WALL.removeprefix('wall/gran ')} {LOW} {HIGH}"
-    for wall in (None, typed):
-        found = modal.read(atoms, contacts=CONTACTS, log=log, wall=wall)
-        b = program_files.sorted_ends(found)
-        for name in ("particle_j", "force_normal", "force_tangential", "stiffness_normal"):
-            np.testing.assert_array_equal(getattr(found, name)[b], getattr(wanted, name)[a])
+    for wall in (None, f"{WALL.removeprefix('wall/gran ')} {LOW} {HIGH}"):
+        found = files.network(wall=wall)
+        same(found, wanted, "particle_j force_normal force_tangential stiffness_normal")
 
 
-def test_each_wall_has_the_law_of_its_fix(tmp_path):
+def test_each_wall_has_the_law_of_its_fix(tmp_path, capsys):
     """The upper one 4.8 times as stiff, contacts from positions: kn is proportional to that."""
     wanted = modal.read(PACKINGS / "mine.atoms", log=PACKINGS / "log.lammps")
-    atoms, log = split(tmp_path, "2e11")
-    found = modal.read(atoms, log=log)
+    found = split(capsys, tmp_path, "2e11").network(contacts=None)
     for code, factor in ((-1, 1.0), (-2, 4.8)):
         stiffness = [each.stiffness_normal[each.particle_j == code] for each in (found, wanted)]
         np.testing.assert_allclose(stiffness[0], factor * stiffness[1], rtol=1e-12)
@@ -146,17 +146,19 @@ def test_each_wall_has_the_law_of_its_fix(tmp_path):
     ("file", "old", "new", "said"),
     [
         ("log", f"NULL {HIGH}", f"{LOW} {HIGH}", "fix top wall/gran: a second wall at low z, "),
-        ("atoms", "f_top[3]", "f_mine[3]", r"column f_top\[1..4\]: no forces of fix top; write"),
+        (
+            "spheres",
+            r"f_top\[3\]",
+            "f_mine[3]",
+            r"column f_top\[1..4\]: no forces of fix top;",
+        ),
         ("log", f"{LOW} NULL", "NULL NULL", "sphere 1 is pushed in f_bot by a wall that is NULL"),
     ],
 )
 def test_walls_that_do_not_fit_are_refused(tmp_path, capsys, file, old, new, said):
-    atoms, log = split(tmp_path)
-    path = {"atoms": atoms, "log": log}[file]
-    path.write_text(path.read_text().replace(old, new))
-    given = (atoms, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / FILE)
-    error = refused(capsys, *given)
-    assert re.search(said, error), error
+    files = split(capsys, tmp_path)
+    files.spoil(file, old, new)
+    files.refused(said)
 
 
 REST = "0 0.2 tangential mindlin/force NULL 0 0.3"
@@ -183,24 +185,16 @@ ${{none}}
 """As LAMMPS (29 Sep 2021) writes it: variables are put in one at a time, each time anew."""
 
 
-def echoed(folder: Path) -> tuple[Path, Path, Path]:
-    """A packing between walls whose log has variables."""
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), folder)
-    wall = re.search(r"(?m)^fix w .* zplane \S+ (\S+) .*\n", log.read_text())
-    text = log.read_text().replace(wall[0], ECHOED.replace("{high}", wall[1]))
-    log.write_text(re.sub(r"(?m)^pair_coeff .* 6e10 .*\n", "", text))
-    return atoms, contacts, log
-
-
-def test_variables_of_one_letter_are_read_as_the_log_puts_them_in(tmp_path):
+def test_variables_of_one_letter_are_read_as_the_log_puts_them_in(walled):
     """The same packing as without variables."""
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    wanted = modal.read(atoms, contacts=contacts, log=log)
-    atoms, contacts, log = echoed(tmp_path)
-    found = modal.read(atoms, contacts=contacts, log=log)
+    files = walled()
+    wanted = files.network()
+    wall = re.search(r"(?m)^fix w .* zplane \S+ (\S+) .*\n", files.log.read_text())
+    files.spoil("log", re.escape(wall[0]), ECHOED.replace("{high}", wall[1]))
+    files.spoil("log", r"(?m)^pair_coeff .* 6e10 .*\n", "")
+    found = files.network()
     assert found.wall_position.tolist() == wanted.wall_position.tolist()
-    np.testing.assert_array_equal(found.stiffness_normal, wanted.stiffness_normal)
-    np.testing.assert_array_equal(found.particle_j, wanted.particle_j)
+    same(found, wanted, "stiffness_normal particle_j")
 
 
 @pytest.mark.parametrize(
@@ -215,24 +209,27 @@ def test_variables_of_one_letter_are_read_as_the_log_puts_them_in(tmp_path):
         ("unfix $w", r"line \d+: \$w has no value .*; give the log of the run, or write the value"),
     ],
 )
-def test_variables_without_a_value_are_refused(tmp_path, capsys, line, said):
+def test_variables_without_a_value_are_refused(walled, line, said):
     """As in a script that is given for its log; lines that do not count may have them."""
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    given = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
-    log.write_text(log.read_text() + "fix t all langevin $T $T 1 ${seed}\nrun $n\n")
-    program_files.imported(capsys, *given)
-    log.write_text(log.read_text() + line + "\n")
-    error = refused(capsys, *given)
-    assert re.search(said, error), error
+    files = walled("fix t all langevin $T $T 1 ${seed}\nrun $n\n")
+    files.imported()
+    files.log.write_text(f"{files.log.read_text()}{line}\n")
+    files.refused(said)
 
 
-def test_the_same_pair_style_once_more_keeps_its_coefficients(tmp_path):
-    """As LAMMPS does (29 Sep 2021): its forces are the same with that line and without."""
-    atoms, log = three_types(tmp_path, f"* * {A}")
-    once = modal.read(atoms, log=log)
-    log.write_text(log.read_text() + "pair_style granular\n")
-    twice = modal.read(atoms, log=log)
-    np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
+PRINTED = f'print "pair_coeff * * ${{B}}"\npair_coeff * * {B}'
+
+
+@pytest.mark.parametrize("more", ["pair_style granular", PRINTED])
+def test_lines_that_change_no_law(types, more):
+    """The same pair_style once more keeps its coefficients; what a log prints is no command.
+
+    As LAMMPS does (29 Sep 2021): its forces are the same with that line and without.
+    """
+    files = types(f"* * {A}")
+    once = files.network()
+    files.log.write_text(f"{files.log.read_text()}{more}\n")
+    same(files.network(), once, "stiffness_normal")
 
 
 @pytest.mark.parametrize(
@@ -253,132 +250,102 @@ def test_the_same_pair_style_once_more_keeps_its_coefficients(tmp_path):
         ("clear", "no law of contact is known"),
     ],
 )
-def test_commands_that_change_the_meaning_are_heard(tmp_path, capsys, line, said):
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    log.write_text(f"{log.read_text()}{line}\n")
-    given = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
-    error = refused(capsys, *given)
-    assert re.search(said, error), error
+def test_commands_that_change_the_meaning_are_heard(walled, line, said):
+    files = walled(f"{line}\n")
+    files.refused(said)
     if line.startswith("fix f"):  # and no longer after its unfix
-        log.write_text(f"{log.read_text()}unfix f\n")
-        program_files.imported(capsys, *given)
+        files.log.write_text(f"{files.log.read_text()}unfix f\n")
+        files.imported()
 
 
-def test_what_a_log_prints_is_no_command(tmp_path):
-    atoms, log = three_types(tmp_path, f"* * {A}")
-    once = modal.read(atoms, log=log)
-    log.write_text(f'{log.read_text()}print "pair_coeff * * ${{B}}"\npair_coeff * * {B}\n')
-    twice = modal.read(atoms, log=log)
-    np.testing.assert_array_equal(twice.stiffness_normal, once.stiffness_normal)
+def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(types):
+    files = types(f"* * {A}", f"2 2 {B}")
+    files.spoil("spheres", "id type", "id other")
+    files.refused("column type: no column type among id other x")
 
 
-def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(tmp_path, capsys):
-    atoms, log = three_types(tmp_path, f"* * {A}", f"2 2 {B}")
-    atoms.write_text(atoms.read_text().replace("id type", "id other"))
-    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
-    assert "column type: no column type among id other x" in error
+def test_a_wall_for_a_group_needs_the_contacts(walled):
+    files = walled()
+    files.spoil("log", "fix w all", "fix w few")
+    files.imported()
+    files.refused("fix w pushes the group few alone; give the contacts", contacts=None)
 
 
-def test_a_wall_for_a_group_needs_the_contacts(tmp_path, capsys):
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    log.write_text(log.read_text().replace("fix w all", "fix w few"))
-    given = ("--log", log, "-o", tmp_path / FILE)
-    program_files.imported(capsys, atoms, "--contacts", contacts, *given)
-    error = refused(capsys, atoms, *given)
-    assert "fix w pushes the group few alone; give the contacts" in error
-
-
-def test_radii_of_few_digits_blur_overlaps_as_positions_do(tmp_path, capsys):
+def test_radii_of_few_digits_blur_overlaps_as_positions_do(given):
     """Positions of 17 digits beside radii of 6, as `%g` writes them: 1e-9 m of the overlaps."""
-    atoms, _, log = program_files.lammps(program_files.packing(True), tmp_path)
-    told = program_files.imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
-    assert told["overlap_over_error_of_digits"] > 1e6
-    lines = atoms.read_text().splitlines()
-    for k, line in enumerate(lines[9:], 9):
-        *words, radius, mass = line.split()
-        lines[k] = " ".join([*words, f"{float(radius):.6g}", mass])
-    atoms.write_text("\n".join(lines) + "\n")
-    told = program_files.imported(capsys, atoms, "--log", log, "-o", tmp_path / FILE)
-    assert told["overlap_over_error_of_digits"] < 1e5
+    files = given("lammps")
+    files.options["contacts"] = None
+    assert files.imported()["overlap_over_error_of_digits"] > 1e6
+    files.rewrite("spheres", lambda row: [*row[:5], f"{float(row[5]):.6g}", *row[6:]], 9)
+    assert files.imported()["overlap_over_error_of_digits"] < 1e5
 
 
 @pytest.mark.parametrize(("step", "remarked"), [(5, 1), (10, 1), (20, 0), (15, 0)])
-def test_a_law_that_changed_after_the_step_of_the_dump_is_remarked_on(tmp_path, step, remarked):
+def test_a_law_that_changed_after_the_step_of_the_dump_is_remarked_on(types, step, remarked):
     """Steps of 0 to 10 have the first law, 10 to 20 another one; 15 is printed."""
-    atoms, log = three_types(tmp_path, f"* * {A}")
-    text = atoms.read_text().replace("TIMESTEP\n7\n", f"TIMESTEP\n{step}\n")
-    atoms.write_text(text)
+    files = types(f"* * {A}")
+    files.spoil("spheres", "TIMESTEP\n7\n", f"TIMESTEP\n{step}\n")
     told = "Step Pxx\n0 1\n10 1\n" + f"pair_coeff * * {B}\n" + "Step Pxx\n15 1\n20 1\n"
-    log.write_text(log.read_text() + told)
-    remarks = import_packing(atoms, log=log).remarks
+    files.log.write_text(files.log.read_text() + told)
+    remarks = files.imported()["remarks"]
     assert sum("changes the law or the walls after step" in line for line in remarks) == remarked
 
 
-def test_contacts_that_are_not_listed_are_counted(tmp_path, capsys):
+def test_contacts_that_are_not_listed_are_counted(walled):
     """Three rows less, as of a compute for a group: the spheres still overlap there."""
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    given = (atoms, "--contacts", contacts, "--log", log, "-o", tmp_path / FILE)
-    whole = program_files.imported(capsys, *given)
-    assert not any("not listed" in line for line in whole["remarks"])
-    lines = contacts.read_text().splitlines()
-    count = int(lines[3]) - 3
-    contacts.write_text("\n".join([*lines[:3], str(count), *lines[4:-3]]) + "\n")
-    told = program_files.imported(capsys, *given)
-    assert any(line.startswith("3 contacts that overlap are not") for line in told["remarks"])
+    files = walled()
+    assert not any("not listed" in line for line in files.imported()["remarks"])
+    count = int(files.contacts.read_text().splitlines()[3])
+    files.respell("contacts", 4, 0, str(count - 3))
+    files.spoil("contacts", r"(.*\n){3}\Z", "")
+    remarks = files.imported()["remarks"]
+    assert any(line.startswith("3 contacts that overlap are not") for line in remarks)
 
 
-def paired(folder: Path) -> tuple[Path, Path]:
+@pytest.fixture
+def paired(given):
     """Spheres of a periodic packing, two and two of which have a number in mol; a log."""
-    atoms, _, log = program_files.lammps(program_files.packing(True), folder)
-    lines = atoms.read_text().splitlines()
-    lines[8] += " mol"
+    files = given("lammps")
+    files.options["contacts"] = None
+    files.respell("spheres", 9, slice(99, 99), ["mol"])
     # Ids of members lie beside each other; the centres of these pairs, less than half a cell.
-    lines[9:] = [f"{line} {0 if int(line.split()[0]) > 2 else 1}" for line in lines[9:]]
-    atoms.write_text("\n".join(lines) + "\n")
-    log.write_text(log.read_text() + "fix r clumps rigid molecule\n")
-    return atoms, log
+    files.rewrite("spheres", lambda row: [*row, "0" if int(row[0]) > 2 else "1"], 9)
+    files.spoil("log", r"\Z", "fix r clumps rigid molecule\n")
+    return files
 
 
-def test_masses_of_rigid_bodies_may_be_told(tmp_path, capsys):
+def test_masses_of_rigid_bodies_may_be_told(paired):
     """In the format of `fix rigid ... infile`, in place of those of the members."""
-    atoms, log = paired(tmp_path)
-    plain = modal.read(atoms, log=log)
+    plain = paired.network()
     assert plain.n_particles == 59
-    told = tmp_path / "r.rigid"
+    told = paired.spheres.with_name("r.rigid")
     place = " ".join(map(repr, plain.position[0].tolist()))
     told.write_text(f"# bodies\n1\n1 2e-5 {place} 1e-11 2e-11 2.5e-11 1e-12 2e-12 3e-12 0 0 0\n")
-    found = modal.read(atoms, log=log, bodies=told)
+    said = paired.imported(bodies=told)
+    assert said["spheres"] == 59 and said["spheres_of_bodies"] == 60
+    found = read_network(paired.out)
     assert found.mass[0] == 2e-5 != plain.mass[0]
     wanted = [[1e-11, 1e-12, 2e-12], [1e-12, 2e-11, 3e-12], [2e-12, 3e-12, 2.5e-11]]
     np.testing.assert_array_equal(found.inertia_tensor[0], wanted)
     np.testing.assert_array_equal(found.mass[1:], plain.mass[1:])
-    given = (atoms, "--log", log, "--bodies", told, "-o", tmp_path / FILE)
-    said = program_files.imported(capsys, *given)
-    assert said["spheres"] == 59 and said["spheres_of_bodies"] == 60
-    written = read_network(tmp_path / FILE)
-    np.testing.assert_array_equal(written.inertia_tensor, found.inertia_tensor)
     told.write_text(told.read_text().replace("1 2e-5", "2 2e-5"))
-    with pytest.raises(InputError, match="some bodies have no mass and tensor"):
-        modal.read(atoms, log=log, bodies=told)
+    paired.refused("some bodies have no mass and tensor", bodies=told)
     with pytest.raises(InputError, match="pre-stress of bodies that are no spheres"):
         stiffness_matrix(found, pre_stress="normal")
 
 
-def test_members_of_a_body_may_overlap_as_they_like(tmp_path):
+def test_members_of_a_body_may_overlap_as_they_like(paired):
     """Two spheres of one size nearly in one place, whose contacts are sought and not listed."""
-    atoms, log = paired(tmp_path)
-    lines = atoms.read_text().splitlines()
+    lines = paired.spheres.read_text().splitlines()
     one, two = (next(k for k in range(9, 69) if lines[k].startswith(f"{n} ")) for n in (1, 2))
     words = lines[one].split()
-    words[0], words[2] = "2", repr(float(words[2]) + 0.02 * float(words[5]))
-    lines[two] = " ".join(words)
-    atoms.write_text("\n".join(lines) + "\n")
-    found = modal.read(atoms, log=log)
+    beside = ["2", words[1], repr(float(words[2]) + 0.02 * float(words[5])), *words[3:]]
+    paired.respell("spheres", two + 1, slice(0, 99), beside)
+    found = paired.network()
     assert found.n_particles == 59
     assert found.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15)
-    log.write_text(log.read_text() + "unfix r\n")
-    with pytest.raises(InputError, match="overlap by more than 0.3 of the smaller radius"):
-        modal.read(atoms, log=log)
+    paired.spoil("log", r"\Z", "unfix r\n")
+    paired.refused("overlap by more than 0.3 of the smaller radius")
 
 
 @pytest.mark.parametrize(
@@ -391,13 +358,13 @@ def test_members_of_a_body_may_overlap_as_they_like(tmp_path):
         ("r clumps", "r all", "a mol of 0, which is one more body to fix rigid; make single"),
     ],
 )
-def test_bodies_that_a_dump_does_not_tell_are_refused(tmp_path, old, new, said):
-    atoms, log = paired(tmp_path)
-    log.write_text(log.read_text().replace(old, new))
-    with pytest.raises(InputError, match=said):
-        modal.read(atoms, log=log)
-    with pytest.raises(InputError, match="spheres of one mol may be one rigid body or"):
-        modal.read(atoms, pair=program_files.PAIR)
-    atoms.write_text(atoms.read_text().replace("mol", "vx"))
-    with pytest.raises(InputError, match="--bodies: no fix rigid is known; give the log"):
-        modal.read(atoms, pair=program_files.PAIR, bodies=log)
+def test_bodies_that_a_dump_does_not_tell_are_refused(paired, old, new, said):
+    paired.spoil("log", old, new)
+    paired.refused(said)
+
+
+def test_numbers_of_bodies_need_a_log(paired):
+    files, law = paired, {"log": None, "pair": program_files.PAIR}
+    files.refused("spheres of one mol may be one rigid body or", **law)
+    files.spoil("spheres", "mol", "vx")
+    files.refused("--bodies: no fix rigid is known; give the log", **law, bodies=files.log)

@@ -5,13 +5,10 @@
 
 from __future__ import annotations
 
-import re
-import shutil
-
 import numpy as np
 import pytest
 from places import ROOT
-from program_files import imported, refused
+from program_files import Given
 
 import modal
 from modal.packing.network import read_network
@@ -23,17 +20,25 @@ ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log
 
 
 @pytest.fixture
+def files(tmp_path, capsys):
+    """Copies of LIGGGHTS' own files."""
+    copies = [tmp_path / path.name for path in (ATOMS, CONTACTS, LOG)]
+    for path, copy in zip((ATOMS, CONTACTS, LOG), copies, strict=True):
+        copy.write_bytes(path.read_bytes())
+    return Given(capsys, copies[0], {"contacts": copies[1], "log": copies[2]})
+
+
+@pytest.fixture
 def network():
     return modal.read(ATOMS, contacts=CONTACTS, log=LOG)
 
 
-def test_packing_is_at_rest_under_the_forces_of_its_law(network, tmp_path, capsys):
+def test_packing_is_at_rest_under_the_forces_of_its_law(network, files):
     """Balance, and Hertz' forces of the positions in contacts that cross no period.
 
     The bounds of the cell are rounded to 1e-8 m, a hundredth of an overlap: others show it.
     """
-    given = [ATOMS, "--contacts", CONTACTS, "--log", LOG, "-o", tmp_path / "l.network.h5"]
-    told = imported(capsys, *given)
+    told = files.imported()
     assert told["spheres"] == 125 and told["contacts"] == network.n_contacts == 276
     assert told["net_force_over_contact_force"] < 1e-11
     assert told["overlaps_from"] == "forces" and told["assumed"] == []
@@ -70,43 +75,37 @@ def test_stiffness_is_that_of_liggghts(network):
         assert error(tuple(other for other in TANGENTS["law"] if other != term)) > 1e-5, term
 
 
-def rewritten(tmp_path, columns, rows, keywords=""):
+def rewritten(files, columns, rows, keywords=""):
     """Contacts in these columns, and a log that says so."""
-    contacts, log = tmp_path / "y.contacts", tmp_path / "log.liggghts"
     head = CONTACTS.read_text().splitlines()[:8]
     names = " ".join(f"c_c[{k + 1}]" for k in range(columns))
     lines = [" ".join(f"{number:.17g}" for number in row) for row in rows]
-    contacts.write_text("\n".join([*head, f"ITEM: ENTRIES {names}", *lines]) + "\n")
-    log.write_text(LOG.read_text().replace(" id force_normal force_tangential", keywords))
-    return contacts, log
+    files.contacts.write_text("\n".join([*head, f"ITEM: ENTRIES {names}", *lines]) + "\n")
+    text = LOG.read_text().replace(" id force_normal force_tangential", keywords)
+    files.log.write_text(text)
 
 
-def test_columns_that_nobody_named_are_understood(network, tmp_path, capsys):
+def test_columns_that_nobody_named_are_understood(network, files):
     """A bare compute writes 25 columns, the whole force among them; the normal part is found."""
     listed = np.loadtxt(CONTACTS.read_text().splitlines()[9:])
     rows = np.zeros((len(listed), 25))
     rows[:, 12:14], rows[:, 15:18] = listed[:, :2], listed[:, 3:6] + listed[:, 6:9]
-    contacts, log = rewritten(tmp_path, 25, rows)
-    out = tmp_path / "l.network.h5"
-    imported(capsys, ATOMS, "--contacts", contacts, "--log", log, "-o", out)
-    found = read_network(out)
+    rewritten(files, 25, rows)
+    found = files.network()
     # Directions of contacts through the periods are as good as the bounds: 1e-8 m of 2e-3 m.
     scale = network.force_normal.mean()
     np.testing.assert_allclose(found.force_normal, network.force_normal, atol=1e-5 * scale)
     np.testing.assert_allclose(found.force_tangential, network.force_tangential, atol=1e-4 * scale)
-    contacts, log = rewritten(tmp_path, 12, rows[:, :12], " pos vel")
-    arguments = (ATOMS, "--contacts", contacts, "--log", log, "-o", out)
-    assert re.search(r"y.contacts, line 9, column id1: no id1 among", refused(capsys, *arguments))
+    rewritten(files, 12, rows[:, :12], " pos vel")
+    files.refused("x.contacts, line 9, column id1: no id1 among")
 
 
-def test_rounded_bounds_without_forces_are_refused(tmp_path, capsys):
-    error = refused(capsys, ATOMS, "--log", LOG, "-o", tmp_path / "l.network.h5")
-    assert "positions have 6 digits, or the cell's bounds, steps of 1e-07 m" in error
-    atoms = tmp_path / "x.atoms"
-    text = ATOMS.read_text().splitlines()
-    atoms.write_text("\n".join([*text[:5], *["0.0022 0.0133"] * 3, *text[8:]]) + "\n")
-    told = imported(capsys, atoms, "--log", LOG, "-o", tmp_path / "l.network.h5")
-    assert told["overlaps_from"] == "positions"
+def test_rounded_bounds_without_forces_are_refused(files):
+    files.options["contacts"] = None
+    files.refused("positions have 6 digits, or the cell's bounds, steps of 1e-07 m")
+    for line in (6, 7, 8):
+        files.respell("spheres", line, slice(9), ["0.0022", "0.0133"])
+    assert files.imported()["overlaps_from"] == "positions"
 
 
 FIX = "fix m1 all property/global youngsModulus peratomtype 6e10 2.1e11"
@@ -127,70 +126,49 @@ FIX = "fix m1 all property/global youngsModulus peratomtype 6e10 2.1e11"
         (FIX, "", r"log.*: no youngsModulus; give --pair"),
     ],
 )
-def test_what_no_spring_does_is_refused(old, new, said, tmp_path, capsys):
-    log = tmp_path / "log.liggghts"
-    log.write_text(LOG.read_text().replace(old, new, 1))
-    arguments = (ATOMS, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / "l.network.h5")
-    error = refused(capsys, *arguments)
-    assert re.search(said, error), error
+def test_what_no_spring_does_is_refused(old, new, said, files):
+    files.spoil("log", old, new)
+    files.refused(said)
 
 
-def test_units_of_the_log_count(network, tmp_path, capsys):
+def test_units_of_the_log_count(network, files):
     """The same numbers said to be cm, g and dyn: lengths a hundredth, and forces 1e-5 of it.
 
     Young's modulus of 6e10 dyn/cm^2 is a tenth of that many Pa, so that Hertz' overlaps in cm stay.
     """
-    log = tmp_path / "log.liggghts"
-    log.write_text(LOG.read_text().replace("units si", "units cgs"))
-    out = tmp_path / "l.network.h5"
-    imported(capsys, ATOMS, "--contacts", CONTACTS, "--log", log, "-o", out)
-    found = read_network(out)
+    files.spoil("log", "units si", "units cgs")
+    found = files.network()
     np.testing.assert_allclose(found.radius, 1e-2 * network.radius, rtol=1e-14)
     np.testing.assert_allclose(found.force_normal, 1e-5 * network.force_normal, rtol=1e-14)
     np.testing.assert_allclose(found.stiffness_normal, 1e-3 * network.stiffness_normal, rtol=1e-9)
 
 
-def test_walls_are_of_the_type_that_is_said(tmp_path, capsys):
+def test_walls_are_of_the_type_that_is_said(files):
     """From the log's fixes, or --wall; unsaid, of each sphere's own, which the summary assumes."""
-    atoms, log = tmp_path / "x.atoms", tmp_path / "log.liggghts"
-    text = ATOMS.read_text().replace("pp pp pp", "pp pp ff").splitlines()
-    z = np.array([float(line.split()[4]) for line in text[9:]])
-    radius = np.array([float(line.split()[5]) for line in text[9:]])
-    low, high = float((z - radius).min() + 1e-6), float((z + radius).max() - 1e-6)
-    atoms.write_text("\n".join([*text[:5], *["0 0.0133"] * 3, *text[8:]]) + "\n")
+    rows = np.array([line.split()[4:6] for line in ATOMS.read_text().splitlines()[9:]], float)
+    low, high = float((rows[:, 0] - rows[:, 1]).min() + 1e-6), float(rows.sum(axis=1).max() - 1e-6)
+    files.spoil("spheres", "pp pp pp", "pp pp ff")
+    for line in (6, 7, 8):
+        files.respell("spheres", line, slice(9), ["0", "0.0133"])
+    files.options["contacts"] = None
     fix = "fix {0} all wall/gran model hertz tangential history primitive type {1} zplane {2!r}\n"
-    said = fix.format("up", 2, high) + fix.format("down", 2, low)
-    shutil.copy(LOG, log)
     stiff = {}
     for name, more, wall in (
-        ("log", said, []),
-        ("typed", "", ["--wall", f"type 2 zplane {low!r} {high!r}"]),
-        ("unsaid", "", ["--wall", f"zplane {low!r} {high!r}"]),
+        ("log", fix.format("up", 2, high) + fix.format("down", 2, low), None),
+        ("typed", "", f"type 2 zplane {low!r} {high!r}"),
+        ("unsaid", "", f"zplane {low!r} {high!r}"),
     ):
-        log.write_text(LOG.read_text() + more)
-        out = tmp_path / f"{name}.network.h5"
-        told = imported(capsys, atoms, "--log", log, *wall, "-o", out)
-        made = read_network(out)
+        files.log.write_text(LOG.read_text() + more)
+        told = files.imported(wall=wall)
+        made = read_network(files.out)
         stiff[name] = made.stiffness_normal[made.with_wall].sum()
         assert told["wall_contacts"] >= 2 and len(told["assumed"]) == 2 * (name == "unsaid")
     assert stiff["log"] == stiff["typed"] != stiff["unsaid"]
-    log.write_text(LOG.read_text() + "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
-    error = refused(capsys, atoms, "--log", log, "-o", tmp_path / "m.network.h5")
-    assert "only primitive walls zplane are known" in error
+    files.spoil("log", r"\Z", "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
+    files.refused("only primitive walls zplane are known")
 
 
-def test_variables_of_a_log_are_read_as_it_puts_them_in(tmp_path, capsys, network):
-    """And refused where they have no value, as in a script that never ran."""
-    log = tmp_path / "log.liggghts"
-    text = LOG.read_text()
-    line = next(each for each in text.splitlines() if "youngsModulus" in each)
-    number = next(word for word in line.split() if re.fullmatch(r"[\d.e]+", word))
-    raw = line.replace(f" {number}", " $E", 1)
-    log.write_text(text.replace(line, f"{raw}\n{line}"))
-    found = modal.read(ATOMS, contacts=CONTACTS, log=log)
-    np.testing.assert_array_equal(found.stiffness_normal, network.stiffness_normal)
-    log.write_text(text.replace(line, raw))
-    error = refused(
-        capsys, ATOMS, "--contacts", CONTACTS, "--log", log, "-o", tmp_path / "x.network.h5"
-    )
-    assert "$E has no value in this file: fix" in error
+def test_variables_without_a_value_are_refused(files):
+    """As in a script that never ran."""
+    files.spoil("log", "(youngsModulus peratomtype) 6e10", r"\1 $E")
+    files.refused(r"\$E has no value in this file: fix")

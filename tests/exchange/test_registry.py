@@ -42,21 +42,18 @@ def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
     (tmp_path / "x.txt").write_text("own format\n")
     assert modal.read(tmp_path / "x.txt").n_particles == 30
     assert modal.read(tmp_path / "x.txt", spheres=20).n_particles == 20
-    out = tmp_path / "x.network.h5"
-    told = program_files.imported(capsys, tmp_path / "x.txt", "--spheres", 20, "-o", out)
-    assert told["spheres"] == read_network(out).n_particles == 20
+    files = program_files.Given(capsys, tmp_path / "x.txt", {"spheres": 20})
+    assert files.imported()["spheres"] == read_network(files.out).n_particles == 20
     with pytest.raises(SystemExit):
         main(["import", "--help"])
     said = " ".join(capsys.readouterr().out.split())
     assert "--spheres N how many" in said and "walls, columns; nothing at all" in said
 
 
-def test_modal_read_imports_what_import_does(tmp_path, capsys):
+def test_modal_read_imports_what_import_does(given):
     """Spheres, contacts and stiffnesses, bit by bit."""
-    atoms, contacts, log = program_files.lammps(program_files.packing(False), tmp_path)
-    out = tmp_path / "x.network.h5"
-    program_files.imported(capsys, atoms, "--contacts", contacts, "--log", log, "-o", out)
-    found, wanted = modal.read(atoms, contacts=contacts, log=log), read_network(out)
+    files = given("lammps", False)
+    found, wanted = modal.read(files.spheres, **files.options), files.network()
     for name in ("position", "particle_j", "stiffness_normal", "force_tangential"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
 
