@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import scipy.sparse as sp
 from places import SHEARED
 
 from modal.packing import crystal as gallery
@@ -320,3 +321,13 @@ def times(factor: float):
 
 def permuted(data: np.ndarray) -> np.ndarray:
     return np.random.default_rng(1).permutation(data)
+
+
+PRE_STRESS = ("none", "normal", "full")
+"""Choices that every network with forces knows."""
+
+
+def asymmetry(matrix: sp.csr_matrix) -> float:
+    """Frobenius norm of a matrix's antisymmetric part over its own: 0 where it is symmetric."""
+    difference = (matrix - matrix.T) / 2
+    return float(np.sqrt((difference.data**2).sum() / (matrix.data**2).sum()))

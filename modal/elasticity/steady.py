@@ -14,8 +14,7 @@ import numpy as np
 
 from modal.modes.effort import factorisation
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
-from modal.solvers.factor import available, factorise
-from modal.system.assembly import own_blocks
+from modal.solvers.factor import available
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
@@ -59,7 +58,7 @@ def steady_motion(
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.
         sigma = -SHIFT * system.diagonal.max() or -1.0
-        factor = factorise(system.shifted(sigma), definite=True, solver="pardiso")
+        factor = system.factor(sigma, definite=True, solver="pardiso")
         solve, release = factor.solve, factor.release
     else:
         solve = _by_own_blocks(system)
@@ -89,7 +88,7 @@ def _by_own_blocks(system: LinearSystem) -> Callable[[Floats], Floats]:
     Rattlers have no stiffness, and smooth spheres have but round-off against turning.
     """
     n = system.network.n_particles
-    blocks = system.root.around_own(own_blocks(system.network))
+    blocks = system.own_blocks
     held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
     inverse = np.linalg.inv(blocks + 1e-8 * held * np.eye(6))
 

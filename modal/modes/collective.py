@@ -20,7 +20,7 @@ from modal.modes.counts import count_below, unstable_modes
 from modal.modes.effort import factorisation
 from modal.modes.search import Search
 from modal.modes.zero_modes import FloppyModes, by_structure
-from modal.solvers.factor import SingularError, factorise
+from modal.solvers.factor import SingularError
 from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Floats
@@ -120,7 +120,7 @@ def _further(system: LinearSystem, floppy: FloppyModes, unstable: Floats, count:
     remedy = "take a smaller packing"
     refuse_above_memory(3 * vectors.nbytes, f"finding {count} motions without energy", remedy)
     shift, stable = -SHIFT * system.diagonal.max(), not unstable.shape[1]
-    factor = factorise(system.shifted(shift), definite=stable, solver=system.solver)
+    factor = system.factor(shift, definite=stable)
     for _ in range(STEPS):
         vectors = factor.solve(vectors)
         for _ in range(2):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import overload
 
 import numpy as np
@@ -151,15 +152,18 @@ def _agreed(ways: Iterable[set[int | None]], frequency: float) -> int:
 def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> int | None:
     """Negative eigenvalues of A - square; None where this factorisation cannot tell.
 
-    Nor can it where modes must be `apart` and one is not.
+    Nor can it where modes must be `apart` and one is not. What was told once is kept.
     """
-    try:
-        factor = factorise(system.shifted(square), solver=solver, kept=apart)
-    except SingularError:
-        return None
-    on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero_threshold
-    factor.release()
-    return None if on_a_mode else factor.negative
+    known = system.cached("counts", dict[tuple[float, str, bool], int | None])
+    if (square, solver, apart) not in known:
+        negative = None
+        with suppress(SingularError):
+            factor = factorise(system.shifted(square), solver=solver, kept=apart)
+            on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero_threshold
+            factor.release()
+            negative = None if on_a_mode else factor.negative
+        known[square, solver, apart] = negative
+    return known[square, solver, apart]
 
 
 def _distance(solve: Callable[[Floats], Floats], size: int) -> float:

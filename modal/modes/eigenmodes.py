@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from modal.modes.asked import check_count
@@ -77,20 +79,16 @@ def eigenmodes(
         shapes=shapes,
         hours=hours,
     )
-    return modes_of(system, lowest, highest, below, between, all, certify)
+    asked = {"lowest": lowest, "highest": highest, "below": below, "between": between}
+    return modes_of(system, **asked, all=all, certify=certify)
 
 
 def modes_of(
-    system: LinearSystem,
-    lowest: int | None = None,
-    highest: int | None = None,
-    below: float | None = None,
-    between: tuple[float, float] | None = None,
-    all: bool = False,
-    certify: bool = True,
+    system: LinearSystem, *, all: bool = False, certify: bool = True, **asked: Any
 ) -> ModeSet:
     """As `eigenmodes`, of a system that is at hand."""
-    asked = {"lowest": lowest, "highest": highest, "below": below, "between": between}
+    names = ("lowest", "highest", "below", "between")
+    lowest, highest, below, between = (asked.get(name) for name in names)
     given = [name for name, value in asked.items() if value is not None] + ["all"] * bool(all)
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)}: which modes? Ask for one of them")

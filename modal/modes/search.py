@@ -113,8 +113,7 @@ class Search:
 
     def factorised(self) -> Factor:
         """A factorisation of A - sigma."""
-        shifted = self.system.shifted(self.sigma)
-        return factorise(shifted, definite=self.definite, solver=self.system.solver)
+        return self.system.factor(self.sigma, definite=self.definite)
 
     def accept_converged(self, near: Nearest) -> bool:
         """Add the converged modes to those found; True if there were any."""
@@ -181,7 +180,7 @@ class SearchFromTop(Search):
     """
 
     def __init__(self, system: LinearSystem) -> None:
-        none = FloppyModes(sp.csc_matrix((system.size, 0)), 0, 0, 0, 0)
+        none = FloppyModes(sp.csc_matrix((system.size, 0)))
         super().__init__(system, np.inf, definite=True, floppy=none)
         self.products = 0
         self.reach = 0.0

@@ -12,6 +12,7 @@ Whether the rest really is rigid is for the exact count of `modal.modes.collecti
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,10 +50,10 @@ class FloppyModes:
     """
 
     basis: sp.csc_matrix
-    free_particles: int
-    loose_clusters: int
-    hinged: int
-    spinning: int
+    free_particles: int = 0
+    loose_clusters: int = 0
+    hinged: int = 0
+    spinning: int = 0
     collective: int = 0
     counted: bool = False
     whole: bool = True
@@ -117,21 +118,20 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
     parts = [_unit_columns(free, size)]
     in_part = np.zeros(size, bool)
     in_part[free] = True
-    kinds = {"free_particles": len(free), "loose_clusters": 0, "hinged": 0}
+    kinds: dict[str, Any] = {"free_particles": len(free), "loose_clusters": 0, "hinged": 0}
     members = np.flatnonzero(loose & touched)
     place = np.full(network.n_particles, -1)
     place[members] = np.arange(len(members))
     local = _stiffness_among(system, members)
     loose_parts = _loose_parts(network, loose & touched)
-    for part in (piece for whole in loose_parts for piece in _pieces(whole, system.limits.piece)):
+    most = system.limits.piece
+    for part in (p for whole in loose_parts for p in np.array_split(whole, -(-len(whole) // most))):
         inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
         in_part[index] = True
         square, vector = eigh(local[inside][:, inside].toarray(), check_finite=False)
         null = vector[:, square <= zero]
         kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
-        rows, columns = np.meshgrid(index, np.arange(null.shape[1]), indexing="ij")
-        shape = (size, null.shape[1])
-        parts.append(sp.coo_matrix((null.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+        parts.append(_unit_columns(index, size) @ sp.csc_matrix(null))
     # An empty row elsewhere: a sphere without tangential springs turns freely.
     spins = np.flatnonzero((system.diagonal <= zero) & ~in_part)
     parts.append(_unit_columns(spins, size))
@@ -144,15 +144,8 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
         new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
-    whole = all(len(part) <= system.limits.piece for part in loose_parts)
-    return FloppyModes(
-        basis,
-        kinds["free_particles"],
-        kinds["loose_clusters"],
-        kinds["hinged"],
-        len(spins),
-        whole=whole,
-    )
+    whole = all(len(part) <= most for part in loose_parts)
+    return FloppyModes(basis, **kinds, spinning=len(spins), whole=whole)
 
 
 def _unmet(system: LinearSystem) -> FloppyModes:
@@ -162,7 +155,7 @@ def _unmet(system: LinearSystem) -> FloppyModes:
     )
     spinning = int(_touched(system.network)[unmet // system.dof].sum())
     basis = _unit_columns(unmet, system.size).tocsc()
-    return FloppyModes(basis, len(unmet) - spinning, 0, 0, spinning, whole=False)
+    return FloppyModes(basis, len(unmet) - spinning, spinning=spinning, whole=False)
 
 
 def _touched(network: Network) -> Bools:
@@ -171,11 +164,6 @@ def _touched(network: Network) -> Bools:
     for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
         touched[ends] = True
     return touched
-
-
-def _pieces(part: Ints, most: int) -> list[Ints]:
-    """A loose part in pieces of neighbours, no more than so many spheres each."""
-    return np.array_split(part, -(-len(part) // most))
 
 
 def _degrees_of_freedom(spheres: Ints, dof: int) -> Ints:

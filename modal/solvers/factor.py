@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib.util
 import pkgutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -52,13 +52,15 @@ class Factor:
     eigenvalues of A; None where A is not real and symmetric, where a pivot was replaced, where rows
     were exchanged for a pivot, or where solutions are less accurate than `BACKWARD`: such a factor
     solves, but its signs are no count. `solver` names the factorisation. `release` frees the memory
-    that it holds outside of Python; `solve` must not be called after it.
+    that it holds outside of Python; `solve` must not be called after it. `bytes`: its memory, by
+    estimate.
     """
 
     solve: Callable[[Array], Array]
     negative: int | None
     solver: str
     release: Callable[[], None] = lambda: None
+    bytes: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -187,8 +189,9 @@ def factorise(
     way = choose(shape, solver, inertia=not kept, unsymmetric=not symmetric)
     if way.package is None:
         remedy += ", or install pypardiso, which needs less"
-    refuse_above_memory(way.cost(shape).memory(kept), f"a factorisation by {way.name}", remedy)
-    return way.make(matrix, definite, symmetric, kept)
+    needed = way.cost(shape).memory(kept)
+    refuse_above_memory(needed, f"a factorisation by {way.name}", remedy)
+    return replace(way.make(matrix, definite, symmetric, kept), bytes=needed)
 
 
 def ends_of_blocks(matrix: sp.csr_matrix, order: Ints, fewest: int = 200) -> Ints:

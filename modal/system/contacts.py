@@ -29,10 +29,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from modal.packing.network import Network
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 
 NORMAL, SHEAR, TWIST = "normal force", "shear force", "twist"
@@ -44,8 +43,6 @@ TANGENTS: dict[str, tuple[str, ...]] = {
     "law": (NORMAL, SHEAR, GROWTH, ARMS),
 }
 """Terms beside the springs: none; symmetric; YADE's law; of imported packings, their own law."""
-PRE_STRESS = ("none", "normal", "full")
-"""Those that every network with forces knows."""
 SYMMETRIC = ("none", "normal")
 """Those whose stiffness is symmetric."""
 SLIDING = ("elastic", "slip")
@@ -128,53 +125,27 @@ class Carried:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contacts in the network's order; lengths in m, stiffnesses in N/m, moments in N m/rad.
+    """The m contacts of a network with some of the `terms` above beside the springs."""
 
-    i, j (m,), j negative at a wall; normal, arm_i, arm_j (m, 3), the last zero at a wall; distance
-    (m,) between centres, infinite at a wall; kn, kt (m,); kr, kw (m,), which roll and twist, or
-    None; `carried` as the terms ask for.
-    """
-
-    i: Ints
-    j: Ints
-    normal: Floats
-    arm_i: Floats
-    arm_j: Floats
-    distance: Floats
-    kn: Floats
-    kt: Floats
-    kr: Floats | None
-    kw: Floats | None
+    network: Network
     terms: tuple[str, ...]
     carried: Carried
 
     @classmethod
     def of(cls, network: Network, terms: tuple[str, ...] = ()) -> Contacts:
-        """Those of a network with some of the terms above beside the springs."""
-        wall = network.with_wall[:, None]
-        return cls(
-            network.particle_i,
-            network.particle_j,
-            network.normal,
-            network.lever_i,
-            np.where(wall, 0.0, network.lever_j),
-            centre_distance(network),
-            network.stiffness_normal,
-            network.stiffness_tangential,
-            network.stiffness_rolling,
-            network.stiffness_twisting,
-            terms,
-            Carried.of(network, terms),
-        )
+        """Those of a network; InputError where it does not know what the terms need."""
+        return cls(network, terms, Carried.of(network, terms))
 
     @property
     def pair(self) -> Bools:
         """Shape (m,) bool: contacts between two bodies."""
-        return self.j >= 0
+        return ~self.network.with_wall
 
     def springs(self) -> Floats:
         """Shape (m, 3, 3), N/m: kn n n^T + kt (1 - n n^T)."""
-        return along_and_across(self.normal, self.kn, self.kt)
+        network = self.network
+        kn, kt = network.stiffness_normal, network.stiffness_tangential
+        return along_and_across(network.normal, kn, kt)
 
     def slip(self, longer: Floats | None = None) -> Floats:
         """Shape (m, 3, 9): from a contact's motion to that of its two ends against each other.
@@ -182,19 +153,18 @@ class Contacts:
         `longer` (m,), m, is added to both arms, along the normal.
         """
         arm_i, arm_j = self._arms(longer)
-        eye = np.broadcast_to(np.eye(3), (len(self.i), 3, 3))
+        eye = np.broadcast_to(np.eye(3), (len(arm_i), 3, 3))
         return np.concatenate([eye, cross_matrix(arm_i), -cross_matrix(arm_j)], axis=2)
 
     def _arms(self, longer: Floats | None) -> tuple[Floats, Floats]:
         """Both arms (m, 3), m, made longer along the normal; the one to a wall stays zero."""
-        if longer is None:
-            return self.arm_i, self.arm_j
-        more = longer[:, None] * self.normal
-        return self.arm_i + more, self.arm_j - more * self.pair[:, None]
+        more = 0.0 if longer is None else longer[:, None] * self.network.normal
+        pair = self.pair[:, None]
+        return self.network.lever_i + more, np.where(pair, self.network.lever_j - more, 0.0)
 
     def motion(self, u: Floats) -> Floats:
         """Shape (m, 9): that of the contacts for motions u (n, 6) of the bodies; walls at rest."""
-        i, j, pair = self.i, np.where(self.pair, self.j, 0), self.pair[:, None]
+        i, j, pair = self.network.particle_i, self.network.partner, self.pair[:, None]
         return np.hstack([u[j, :3] * pair - u[i, :3], u[i, 3:], u[j, 3:] * pair])
 
     def tangent(self) -> Floats:
@@ -203,11 +173,11 @@ class Contacts:
         Its rows are minus the force on j, which is the force on i, and minus the torques on i and
         on j. At a wall theta_j is the wall's own turn, whose shift of the contact is part of w.
         """
-        n, carried, m = self.normal, self.carried, len(self.i)
+        n, carried, m = self.network.normal, self.carried, self.network.n_contacts
         motion = np.zeros((m, 3, 9))
         motion[:, :, :3] = np.eye(3)
         across = np.eye(3) - n[:, :, None] * n[:, None, :]
-        dn = across @ motion / self.distance[:, None, None]
+        dn = across @ motion / centre_distance(self.network)[:, None, None]
         deeper = np.zeros((m, 9))
         deeper[:, :3] = -n
         force = self.springs() @ self.slip(carried.motion)
@@ -239,9 +209,10 @@ class Contacts:
 
     def _add_rolling(self, K: Floats) -> None:
         """Add the moments between bodies that turn against each other to tangents (m, 9, 9)."""
-        if self.kr is None or self.kw is None:
+        kr, kw = self.network.stiffness_rolling, self.network.stiffness_twisting
+        if kr is None or kw is None:
             return
-        resists = along_and_across(self.normal, self.kw, self.kr)
+        resists = along_and_across(self.network.normal, kw, kr)
         for a in (3, 6):
             for b in (3, 6):
                 K[:, a : a + 3, b : b + 3] += resists if a == b else -resists
@@ -251,12 +222,6 @@ def centre_distance(network: Network) -> Floats:
     """Shape (m,), m: between the centres of a contact; infinite at a wall (its normal is fixed)."""
     distance = np.linalg.norm(network.branch, axis=1)
     return np.where(network.with_wall, np.inf, distance)
-
-
-def asymmetry(matrix: sp.csr_matrix) -> float:
-    """Frobenius norm of a matrix's antisymmetric part over its own: 0 where it is symmetric."""
-    difference = (matrix - matrix.T) / 2
-    return float(np.sqrt((difference.data**2).sum() / (matrix.data**2).sum()))
 
 
 def with_sliding(network: Network, sliding: str) -> Network:

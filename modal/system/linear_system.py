@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
+from weakref import finalize
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,7 +14,7 @@ from scipy.linalg import eigh
 
 from modal.packing.columns import Made
 from modal.packing.network import Network
-from modal.solvers.factor import SOLVERS
+from modal.solvers.factor import SOLVERS, Factor, factorise
 from modal.system.assembly import own_blocks, stiffness_matrix
 from modal.system.contacts import SYMMETRIC, terms_of, with_sliding
 from modal.system.damping import ContactDamping
@@ -26,6 +28,9 @@ from modal.tools.workload import LONGEST
 COUNTED = 1e-11
 """How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
 mostly it is a tenth of that. Modes so close to a frequency may be counted on either side of it."""
+KEPT, CONTACT = 2e8, 1000
+"""Bytes up to which factors of a network are kept for the next question, and its operator, of which
+a contact takes no more than this, as a matrix."""
 UNCERTAIN = 1e-9, 0.25
 """Limits of the relative distance from a listed frequency at which modes are counted instead."""
 
@@ -61,8 +66,8 @@ class LinearSystem:
 
     `pre_stress` says which terms of the contact forces the stiffness has, as in
     `modal.system.contacts`; `dof` is the number of degrees of freedom of a particle, 6, or 3 with
-    translations only; `solver` as in `of`; `shapes` says whether lists of modes keep their mode
-    shapes; a search whose estimated time exceeds `hours` is refused; `limits` as in `Limits`.
+    translations only; `solver` names the factorisation (`modal.solvers.factor.SOLVERS`), None the
+    fastest; `shapes` says whether lists of modes keep their mode shapes; a search whose estimated time exceeds `hours` is refused; `limits` as in `Limits`.
     `damping` of the contacts is known to waves and responses alone.
     """
 
@@ -75,31 +80,26 @@ class LinearSystem:
     limits: Limits = Limits()
     damping: ContactDamping | None = None
 
+    def __post_init__(self) -> None:
+        if self.solver not in (None, *SOLVERS):
+            raise InputError(f"solver {self.solver}: unknown; choose from {', '.join(SOLVERS)}")
+        terms_of(self.pre_stress)
+
     @classmethod
     def of(
         cls,
         network: Network,
         *,
-        pre_stress: str = "none",
         sliding: str = "elastic",
         translations_only: bool = False,
-        solver: str | None = None,
-        shapes: bool = True,
-        hours: float = LONGEST / 3600,
-        limits: Limits = Limits(),  # noqa: B008
-        damping: ContactDamping | None = None,
+        **options: Any,
     ) -> LinearSystem:
-        """The system of a network; with `translations_only` rotations are held at zero.
+        """The system of a network, `options` as above; `translations_only` holds rotations at zero.
 
-        `sliding` as of `modal.system.contacts.with_sliding`. `solver` names the factorisation
-        (`modal.solvers.factor.SOLVERS`); None takes the fastest.
+        `sliding` as of `modal.system.contacts.with_sliding`. InputError for unknown choices.
         """
-        if solver not in (None, *SOLVERS):
-            raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-        terms_of(pre_stress)
-        network = with_sliding(network, sliding)
         dof = 3 if translations_only else 6
-        return cls(network, pre_stress, dof, solver, shapes, hours, limits, damping)
+        return cls(with_sliding(network, sliding), dof=dof, **options)
 
     def cached(self, name: str, make: Callable[[], Made]) -> Made:
         """What does not depend on the solver, and is made once for all systems of a network."""
@@ -179,13 +179,21 @@ class LinearSystem:
 
     @cached_property
     def operator(self) -> ContactOperator:
-        """The product of A with vectors, computed contact by contact where numba is installed."""
-        return ContactOperator(
-            self.network,
-            translations_only=self.dof == 3,
-            mass_scaled=True,
-            pre_stress=self.pre_stress,
-        )
+        """The product of A with vectors, computed contact by contact where numba is installed.
+
+        A small one is kept with the network.
+        """
+
+        def make() -> ContactOperator:
+            return ContactOperator(
+                self.network,
+                translations_only=self.dof == 3,
+                mass_scaled=True,
+                pre_stress=self.pre_stress,
+            )
+
+        small = CONTACT * self.network.n_contacts <= KEPT
+        return self.cached("operator", make) if small else make()
 
     @cached_property
     def dashpots(self) -> LinearSystem | None:
@@ -213,6 +221,24 @@ class LinearSystem:
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
         return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
+
+    def factor(self, square: float, *, definite: bool, solver: str | None = None) -> Factor:
+        """A factorisation of A - `square`, `definite` or not, by `solver` or the system's own.
+
+        The last ones are kept with the network as long as they take `KEPT` bytes together.
+        """
+        known = self.cached("factors", dict[tuple[float, bool, str | None], Factor])
+        key = square, definite, solver or self.solver
+        if key in known:
+            return known[key]
+        factor = factorise(self.shifted(square), definite=definite, solver=key[2])
+        if factor.bytes > KEPT:
+            return factor
+        while known and sum(one.bytes for one in known.values()) + factor.bytes > KEPT:
+            del known[next(iter(known))]
+        kept = known[key] = replace(factor, release=lambda: None)
+        finalize(kept, factor.release).atexit = False
+        return kept
 
 
 def frequency_of(square: Floats) -> Floats:

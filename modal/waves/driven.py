@@ -22,7 +22,7 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
-from modal.waves.one_part import Part, moved, one_part
+from modal.waves.one_part import Part, one_part
 from modal.waves.receivers import Receivers
 from modal.waves.recording import COMPONENT
 from modal.waves.sources import Source
@@ -91,22 +91,16 @@ class Driven:
         if system.dashpots is not None:
             drag, held_viscous, viscous = _coupled(system.dashpots, walls, own)
         root = part.system.root
-        number = part.member
-        if springs.order is not None:
-            place = np.empty_like(springs.order)
-            place[springs.order] = np.arange(len(place))
-            number = place[number]
+        # Which motion of the operator's bodies each of the packing's is.
+        place = springs.outward(np.arange(springs.shape[0])).reshape(-1, 6)[part.member].ravel()
+        motion = np.arange(len(place) + 1)
+        same = sp.csr_matrix((np.ones(len(place)), place, motion), (len(place), springs.shape[0]))
 
         def inward(force: Floats) -> Floats:
             return springs.inward(root.over(force.reshape(-1, 6)[part.first].ravel()))
 
         def reading(rows: sp.csr_matrix) -> sp.csr_matrix:
-            rows = (rows @ system.root.inverse()).tocsr()
-            columns = moved(rows.indices, number)
-            shape = rows.shape[0], springs.shape[0]
-            found = sp.csr_matrix((rows.data, columns, rows.indptr), shape)
-            found.sum_duplicates()
-            return found
+            return (rows @ system.root.inverse() @ same).tocsr()
 
         return cls(
             springs,

@@ -73,10 +73,3 @@ def bound_of_omega(network: Network) -> float:
         own = pushing / network.mass[at] + turning / network.inertia[at]
         share += np.bincount(at, own, len(share))
     return float(np.sqrt(2 * share.max()))
-
-
-def moved(columns: Ints, number: Ints) -> Ints:
-    """Columns (k,) of six a body, where body b goes by `number[b]`."""
-    body, component = np.divmod(columns, 6)
-    renumbered: Ints = 6 * number[body] + component
-    return renumbered

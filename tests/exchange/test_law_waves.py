@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import program_files
 import pytest
-from packings import stepped, wall_pattern
+from packings import asymmetry, stepped, wall_pattern
 from scipy.integrate import solve_ivp
 
 import modal
@@ -14,7 +14,6 @@ from modal.modes.eigenmodes import eigenmodes
 from modal.modes.first_order import shift_by_law
 from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
-from modal.system.contacts import asymmetry
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate

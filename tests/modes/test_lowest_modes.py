@@ -71,7 +71,7 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     asks for further rounds.
     """
     monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
-    monkeypatch.delattr("modal.modes.search.factorise")
+    monkeypatch.delattr("modal.system.linear_system.factorise")
     system = LinearSystem.of(network, limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
@@ -139,7 +139,7 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
         asked.append(count)
         return modes_nearest(solve, size, min(count, 30), sigma, held)
 
-    monkeypatch.setattr("modal.modes.search.factorise", noted)
+    monkeypatch.setattr("modal.system.linear_system.factorise", noted)
     monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
     system = LinearSystem.of(columns_side_by_side(100), limits=Limits(dense=0))
     expected = frequency_of(dense_squares(system))[by_structure(system).total :]

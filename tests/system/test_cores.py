@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import PRE_STRESS
 from places import ROOT, TESTS
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.system import packed as packed_contacts
 from modal.system.assembly import stiffness_matrix
-from modal.system.contacts import PRE_STRESS
 from modal.system.operator import ContactOperator
 from modal.system.packed import PackedContacts
 from modal.tools import slabs as slabs_along_z

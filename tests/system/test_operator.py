@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from packings import contact_matrices
+from packings import PRE_STRESS, contact_matrices
 from scipy.sparse.linalg import eigsh
 
 from modal.packing import crystal as gallery
@@ -12,7 +12,6 @@ from modal.packing.network import Network
 from modal.packing.tiling import repeat
 from modal.system import packed as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
-from modal.system.contacts import PRE_STRESS
 from modal.system.operator import ContactOperator
 from modal.tools import loops
 from modal.tools.errors import InputError

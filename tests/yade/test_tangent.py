@@ -6,14 +6,13 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from packings import contact_matrices, scaled
+from packings import asymmetry, contact_matrices, scaled
 from places import ROOT
 
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.system.assembly import stiffness_matrix
-from modal.system.contacts import asymmetry
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
 
