@@ -67,8 +67,9 @@ class LinearSystem:
     `pre_stress` says which terms of the contact forces the stiffness has, as in
     `modal.system.contacts`; `dof` is the number of degrees of freedom of a particle, 6, or 3 with
     translations only; `solver` names the factorisation (`modal.solvers.factor.SOLVERS`), None the
-    fastest; `shapes` says whether lists of modes keep their mode shapes; a search whose estimated time exceeds `hours` is refused; `limits` as in `Limits`.
-    `damping` of the contacts is known to waves and responses alone.
+    fastest; `shapes` says whether lists of modes keep their mode shapes; a search whose estimated
+    time exceeds `hours` is refused; `limits` as in `Limits`. `damping` of the contacts is known to
+    waves and responses alone.
     """
 
     network: Network

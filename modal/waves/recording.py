@@ -8,6 +8,7 @@ as a cell without walls a chain and stresses on them, is an empty array, and not
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,13 @@ DIRECTIONS = ("x", "y", "z")
 """Along which a source may move: z sends P-waves, x and y send S-waves."""
 COMPONENT = {"x": 0, "y": 1, "z": 2, TORSION: 5}
 """Of the six motions of a sphere the one that is recorded: along the direction, or about z."""
-RECORDED = {
+_RECORDED = {
     "source_stress": Column("source/stress", "f", ("n",), "Pa", optional=True),
     "receiver_stress": Column("receiver/stress", "f", ("n",), "Pa", optional=True),
     "chain_displacement": Column("chain/displacement", "f", ("n", "nc"), "m", optional=True),
     "layer_displacement": Column("layers/displacement", "f", ("n", "nl"), "m", optional=True),
 }
-"""Over time or frequency, where they are complex and per metre."""
-PLACES = {
+_PLACES = {
     "chain_particle": Column("chain/particle", "i", ("nc",), "1", optional=True),
     "layer_position": Column("layers/position", "f", ("nl",), "m", optional=True),
     "source_height": Column("source/height", "f", (1,), "m", optional=True, since=2),
@@ -39,11 +39,19 @@ OF_TIME = {
     "source_displacement": Column("source/displacement", "f", ("n",), "m"),
     "particle_displacement": Column("particles/displacement", "f", ("n", "np"), "m", optional=True),
     "chain_position": Column("chain/position", "f", ("nc",), "m", optional=True),
+    **(_PLACES | _RECORDED),
 }
+"""Of a recording over time."""
 OF_FREQUENCY = {
     "frequency": Column("frequency", "f", ("n",), "Hz"),
     "gain": Column("gain", "f", ("n",), "1", optional=True),
+    **_PLACES,
+    **{
+        name: column._replace(kind="c", unit=f"{column.unit}/m", optional=not name.startswith("layer"))
+        for name, column in _RECORDED.items()
+    },
 }
+"""Over frequency, per metre of the source; means over layers are always there."""
 VERSION = (1, 2)
 """Of the files."""
 TWISTED = {"m": "rad", "Pa": "N/m"}
@@ -53,43 +61,31 @@ SAID = {"direction": str, "source": str, "network_sha256": str}
 UNSAID = {"direction": "z", "source": "wall", "network_sha256": ""}
 
 
-class Format:
-    """The file of one kind of recording, over time or over frequency."""
+def write_recording(
+    product: Product, path: str | Path, values: Mapping[str, Any], made: Provenance | None
+) -> None:
+    """Write what is there, torsion in its own units; what is empty is left out."""
+    columns = product.columns
+    if values["direction"] == TORSION:
+        columns = {name: _twisted(column) for name, column in columns.items()}
+    there = {
+        name: None if name in columns and np.size(value) == 0 else value
+        for name, value in values.items()
+    }
+    replace(product, columns=columns).write(path, there, made)
 
-    def __init__(self, schema: str, further: Mapping[str, Any], *, over_time: bool) -> None:
-        recorded = {
-            name: column if over_time else column._replace(kind="c", unit=f"{column.unit}/m")
-            for name, column in RECORDED.items()
-        }
-        if not over_time:
-            recorded["layer_displacement"] = recorded["layer_displacement"]._replace(optional=False)
-        self.columns = (OF_TIME if over_time else OF_FREQUENCY) | PLACES | recorded
-        twisted = {name: _twisted(column) for name, column in self.columns.items()}
-        self._product, self._twisted = (
-            Product(schema, columns, **further, versions=VERSION)
-            for columns in (self.columns, twisted)
-        )
 
-    def write(self, path: str | Path, values: Mapping[str, Any], made: Provenance | None) -> None:
-        """Write what is there; what is empty is left out."""
-        product = self._twisted if values["direction"] == TORSION else self._product
-        there = {
-            name: None if name in self.columns and np.size(value) == 0 else value
-            for name, value in values.items()
-        }
-        product.write(path, there, made)
-
-    def read(self, path: str | Path) -> dict[str, Any]:
-        """All values, what a file may lack as an empty array; InputError for anything wrong."""
-        said = self._product.read(path)
-        if said["direction"] not in COMPONENT:
-            known = ", ".join(COMPONENT)
-            raise InputError(f"{path}: direction {said['direction']!r} is none of {known}; mend it")
-        length = len(said["time" if "time" in said else "frequency"])
-        for name, empty in without_walls(length).items():
-            if name in said and said[name] is None:
-                said[name] = empty
-        return said
+def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
+    """All values, what a file may lack as an empty array; InputError for anything wrong."""
+    said = product.read(path)
+    if said["direction"] not in COMPONENT:
+        known = ", ".join(COMPONENT)
+        raise InputError(f"{path}: direction {said['direction']!r} is none of {known}; mend it")
+    length = len(said["time" if "time" in said else "frequency"])
+    for name, empty in without_walls(length).items():
+        if name in said and said[name] is None:
+            said[name] = empty
+    return said
 
 
 def without_walls(length: int) -> dict[str, Any]:

@@ -26,6 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.hdf5 import complete
+from modal.formats.product import Product
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
@@ -41,7 +42,7 @@ from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
-from modal.waves.recording import SAID, UNSAID, Format
+from modal.waves.recording import OF_FREQUENCY, SAID, UNSAID, read_recording, write_recording
 from modal.waves.recording import VERSION as VERSION
 from modal.waves.sources import Source, Wall
 from modal.waves.weights import CHUNK, Resolvent
@@ -50,13 +51,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "granular-frequency-response"
-FORMAT = Format(
+FORMAT = Product(
     SCHEMA,
-    {
-        "attributes": SAID | {"resolution": float, "damping": np.ravel},
-        "defaults": UNSAID | {"damping": np.empty(0)},
-    },
-    over_time=False,
+    OF_FREQUENCY,
+    SAID | {"resolution": float, "damping": np.ravel},
+    UNSAID | {"damping": np.empty(0)},
+    versions=VERSION,
 )
 REMEDY = "take fewer frequencies, or a smaller packing"
 
@@ -285,12 +285,12 @@ def write_response(
         "gain": response.gain if response.from_wall_to_wall else None,
         "damping": [ratios.normal, ratios.tangential] if ratios else [],
     }
-    FORMAT.write(path, vars(response) | more, made)
+    write_recording(FORMAT, path, vars(response) | more, made)
 
 
 def read_response(path: str | Path) -> Response:
     """What `write_response` has written, `products` unknown (0); InputError for anything wrong."""
-    said = FORMAT.read(path)
+    said = read_recording(FORMAT, path)
     with complete(path):
         ratios = tuple(map(float, said["damping"]))
         said["damping"] = ContactDamping(*ratios) if ratios else None

@@ -20,7 +20,15 @@ from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
 from modal.waves.recording import DIRECTIONS as DIRECTIONS
-from modal.waves.recording import SAID, TORSION, UNSAID, Format, without_walls
+from modal.waves.recording import (
+    OF_TIME,
+    SAID,
+    TORSION,
+    UNSAID,
+    read_recording,
+    without_walls,
+    write_recording,
+)
 from modal.waves.recording import VERSION as VERSION
 
 if TYPE_CHECKING:
@@ -29,21 +37,23 @@ if TYPE_CHECKING:
 SCHEMA = "granular-wave-signals"
 PLANE = "granular-plane-wave"
 """The schema, version 1, of a wave from a plane in files of before."""
-FURTHER: dict[str, Any] = {
-    "attributes": SAID
+FORMAT = Product(
+    SCHEMA,
+    OF_TIME,
+    SAID
     | {"producer": str, "case": str}
     | dict.fromkeys(("amplitude", "input_frequency", "time_step", "run_time"), float),
-    "defaults": UNSAID,
-    "groups": ("balance",),
-}
-FORMAT = Format(SCHEMA, FURTHER, over_time=True)
+    UNSAID,
+    groups=("balance",),
+    versions=VERSION,
+)
 _OF_PLANE = (
     *("time", "source_displacement", "particle_displacement"),
     *("layer_position", "layer_displacement"),
 )
 PLANE_FORMAT = Product(
     PLANE,
-    {name: FORMAT.columns[name] for name in _OF_PLANE},
+    {name: OF_TIME[name] for name in _OF_PLANE},
     {"height": float, "direction": str, "network_sha256": str},
 )
 
@@ -148,7 +158,7 @@ def source_pulse(time: Floats, amplitude: float, frequency: float, cycles: int =
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
     """Write the signals atomically, and what they were made from."""
     balance = signals.balance.attributes() if signals.balance else {}
-    FORMAT.write(path, vars(signals) | {"balance": balance}, made)
+    write_recording(FORMAT, path, vars(signals) | {"balance": balance}, made)
 
 
 def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
@@ -167,7 +177,7 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
 
 
 def _read(path: str | Path) -> dict[str, Any]:
-    said = FORMAT.read(path)
+    said = read_recording(FORMAT, path)
     with complete(path):
         said["balance"] = EnergyBalance.of_attributes(said["balance"])
     return said
