@@ -1,6 +1,6 @@
 """A YADE run against the linear wave of its own contact network, and where they part.
 
-The linear wave is computed with the DEM's own time step (`modal.waves.leapfrog`) and with the exact
+The linear wave is computed with the DEM's own time step (`modal.waves.integrators`) and the exact
 tangent, so what is left is the packing's non-linearity and the run's noise. Leaving out one thing
 at a time, or adding runs of other amplitude, sign or friction, splits the difference by cause. All
 displacements are divided by the amplitude of the source; differences are relative L2 norms.

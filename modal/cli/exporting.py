@@ -27,8 +27,7 @@ from modal.modes.mode_set import read_modes
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
-from modal.waves.recording import TORSION
-from modal.waves.signals import DIRECTIONS, PLANE, read_signals
+from modal.waves.signals import DIRECTIONS, PLANE, TORSION, read_signals
 from modal.waves.signals import SCHEMA as WAVE
 
 

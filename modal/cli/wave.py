@@ -17,8 +17,7 @@ from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.nonlinear import ACCURACY, propagate_nonlinear
 from modal.waves.propagate import propagate
-from modal.waves.recording import COMPONENT
-from modal.waves.signals import Signals, read_signals, write_signals
+from modal.waves.signals import COMPONENT, Signals, read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
 from modal.waves.sources import Plane, Point, Source, Wall
 

@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import GRIP, Bulk, affine_stiffness, bulk_stiffness
 from modal.elasticity.steady import steady_motion
-from modal.elasticity.strain import STRAINED, STRAINS, has_walls
-from modal.elasticity.stressed import refuse_walls, stressed_stiffness
+from modal.elasticity.strain import STRAINED, STRAINS, has_walls, refuse_walls, stressed_stiffness
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
@@ -270,7 +269,7 @@ def elastic_moduli(
     of the bulk, five diameters away from the walls, if there is one and the walls grip. Spheres
     that nothing holds take no part. The forces that the contacts carry already change stiffnesses
     by some stress over modulus; with `pre_stress` (`modal.system.contacts`) the velocities of a
-    cell periodic in all directions have that change, to first order (`modal.elasticity.stressed`).
+    cell periodic in all directions have that change, to first order (`modal.elasticity.strain`).
 
     `tolerance` is the relative error of the modulus of each strain; `solver` is "pardiso" or
     "gradients", by default what is likely to be faster; `non_affine` keeps what the spheres do

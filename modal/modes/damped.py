@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from modal.modes.asked import check_count
+from modal.modes.counts import check_count
 from modal.modes.first_order import decay_rates as decay_rates
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network

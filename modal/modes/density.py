@@ -22,9 +22,8 @@ from scipy.linalg import eigh
 
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
-from modal.modes.asked import frequencies
 from modal.modes.collective import every_floppy
-from modal.modes.counts import refuse_unstable
+from modal.modes.counts import frequencies, refuse_unstable
 from modal.packing.network import Network
 from modal.solvers.spectrum import bound_of_spectrum, largest_growth
 from modal.system.linear_system import LinearSystem

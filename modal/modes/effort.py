@@ -99,7 +99,7 @@ def below_an_edge(system: LinearSystem, count: int, degree: int) -> Effort:
 def from_the_top(system: LinearSystem, count: int) -> Effort:
     """The effort of the `count` highest modes by products with A, without an exact count."""
     if count == 1:
-        # Two passes of three vectors (`modal.solvers.top_mode`); then as many hold its observables.
+        # Two passes of three vectors (`modal.solvers.spectrum`); then as many hold its observables.
         return Effort(400 * system.size * PRODUCT / RATE, 80.0 * system.size)
     basis, products = 3 * count + 40, 300 + 15 * count
     each = system.size * (PRODUCT + 4 / 3 * ORTHOGONAL * basis)

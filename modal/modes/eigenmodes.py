@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.modes.asked import check_count
 from modal.modes.collective import every_floppy
-from modal.modes.counts import count_below
+from modal.modes.counts import check_count, count_below
 from modal.modes.dense import all_modes, dense_modes
 from modal.modes.effort import from_the_top, refuse_endless_search
 from modal.modes.lowest import lowest_modes, modes_between

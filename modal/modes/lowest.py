@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.modes.asked import check_count
 from modal.modes.collective import counted_floppy, every_floppy
-from modal.modes.counts import count_below
+from modal.modes.counts import check_count, count_below
 from modal.modes.dense import dense_modes
 from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset

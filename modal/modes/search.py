@@ -22,7 +22,7 @@ from modal.solvers.lanczos import (
     modes_nearest,
 )
 from modal.solvers.low_end import LowEnd
-from modal.solvers.top_mode import top_mode
+from modal.solvers.spectrum import top_mode
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats, Ints
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from modal.modes.asked import check_count
+from modal.modes.counts import check_count
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.observables import found_modes
 from modal.modes.zero_modes import by_structure

@@ -2,7 +2,7 @@
 
 The spheres of a sample move in the leapfrog steps of `modal.dem`. State k is at time k dt: forces
 of the positions x_k and of the source at d(k dt), velocities half a step ahead, as in YADE and
-in `modal.waves.leapfrog`. The step follows from the error that it makes: the scheme is of second
+in `modal.waves.integrators`. The step follows from the error that it makes: the scheme is of second
 order, so two runs whose steps differ by a factor r tell the error of the finer one, their
 difference over r^2 - 1. Where contacts slide or open the order may be lower; then the last
 difference is all that is known, and it is told.
@@ -35,8 +35,7 @@ from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.receivers import Receivers
-from modal.waves.recording import COMPONENT
-from modal.waves.signals import Signals, record_times
+from modal.waves.signals import COMPONENT, Signals, record_times
 from modal.waves.source import Motion, Pulse
 from modal.waves.sources import Plane, Source, Wall
 

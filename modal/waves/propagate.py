@@ -16,14 +16,12 @@ from modal.tools.arguments import checked
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.waves.driven import Driven
-from modal.waves.integrators import Chebyshev, Integrator
-from modal.waves.leapfrog import Leapfrog
+from modal.waves.integrators import Chebyshev, Integrator, Leapfrog, Taylor
 from modal.waves.nonlinear import NonlinearWave, propagate_nonlinear
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
 from modal.waves.sources import Source, Wall
-from modal.waves.taylor import Taylor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -107,7 +105,7 @@ def propagate(
     times as many products. A `time_step`, s, makes it go by leapfrog, with the error of DEM
     programs; without, the `integrator` is exact in time, with dashpots and without. A packing of
     equal parts side by side, as a crystal, is computed in one of them where that is exact to the
-    `tolerance` too (`modal.waves.one_part`), unless `whole` asks for all of it.
+    `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it.
 
     With `nonlinear` contacts follow their law instead: they harden, slide, open and close, and the
     wave is of any size (`modal.waves.nonlinear`, which alone has `accuracy` and, of a network,

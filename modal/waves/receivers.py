@@ -12,8 +12,7 @@ from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
-from modal.waves.recording import COMPONENT
-from modal.waves.signals import Signals
+from modal.waves.signals import COMPONENT, Signals
 from modal.waves.source import Motion
 
 

@@ -12,7 +12,7 @@ make sure of it (`modal.waves.chebyshev`). With dashpots a resonance has a width
 window is needed: at real frequencies (A - i omega D - omega^2) v = push - i omega drag is solved
 for each by one complex factorisation; neither moments of K nor a wave serve, since a mode that is
 slow decays slowest. The format "granular-frequency-response" is defined here, its columns in
-`modal.waves.recording`.
+`modal.waves.signals`.
 """
 
 from __future__ import annotations
@@ -39,13 +39,12 @@ from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_above, refuse_endless
-from modal.waves.chebyshev import summed
+from modal.waves.chebyshev import CHUNK, Resolvent, summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
-from modal.waves.recording import OF_FREQUENCY, SAID, UNSAID, read_recording, write_recording
-from modal.waves.recording import VERSION as VERSION
+from modal.waves.signals import OF_FREQUENCY, SAID, UNSAID, read_recording, write_recording
+from modal.waves.signals import VERSION as VERSION
 from modal.waves.sources import Source, Wall
-from modal.waves.weights import CHUNK, Resolvent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,7 +15,7 @@ from modal.packing.network import SOURCE_WALL, Network
 from modal.system.imposed import Imposed, PlaneOpens, WallMoves
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
-from modal.waves.recording import COMPONENT, TORSION
+from modal.waves.signals import COMPONENT, TORSION
 
 
 class Source:

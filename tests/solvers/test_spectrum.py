@@ -23,9 +23,8 @@ from modal.tools import loops
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
 from modal.waves import integrators as wave
-from modal.waves.chebyshev import Recurrence, summed
+from modal.waves.chebyshev import Expansion, Recurrence, summed
 from modal.waves.propagate import propagate
-from modal.waves.weights import Expansion
 
 pytestmark = pytest.mark.two_ways
 

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.solvers.lanczos import TOLERANCE
-from modal.solvers.top_mode import top_mode
+from modal.solvers.spectrum import top_mode
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 
@@ -44,7 +44,7 @@ def test_long_after_orthogonality_is_lost(monkeypatch):
     """300 steps where 60 would do: the copies that round-off brings back do no harm."""
     system = LinearSystem.of(disordered())
     exact = eigh(system.scaled.toarray(), eigvals_only=True)[-1]
-    monkeypatch.setattr("modal.solvers.top_mode.LOOK", 300)
+    monkeypatch.setattr("modal.solvers.spectrum.LOOK", 300)
     found = top_mode(system.operator, MOST)
     assert found.converged.all() and found.products == 600
     assert found.square == pytest.approx([exact], rel=1e-12)

@@ -21,12 +21,11 @@ from modal.system.operator import ContactOperator
 from modal.tools import workload
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
-from modal.waves.chebyshev import Recurrence
+from modal.waves.chebyshev import Expansion, Recurrence, fast_length
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, SampledMotion, read_motion
-from modal.waves.weights import Expansion, fast_length
 
 pytestmark = pytest.mark.two_ways
 

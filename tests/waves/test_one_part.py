@@ -12,7 +12,7 @@ from modal.packing.network import write_network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem
-from modal.waves.one_part import bound_of_omega, one_part
+from modal.waves.driven import bound_of_omega, one_part
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals

@@ -21,11 +21,11 @@ from modal.system.assembly import block, stiffness_matrix
 from modal.system.contacts import Contacts, terms_of
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
+from modal.waves.integrators import Taylor
 from modal.waves.response import read_response, write_response
 from modal.waves.signals import read_signals, write_signals
 from modal.waves.source import SampledMotion
 from modal.waves.sources import Plane, Point, Wall
-from modal.waves.taylor import Taylor
 
 pytestmark = pytest.mark.two_ways
 
