@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import h5py
@@ -106,7 +105,7 @@ class Product:
         self,
         path: str | Path,
         leave: Container[str] = (),
-        parts: Mapping[str, Any] = MappingProxyType({}),
+        parts: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
         """All values by name, absent columns None; InputError in one line for anything wrong.
 
@@ -119,7 +118,9 @@ class Product:
             for name, column in self.columns.items():
                 absent = column.optional and column.dataset not in file
                 left = absent or name in leave
-                values[name] = None if left else _column(file, column, lengths, parts.get(name, ()))
+                values[name] = (
+                    None if left else _column(file, column, lengths, (parts or {}).get(name, ()))
+                )
             with complete(path):
                 for name, convert in self.attributes.items():
                     if name in file.attrs or name not in self.defaults:

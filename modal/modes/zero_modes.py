@@ -160,10 +160,8 @@ def _unmet(system: LinearSystem) -> FloppyModes:
 
 def _touched(network: Network) -> Bools:
     """Shape (n,): which spheres have a contact."""
-    touched = np.zeros(network.n_particles, bool)
-    for ends in (network.particle_i, network.particle_j[network.particle_j >= 0]):
-        touched[ends] = True
-    return touched
+    ends = network.particle_i, network.particle_j
+    return np.isin(np.arange(network.n_particles), np.concatenate(ends))
 
 
 def _degrees_of_freedom(spheres: Ints, dof: int) -> Ints:

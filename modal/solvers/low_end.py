@@ -22,26 +22,29 @@ vector of the basis, and fewer vectors: on a model of the spectrum of 35,201 sph
 1.47 and 1.34 of them for each mode at 7.5 and 10. The seconds hardly differ."""
 
 
-class Renumbering(Protocol):
-    """What is needed of A: `modal.system.operator.ContactOperator.renumbered`."""
+class ScaledOperator(Protocol):
+    """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
 
-    def inward(self, u: Floats) -> Floats:
+    shape: tuple[int, int]
+    pre_stress: str
+
+    def inward(self, u: Array) -> Array:
         """Vectors (size, k) in the operator's own numbering."""
 
-    def outward(self, u: Floats) -> Floats:
+    def outward(self, u: Array) -> Array:
         """The inverse."""
 
     def combine(
         self, u: Array, out: Array, alpha: float, beta: float = 0.0, gamma: float = 0.0
     ) -> Array:
-        """out = alpha A u + beta u + gamma out, both (size, k) in that numbering."""
+        """out = alpha A u + beta u + gamma out, (size,) or (size, k), in that numbering."""
 
 
 @dataclass(frozen=True)
 class LowEnd:
     """T_d of A as above; `edge` and `top` in omega^2, 1/s^2, `top` above all omega^2."""
 
-    operator: Renumbering
+    operator: ScaledOperator
     edge: float
     top: float
 

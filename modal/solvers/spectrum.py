@@ -18,12 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import islice
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from modal.solvers.lanczos import TOLERANCE, Nearest, start_block
+from modal.solvers.low_end import ScaledOperator
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
@@ -47,18 +47,6 @@ GROWTH = {"full": 10.0, "law": 10.0}
 """Growth that is allowed with the tangents whose eigenvectors are not orthogonal because they are
 not symmetric. In stable packings of DEM runs no growth was seen. Where vectors grow by a factor,
 errors relative to a tolerance grow by it, too."""
-
-
-class ScaledOperator(Protocol):
-    """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
-
-    shape: tuple[int, int]
-    pre_stress: str
-
-    def combine(
-        self, u: Floats, out: Floats, alpha: float, beta: float = 0.0, gamma: float = 0.0
-    ) -> Floats:
-        """out = alpha A u + beta u + gamma out, shape (size,)."""
 
 
 class GrowthError(InputError):

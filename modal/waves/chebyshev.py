@@ -5,14 +5,14 @@ what the receivers read of T_k(X) c, X = 2 A / top - 1. As |T_k(X) c| <= |c|, wh
 record by ending the sum is at most the sum of the further weights, times |c|, times the length of
 the receiver's row. The sum goes on until that is below the tolerance times the largest of the
 record itself, which is known by then.
-The weights of a wave (`Expansion`) and of a response (`Resolvent`) are both a `Series`, for omega^2
+The weights of a wave (`Expansion`) and of a response (`Resolvent`) are for omega^2
 from zero to `top`, 1/s^2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Complex, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
+from modal.waves.driven import Driven
 from modal.waves.source import Motion
 
 LOOK = 50
@@ -30,40 +31,8 @@ ROUNDING = np.finfo(float).eps
 """Of the sum of all weights: what their own round-off leaves uncertain."""
 
 
-class Observer(Protocol):
-    """What records of a motion are made: `count` numbers, each linear in M^1/2 u."""
-
-    @property
-    def count(self) -> int:
-        """How many."""
-
-    def observe(self, u: Floats, out: Floats) -> None:
-        """Write the numbers (count,) of the motion u (6n,) into `out`."""
-
-    def reach(self) -> Floats:
-        """Shape (kinds,): of each kind of record the largest per unit length of M^1/2 u."""
-
-    def largest(self, record: Array, displacement: Floats) -> Floats:
-        """Shape (kinds,): the largest of a record (k, count), the source displaced by (k,), m."""
-
-
-class Series(Protocol):
-    """The weights of the orders."""
-
-    def empty(self, count: int) -> Array:
-        """The record, with `count` columns, of no order at all."""
-
-    def left(self, orders: int) -> float:
-        """Bound of what follows that many orders: the sum of their largest weights."""
-
-    def orders(self, left: float) -> int:
-        """The least number of orders that leave no more than this, or than round-off does."""
-
-    def add(self, record: Array, rows: Floats, first: int) -> None:
-        """Add to the record what orders from `first` on, of moments `rows` (k, count), give."""
-
-
-AnySeries = TypeVar("AnySeries", bound=Series)
+AnySeries = TypeVar("AnySeries", "Expansion", "Resolvent")
+"""Weights of the orders, one set for each time or frequency."""
 
 
 class Recurrence:
@@ -74,7 +43,7 @@ class Recurrence:
     """
 
     def __init__(
-        self, operator: ContactOperator, start: Floats, top: float, receivers: Observer
+        self, operator: ContactOperator, start: Floats, top: float, receivers: Driven
     ) -> None:
         self._operator, self._top, self._receivers = operator, top, receivers
         self._before, self._now = start, np.empty_like(start)
@@ -110,7 +79,7 @@ class Recurrence:
 def summed(
     operator: ContactOperator,
     start: Callable[[], Floats],
-    receivers: Observer,
+    receivers: Driven,
     series_for: Callable[[float], AnySeries],
     largest: Callable[[AnySeries, Array], Floats],
     tolerance: float,
@@ -176,7 +145,7 @@ class Expansion:
         self._left = left + ROUNDING * left[0]
 
     def empty(self, count: int) -> Floats:
-        """Shape (nt, count)."""
+        """Shape (nt, count): the record of no order at all."""
         return np.zeros((len(self.time), count))
 
     def left(self, orders: int) -> float:
@@ -240,7 +209,7 @@ class Resolvent:
         self._sum = abs(self._scale) / (1 - 1 / abs(w))
 
     def empty(self, count: int) -> Complex:
-        """Shape (nf, count)."""
+        """Shape (nf, count): the record of no order at all."""
         return np.zeros((len(self.frequency), count), complex)
 
     def left(self, orders: int) -> float:

@@ -1,4 +1,4 @@
-"""What carries a wave through a `Driven` system: exactly in time, or in steps, a DEM's or long ones.
+"""What carries a wave through a `Driven` system: exactly in time, in a DEM's steps, in long ones.
 
 The source's motion d(t) drives v'' + A v = c d(t). Hence v(t) = y(A, t) c, where y(omega^2, t)
 answers y'' + omega^2 y = d(t) from rest (`modal.waves.source`). As a function of x = 2 omega^2 /
