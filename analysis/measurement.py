@@ -12,10 +12,12 @@ import numpy as np
 from analysis.belonging import WAVES, cases_of_files, kind_of, owner_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
+from analysis.quantities.amplitude import AMPLITUDE
 from analysis.value import Value
+from modal.exchange.programs.own import is_sample
 from modal.formats.hdf5 import write_text
 from modal.packing.network import Network
-from modal.packing.sample import Sample
+from modal.packing.sample import Sample, read_sample
 from modal.tools.display import table
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals, read_signals
@@ -87,6 +89,7 @@ def measure(
     quantities: Sequence[str] | None = None,
     source: Motion | None = None,
     keep: str | Path | None = None,
+    amplitudes: Sequence[float] = (),
 ) -> Measurement:
     """Measure a packing: what it is, how fast, how far and up to which frequency waves go.
 
@@ -95,7 +98,8 @@ def measure(
     that moves by `source`, by default a pulse of 0.33 V / D. `quantities` are names of
     `analysis.quantities.QUANTITIES`, by default all but those that are measured on request; `QUICK`
     has those that take one wave or less. `keep` is a folder for costly spectra, which a later call
-    finds there.
+    finds there. `amplitudes`, m, of pulses through a sample: the quantities of `AMPLITUDE` are
+    measured over these, by default they alone.
 
     The result maps each name to a `Value`: `value` and `error` in SI units, `unit`, and `caveats`,
     sentences on what the number leaves open. What cannot be measured is NaN, and a caveat says why.
@@ -107,17 +111,19 @@ def measure(
     >>> print(f"{found['v_p'].value:.0f} {found['v_p'].unit}")
     776 m/s
     """
-    case = None
+    case, sample = None, packing if isinstance(packing, Sample) else None
     if isinstance(packing, str | Path):
         (case,) = cases_of_files([packing])
         for record in records:
             if not isinstance(record, Signals):
                 owner_of(Path(record), [case])
         network = case.network
+        sample = read_sample(packing) if is_sample(packing) else None
     else:
         network = packing.network() if isinstance(packing, Sample) else packing
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
-    return _measured(Measuring(network, waves, source, case, keep), quantities)
+    measuring = Measuring(network, waves, source, case, keep, sample, amplitudes)
+    return _measured(measuring, quantities or (AMPLITUDE if len(amplitudes) else None))
 
 
 def _measured(packing: Measuring, quantities: Sequence[str] | None) -> Measurement:

@@ -16,10 +16,11 @@ from analysis.case import Case
 from analysis.estimators.coherent import DECAY, PASSAGES, Coherent, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.effective_medium import of_contacts
+from analysis.estimators.finite_amplitude import FiniteAmplitude, finite_amplitude
 from analysis.estimators.layer_lattice import is_fcc
 from analysis.estimators.low_pass import Passband
 from analysis.estimators.other_source import as_of_pulse
-from analysis.estimators.own_wave import coherent_of, own_pulse, own_wave
+from analysis.estimators.own_wave import affine_frequency, coherent_of, own_pulse, own_wave
 from analysis.estimators.plane_waves import plane_structure_factor
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.settled import why_unsettled
@@ -35,6 +36,7 @@ from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 from modal.packing.plausibility import CRYSTALLINE
+from modal.packing.sample import Sample
 from modal.packing.state import profile
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
@@ -55,7 +57,7 @@ class Measuring:
     """One packing with what was recorded of it; what is missing is made from its contacts.
 
     `case` has further files of the packing. `keep` is a folder in which costly spectra are kept,
-    and found again.
+    and found again. `sample` and `amplitudes`, m, are for waves of finite amplitude.
     """
 
     def __init__(
@@ -65,7 +67,10 @@ class Measuring:
         source: Motion | None = None,
         case: Case | None = None,
         keep: str | Path | None = None,
+        sample: Sample | None = None,
+        amplitudes: Sequence[float] = (),
     ) -> None:
+        self.sample, self.amplitudes = sample, amplitudes
         self.network, self.records, self.source = network, records, source
         self._case, self._keep = case, keep
 
@@ -128,6 +133,15 @@ class Measuring:
         """The P-wave up to when the wave of even strains has come a third of the way back."""
         network = self.network
         return cut(self.wave, PASSAGES * network.length / of_contacts(network).velocity)
+
+    @cached_property
+    def finite(self) -> FiniteAmplitude:
+        """Waves of the sample that are pushed both ways by each of the amplitudes."""
+        if self.sample is None:
+            raise InputError("waves of finite amplitude are those of a sample, with its friction")
+        motion = self.source or own_pulse(self.network)
+        rate = affine_frequency(self.network) * self.diameter / self.network.length
+        return finite_amplitude(self.sample, self.amplitudes, motion.frequency, PASSAGES / rate)
 
     @cached_property
     def first_peaks_of_columns(self) -> tuple[float, float]:

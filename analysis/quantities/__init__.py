@@ -9,5 +9,13 @@ from analysis.quantities.registry import QUANTITIES as QUANTITIES
 from analysis.quantities.registry import QUICK as QUICK
 
 # In the order in which results are shown.
-for _room in ("velocity", "passband", "scattering", "spectrum", "elasticity", "packing"):
+for _room in (
+    "velocity",
+    "passband",
+    "scattering",
+    "spectrum",
+    "elasticity",
+    "packing",
+    "amplitude",
+):
     import_module(f"analysis.quantities.{_room}")
