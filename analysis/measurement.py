@@ -123,11 +123,12 @@ def measure(
         network = packing.network() if isinstance(packing, Sample) else packing
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
     measuring = Measuring(network, waves, source, case, keep, sample, amplitudes)
-    return _measured(measuring, quantities or (AMPLITUDE if len(amplitudes) else None))
+    return _measured(measuring, quantities)
 
 
 def _measured(packing: Measuring, quantities: Sequence[str] | None) -> Measurement:
-    names = list(quantities or (q.name for q in QUANTITIES.values() if not q.asked))
+    usual = [q.name for q in QUANTITIES.values() if not q.asked]
+    names = list(quantities or (AMPLITUDE if len(packing.amplitudes) else usual))
     for name in names:
         if name not in QUANTITIES:
             raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
@@ -158,10 +159,12 @@ def measure_files(
     paths: Sequence[str],
     quantities: Sequence[str] | None = None,
     keep: str | Path | None = None,
+    amplitudes: Sequence[float] = (),
 ) -> tuple[dict[str, Measurement], Measurement | None]:
     """A measurement for each packing among the files, and their mean where there are several.
 
-    Waves that were recorded in a packing take the place of its own where their files are given.
+    Waves that were recorded in a packing take the place of its own where their files are given;
+    `amplitudes` as of `measure`.
     Densities, structure factors and moduli are used, too, where they lie beside under its name.
     """
     waves = [path for path in paths if kind_of(path) in WAVES]
@@ -170,8 +173,10 @@ def measure_files(
     found = {}
     for case in cases:
         records = [read_signals(path) for path in waves if owner[path] is case]
-        packing = Measuring(case.network, records, None, case, keep)
-        found[_as_given(case.packing_path, paths)] = _measured(packing, quantities)
+        path = case.packing_path
+        sample = read_sample(path) if is_sample(path) else None
+        packing = Measuring(case.network, records, None, case, keep, sample, amplitudes)
+        found[_as_given(path, paths)] = _measured(packing, quantities)
     if len(found) < 2:
         return found, None
     states = {tuple(str(one.about.get(key)) for key in SAME_STATE) for one in found.values()}

@@ -9,6 +9,7 @@ from typing import Any
 from analysis.cli.options import add_command
 from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
+from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
 from modal.cli.options import add_output, json_text, say
 from modal.cli.terminal import put
@@ -29,6 +30,10 @@ def add(commands: Any) -> None:
         "--quantities", nargs="+", choices=QUANTITIES, metavar="NAME", help=", ".join(QUANTITIES)
     )
     command.add_argument("--json", action="store_true", help="print JSON")
+    command.add_argument(
+        "--amplitudes", nargs="+", type=float, default=(), metavar="A",
+        help=f"of pulses through a sample, m: {', '.join(AMPLITUDE)}",
+    )  # fmt: skip
     command.add_argument("--keep", metavar="DIR", help="folder that keeps costly spectra")
     add_output(command, "result file of one packing, *.json; or table of several, *.md")
     command.epilog = "\n".join(
@@ -53,7 +58,7 @@ def _write(path: Path, found: dict[str, Measurement]) -> None:
 
 def _measure(options: argparse.Namespace) -> int:
     names = QUICK if options.quick else options.quantities
-    found, mean = measure_files(options.files, names, options.keep)
+    found, mean = measure_files(options.files, names, options.keep, options.amplitudes)
     if options.output:
         _write(Path(options.output), found)
     if options.json:

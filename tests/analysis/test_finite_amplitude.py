@@ -42,3 +42,6 @@ def test_more_contacts_slide_and_open_the_larger_the_wave(tmp_path, capsys):
     assert main([str(word) for word in command]) == 3
     told = json.loads(capsys.readouterr().out)
     assert "amplitudes, which were not given" in told["even_part"]["caveats"][0]
+    assert main([str(word) for word in [*command, "--amplitudes", "1e-7"]]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["even_part"]["value"] == pytest.approx(found["even_part"].value[1:])
