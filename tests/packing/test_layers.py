@@ -10,7 +10,6 @@ from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.rattlers import firmly_held, force_bearing
 from modal.tools.errors import InputError
-from modal.waves.signals import Signals, read_signals, write_signals
 
 
 def test_a_dangling_chain_bears_no_force():
@@ -38,42 +37,6 @@ def test_means_equal_a_loop():
     width = np.diff(layers.position)
     assert (width > 0).all()
     assert len(width) + 1 == round(network.length / (2 * network.radius[0]))
-
-
-def test_optional_records_survive_the_file(tmp_path):
-    base = dict(
-        time=np.arange(3.0),
-        chain_particle=np.arange(2),
-        chain_position=np.arange(2.0),
-        chain_displacement=np.zeros((3, 2)),
-        source_displacement=np.zeros(3),
-        source_stress=np.zeros(3),
-        receiver_stress=np.zeros(3),
-        producer="linear",
-        case="",
-        amplitude=1.0,
-        input_frequency=1.0,
-        time_step=1.0,
-        run_time=1.0,
-        network_sha256="",
-    )
-    path = tmp_path / "a.signals.h5"
-    write_signals(path, Signals(**base))
-    assert read_signals(path).layer_displacement is None
-    layered = Signals(
-        **base,
-        layer_position=np.arange(4.0),
-        layer_displacement=np.arange(12.0).reshape(3, 4),
-        particle_displacement=np.ones((3, 5)),
-    )
-    write_signals(path, layered)
-    found = read_signals(path)
-    for name in ("layer_position", "layer_displacement", "particle_displacement"):
-        assert np.array_equal(getattr(found, name), getattr(layered, name))
-    layered.layer_displacement = np.zeros((2, 4))
-    write_signals(path, layered)
-    with pytest.raises(InputError, match="layers/displacement has shape"):
-        read_signals(path)
 
 
 def test_particles_on_hardly_loaded_contacts_are_left_out():

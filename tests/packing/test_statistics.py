@@ -49,12 +49,8 @@ def sheared(network: Network, seed: int = 2) -> Network:
 
 def elastic_energy(sample: Sample, stretch: np.ndarray) -> float:
     """Hertz energy, 2/5 of force times overlap, with the sample stretched along its axes."""
-    network = replace(
-        sample,
-        position=sample.position * stretch,
-        side=sample.side * stretch[:2],
-        walls=sample.walls * stretch[2],
-    ).network()
+    position, side, walls = sample.position * stretch, sample.side * stretch[:2], sample.walls
+    network = replace(sample, position=position, side=side, walls=walls * stretch[2]).network()
     return float(0.4 * network.force_normal @ network.overlap)
 
 
@@ -129,9 +125,7 @@ def test_rattlers_leave_with_their_contacts():
     further = aside + [2 * RADIUS - overlap, 0, 0]
     free = [0, 6 * RADIUS, 3 * RADIUS]
     position = np.vstack([column.position, aside, further, free])
-    network = Sample(
-        position, np.full(2, 12 * RADIUS), column.wall_position, friction=0.0
-    ).network()
+    network = Sample(position, np.full(2, 12 * RADIUS), column.wall_position, 0.0).network()
     bearing, rattlers = coordination_without_rattlers(network)
     assert (bearing, rattlers) == (2.0, 3)
     assert network.study["coordination_number"] == pytest.approx((4 * 2 + 2 + 2) / 7)
@@ -164,9 +158,8 @@ def test_wall_layers_are_told_from_the_bulk():
     found = summary(network)
     perfect = FccLattice(1e5)
     cell = perfect.spacing**2 * perfect.layer_distance
-    assert found["void_ratio_of_bulk"] == pytest.approx(
-        cell / (4 / 3 * np.pi * RADIUS**3) - 1, rel=2e-2
-    )
+    wanted = cell / (4 / 3 * np.pi * RADIUS**3) - 1
+    assert found["void_ratio_of_bulk"] == pytest.approx(wanted, rel=2e-2)
     assert "void_ratio_of_bulk" not in summary(gallery.fcc(cells=(2, 2, 8)))
 
 
