@@ -71,9 +71,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 
 
-def _of_product(
-    options: argparse.Namespace,
-) -> tuple[dict[str, Array], Iterator[Frame] | None]:
+def _of_product(options: argparse.Namespace) -> tuple[dict[str, Array], Iterator[Frame] | None]:
     """Fields, and frames if there are any, of modes or of a wave."""
     with open_h5(options.product) as file:
         schema = file.attrs.get("schema")

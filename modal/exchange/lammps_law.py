@@ -19,16 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NoReturn
 
 from modal.exchange.input_script import Script
-from modal.exchange.law import (
-    DISPLACEMENT,
-    FORCE,
-    MIDDLE,
-    ONE_SIDED,
-    RADIUS,
-    SI,
-    ProgramLaw,
-    Units,
-)
+from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import LawOf
 from modal.packing.contact_law import YOUNG, Elasticity
 from modal.tools.errors import InputError

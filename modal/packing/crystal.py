@@ -21,7 +21,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import void_ratio
 from modal.packing.sphere_network import network_of
 from modal.tools.arguments import checked, refuse_other_kinds
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Ints
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
@@ -184,9 +184,8 @@ def fcc(
         "void_ratio": void_ratio(n, radius, side, height),
         "coordination_number": float((kind < 6).sum() + len(kind)) / n,
     }
-    return _network(
-        contact, radius, material, position, (*side, height), (True, True, periodic_z), study
-    )
+    more = {"position": position, "cell_periodic": np.array([True, True, periodic_z])}
+    return _network(contact, radius, material, (*side, height), study=study, **more)
 
 
 def column(
@@ -209,29 +208,18 @@ def column(
     )
     position = np.column_stack([np.zeros(particles), np.zeros(particles), z])
     cell = (4 * radius, 4 * radius, z[-1] + radius - at_wall)
-    return _network(
-        contact, radius, material, position, cell, (False, False, False), {"case": "column"}
-    )
+    more = {"position": position, "cell_periodic": np.zeros(3, bool)}
+    return _network(contact, radius, material, cell, study={"case": "column"}, **more)
 
 
 def _network(
     contact: ContactList,
     radius: float,
     material: Material,
-    position: Floats,
     cell: tuple[float, float, float],
-    periodic: tuple[bool, bool, bool],
-    study: dict[str, Any],
+    **more: Any,
 ) -> Network:
     """The network of these contacts; the walls are the ends of the cell along z."""
-    return network_of(
-        contact,
-        radius,
-        material,
-        study=study,
-        position=position,
-        cell_size=np.array(cell),
-        cell_periodic=np.array(periodic),
-        wall_position=np.array([0.0, cell[2]]),
-        provenance={"command": "modal.packing.crystal"},
-    )
+    ends, provenance = np.array([0.0, cell[2]]), {"command": "modal.packing.crystal"}
+    more |= {"cell_size": np.array(cell), "wall_position": ends, "provenance": provenance}
+    return network_of(contact, radius, material, **more)

@@ -188,14 +188,11 @@ def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[
     `image` (n,) is the sphere on which each one falls. None where contacts fall on none.
     """
     i, j, wall = network.particle_i, network.particle_j, network.with_wall
-    here, turned, there, turned_there = (
-        *_sorted(network, i, j),
-        *_sorted(network, image[i], np.where(wall, j, image[network.partner])),
-    )
+    here, turned, ends = _sorted(network, i, j)
+    moved = image[i], np.where(wall, j, image[network.partner])
+    there, turned_there, moved_ends = _sorted(network, *moved)
     # What stands at one place of both orders is a contact and what falls on it.
-    ends = np.sort(np.column_stack([i, j]), axis=1)
-    moved = np.sort(np.column_stack([image[i], np.where(wall, j, image[network.partner])]), axis=1)
-    if not np.array_equal(ends[here], moved[there]):
+    if not np.array_equal(ends[here], moved_ends[there]):
         return None
     contact = np.empty_like(here)
     contact[there] = here
@@ -229,12 +226,13 @@ def _most(difference: Array, scale: Array | float) -> float:
     return float(abs(difference / scale).max(initial=0.0))
 
 
-def _sorted(network: Network, i: Ints, j: Ints) -> tuple[Ints, Array]:
-    """Order (m,) of the contacts by their two ends, whichever is first, and which are turned (m,).
+def _sorted(network: Network, i: Ints, j: Ints) -> tuple[Ints, Array, Ints]:
+    """Order (m,) of the contacts by their two ends (m, 2), and which are turned (m,).
 
     Two spheres that touch more than once do so in several directions.
     """
     slant = network.normal @ ASLANT
     turned = (j >= 0) & ((i > j) | ((i == j) & (slant < 0)))
     low, high = np.where(turned, j, i), np.where(turned, i, j)
-    return np.lexsort((np.where(turned, -slant, slant), high, low)), turned
+    order = np.lexsort((np.where(turned, -slant, slant), high, low))
+    return order, turned, np.column_stack([low, high])

@@ -19,24 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def layer_stiffness(kn: float, kt: float) -> float:
-    """C = 2 (kN + kT), N/m: stiffness between layers per sphere (Eq. 8)."""
-    return 2 * (kn + kt)
-
-
 def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
     """omega(kappa) = 2 sqrt(C/m) |sin(l kappa / 2)|, rad/s (Eqs. 5 and 9)."""
     return 2 * np.sqrt(C / m) * np.abs(np.sin(distance * np.asarray(kappa) / 2))
-
-
-def long_wave_velocity(C: float, m: float, distance: float) -> float:
-    """V = l sqrt(C/m), m/s (Eq. 6)."""
-    return distance * np.sqrt(C / m)
-
-
-def f_low_pass(C: float, m: float) -> float:
-    """f = sqrt(C/m) / pi, Hz (Eq. 10)."""
-    return np.sqrt(C / m) / np.pi
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,18 +59,18 @@ class FccLattice(FccPacking):
 
     @property
     def C(self) -> float:
-        """Layer stiffness, N/m (Eq. 8)."""
-        return layer_stiffness(self.kn, self.kt)
+        """Stiffness between layers per sphere, 2 (kN + kT), N/m (Eq. 8)."""
+        return 2 * (self.kn + self.kt)
 
     @property
     def low_pass_frequency(self) -> float:
-        """f_low-pass, Hz (Eq. 10)."""
-        return f_low_pass(self.C, self.mass)
+        """f_low-pass = sqrt(C/m) / pi, Hz (Eq. 10)."""
+        return np.sqrt(self.C / self.mass) / np.pi
 
     @property
     def velocity(self) -> float:
-        """Long-wave P velocity along z, m/s (Eq. 6)."""
-        return long_wave_velocity(self.C, self.mass, self.layer_distance)
+        """Long-wave P velocity along z, l sqrt(C/m), m/s (Eq. 6)."""
+        return self.layer_distance * np.sqrt(self.C / self.mass)
 
     @property
     def stiffness(self) -> Floats:

@@ -15,14 +15,7 @@ import numpy as np
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, ProgramLaw, Units
 from modal.exchange.mercury_restart import Restart, Wall, read_restart
-from modal.exchange.particles_and_contacts import (
-    Cell,
-    Contacts,
-    Spheres,
-    ends_of,
-    in_order,
-    pushes,
-)
+from modal.exchange.particles_and_contacts import Cell, Contacts, Spheres, ends_of, in_order, pushes
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File
 from modal.exchange.rows import fault, last_step, significant_digits
