@@ -119,29 +119,29 @@ class Rows:
     def digits(self, *names: str) -> int:
         """Most significant digits that a number of these columns has in the first rows."""
         at = [self.columns.index(name) for name in names]
-        with open_bytes(self.path) as file:
-            file.seek(self.offset)
-            head = itertools.islice(file, min(self.count, LOOKED_AT))
-            rows = [line.decode("utf-8", "replace").split(self.separator) for line in head]
+        rows = itertools.islice(self._words(), LOOKED_AT)
         return significant_digits([row[k] for row in rows for k in at if k < len(row)])
 
-    def _blame(self, names: Sequence[str], at: Sequence[int]) -> NoReturn:
+    def _words(self) -> Iterator[list[str]]:
+        """The words of each row."""
         with open_bytes(self.path) as file:
             file.seek(self.offset)
-            for number, line in enumerate(itertools.islice(file, self.count)):
-                words = line.decode("utf-8", "replace").split(self.separator)
-                here = self.line + number
-                if not line.strip():
-                    fault(self.path, "an empty line between the rows", "take it out", here)
-                for name, column in zip(names, at, strict=True):
-                    if column >= len(words):
-                        what = f"has {len(words)} columns, the header names {len(self.columns)}"
-                        fault(self.path, what, "let the program write whole rows", here, name)
-                    try:
-                        float(words[column])
-                    except ValueError:
-                        what = f"{shown(words[column].strip())} is no number"
-                        fault(self.path, what, "write numbers there", here, name)
+            for line in itertools.islice(file, self.count):
+                yield line.decode("utf-8", "replace").split(self.separator)
+
+    def _blame(self, names: Sequence[str], at: Sequence[int]) -> NoReturn:
+        for here, words in enumerate(self._words(), self.line):
+            if not "".join(words).strip():
+                fault(self.path, "an empty line between the rows", "take it out", here)
+            for name, column in zip(names, at, strict=True):
+                if column >= len(words):
+                    what = f"has {len(words)} columns, the header names {len(self.columns)}"
+                    fault(self.path, what, "let the program write whole rows", here, name)
+                try:
+                    float(words[column])
+                except ValueError:
+                    what = f"{shown(words[column].strip())} is no number"
+                    fault(self.path, what, "write numbers there", here, name)
         fault(self.path, "its rows cannot be read as numbers", "write it again", self.line)
 
 

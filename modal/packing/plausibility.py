@@ -59,7 +59,8 @@ def plausibility(network: Network, *, sought: bool = False, waves: bool = False)
     if network.n_contacts:
         if not sought and network.inertia_tensor is None:
             _touching(network, remarks)
-        told |= _stiffnesses(network, remarks) | _forces(network, remarks)
+        _stiffnesses(network, told, remarks)
+        _forces(network, told, remarks)
     return told | {"remarks": remarks}
 
 
@@ -144,9 +145,8 @@ def _overlapping(network: Network, depth: float) -> int:
     return int(((found.overlap > depth) & (walls | (found.particle_j >= 0))).sum())
 
 
-def _stiffnesses(network: Network, remarks: list[str]) -> dict[str, Any]:
+def _stiffnesses(network: Network, told: dict[str, Any], remarks: list[str]) -> None:
     """Ratio of stiffnesses, and the law that stiffness, force and overlap follow."""
-    told: dict[str, Any] = {}
     stiff = network.stiffness_normal > 0
     if stiff.any():
         ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
@@ -165,22 +165,20 @@ def _stiffnesses(network: Network, remarks: list[str]) -> dict[str, Any]:
             remarks.append("stiffnesses, forces and overlaps follow no law that is known here")
         elif others := int((abs(ratio / LAWS[law] - 1) > OUTLIER).sum()):
             remarks.append(f"{others} contacts do not follow the law of the others")
-    return told
 
 
-def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
+def _forces(network: Network, told: dict[str, Any], remarks: list[str]) -> None:
     """Which contacts pull or slide, and whether the particles are in balance."""
-    told: dict[str, Any] = {}
     force, shear = network.force_normal, network.force_tangential
     if force is None:
-        return told
+        return
     pulling = told["pulling_contacts"] = int((force < 0).sum())
     if pulling:
         remarks.append(f"{pulling} contacts pull")
     if network.overlap is not None and (idle := int(((force == 0) & (network.overlap > 0)).sum())):
         remarks.append(f"{idle} contacts overlap without a force")
     if shear is None:
-        return told
+        return
     across = _size(shear)
     mean = float(np.hypot(force, across).mean())
     if mean > 0:
@@ -193,28 +191,26 @@ def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
                 f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; weight, or "
                 "motion?"
             )
-    return told | _sliding(network, across, remarks)
+    if network.sliding is not None and network.sliding.any():
+        _sliding(network, force, across, told, remarks)
 
 
-def _sliding(network: Network, across: Floats, remarks: list[str]) -> dict[str, Any]:
+def _sliding(
+    network: Network, force: Floats, across: Floats, told: dict[str, Any], remarks: list[str]
+) -> None:
     """What springs along sliding contacts mean, and whether shares of friction fit."""
-    told: dict[str, Any] = {}
-    force, stiff = network.force_normal, network.stiffness_normal > 0
-    if network.sliding is None or force is None:
-        return told
+    stiff, sliding = network.stiffness_normal > 0, np.asarray(network.sliding)
     ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
-    if network.sliding.any() and ratio.any():
+    if ratio.any():
         told["springs_of_sliding_contacts"] = (
             f"tangential too, {np.median(ratio):.3g} of the normal ones: modes, moduli and waves "
             "take a friction of the wave that holds these contacts, whatever that of the packing "
             "was; --sliding slip leaves these springs out"
         )
-    if network.sliding.any():
-        share = across / np.where(force > 0, force, np.inf)
-        sliding, others = share[network.sliding], share[~network.sliding]
-        if np.ptp(sliding) > UNIFORM * sliding.max() or others.max(initial=0.0) > sliding.max():
-            remarks.append("sliding contacts use unequal shares of friction, or less than others")
-    return told
+    share = across / np.where(force > 0, force, np.inf)
+    most = share[sliding].max()
+    if np.ptp(share[sliding]) > UNIFORM * most or share[~sliding].max(initial=0.0) > most:
+        remarks.append("sliding contacts use unequal shares of friction, or less than others")
 
 
 def _law(ratio: Floats) -> str:

@@ -193,15 +193,9 @@ def write_profile(path: str | Path, layers: Profile) -> None:
     """Write the layers as a table, *.csv: the middle of each, then what `Profile` has."""
     columns: dict[str, Array] = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
     if layers.stress is not None:
-        columns |= zip(
-            ("stress_xx_Pa", "stress_yy_Pa", "stress_zz_Pa"), layers.stress.T, strict=True
-        )
-    columns |= {
-        "void_ratio": layers.void_ratio,
-        "coordination_number": layers.coordination,
-        "particles": layers.particles,
-        "bulk": layers.bulk,
-    }
+        columns |= zip((f"stress_{a}{a}_Pa" for a in "xyz"), layers.stress.T, strict=True)
+    columns |= {"void_ratio": layers.void_ratio, "coordination_number": layers.coordination}
+    columns |= {"particles": layers.particles, "bulk": layers.bulk}
     text, table = io.StringIO(), np.column_stack(list(columns.values()))
     np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     write_text(path, text.getvalue())

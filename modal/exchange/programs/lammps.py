@@ -6,8 +6,8 @@ and `compute pair/local` with `cutoff radius`. Spheres of a `fix rigid` become i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,17 +42,11 @@ def sniff(file: File) -> bool:
     return file.head.startswith(b"ITEM:") and not of_liggghts(file)
 
 
-def read(
-    path: Path,
-    contacts: str | Path | None = None,
-    log: str | Path | None = None,
-    pair: str | None = None,
-    wall: str | None = None,
-    step: int | None = None,
-    scales: Sequence[float] | None = None,
-    bodies: str | Path | None = None,
-) -> ImportResult:
+def read(path: Path, **given: Any) -> ImportResult:
     """A packing of LAMMPS."""
+    contacts, log, pair, wall, bodies = map(
+        given.get, ("contacts", "log", "pair", "wall", "bodies")
+    )
     # LAMMPS' own units, where a log names none, are lj.
     script = read_log(log, "lj")
     wall_fixes = tuple(script.walls)
@@ -65,8 +59,8 @@ def read(
             f"{path}: no law of contact is known; `import` it with the log (--log log.lammps) or "
             'the line (--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3")'
         )
-    frame = frame_of(path, "ATOMS", step)
-    units, assumed = units_of(frame, scales, script)
+    frame = frame_of(path, "ATOMS", given.get("step"))
+    units, assumed = units_of(frame, given.get("scales"), script)
     of_pairs, walls = law_of_pairs(script, units), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:

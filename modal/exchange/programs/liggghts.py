@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,16 +65,9 @@ def sniff(file: File) -> bool:
     return file.head.startswith(b"ITEM:") and of_liggghts(file)
 
 
-def read(
-    path: Path,
-    contacts: str | Path | None = None,
-    log: str | Path | None = None,
-    pair: str | None = None,
-    wall: str | None = None,
-    step: int | None = None,
-    scales: Sequence[float] | None = None,
-) -> ImportResult:
+def read(path: Path, **given: Any) -> ImportResult:
     """A packing of LIGGGHTS."""
+    contacts, log, pair, wall = map(given.get, ("contacts", "log", "pair", "wall"))
     script = read_log(log, "si")
     if pair:
         script.said, script.style = "--pair", tuple(pair.split())
@@ -82,8 +76,8 @@ def read(
         raise InputError(
             f"{script.said}: fix rigid: clumps of LIGGGHTS are not known; leave it out"
         )
-    frame = frame_of(path, "ATOMS", step)
-    units, assumed = units_of(frame, scales, script)
+    frame = frame_of(path, "ATOMS", given.get("step"))
+    units, assumed = units_of(frame, given.get("scales"), script)
     planes, of_wall = walls_of(wall, script, units)
     law_of = law_of_types(script, units, of_wall)
     typed = any(len(values) > 1 for values in script.properties.values())
