@@ -215,7 +215,7 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
     position = _unwrapped(network, members)
     position[members] -= position[members].mean(axis=0)
     # To load the compiled loops takes longer than all else that is asked of a small packing.
-    product = system.scaled if system.size <= system.limits.small else system.operator
+    product = system.scaled if system.size <= system.limits.dense else system.operator
     found = []
     # One motion after the other: of millions of spheres six fill the memory.
     for k in range(dof):

@@ -27,6 +27,8 @@ BACKWARD = 1e-11
 """Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
 largest one, round-off may have moved the eigenvalues, and so near to a mode no count is exact
 (`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
+SMALL = 3000
+"""Rows up to which scipy's own factorisations are taken: to load another package takes longer."""
 SMALLER = "take a smaller packing"
 """What to do where memory does not suffice."""
 
@@ -151,14 +153,18 @@ def choose(
 ) -> Factorisation:
     """The factorisation for a matrix: the one that is named, or else the fastest that can do it.
 
-    One whose package was installed for it comes first, then the one with the fewest operations.
-    InputError for a `solver` that is unknown, not installed, or cannot do what is asked for.
+    One whose package was installed for it comes first where the matrix is not small, then the one
+    with the fewest operations. InputError for a `solver` that is unknown, not installed, or cannot
+    do what is asked for.
     """
     asked = {"inertia": inertia, "complex": shape.complex, "unsymmetric": unsymmetric}
     if solver is None:
         every = [named(name) for name in SOLVERS if available(name)]
         able = [way for way in every if not way.lacks(**asked)]
-        return min(able, key=lambda way: (way.package is None, way.cost(shape).operations))
+        small = shape.rows <= SMALL
+        return min(
+            able, key=lambda way: ((way.package is None) is not small, way.cost(shape).operations)
+        )
     way = named(solver)
     if not available(solver):
         raise InputError(
