@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from analysis.rows import PERCENT, Row
 
 UNITS = {
@@ -30,18 +28,3 @@ def of_one_producer(members: Iterable[Row], quantity: str, unit: str = "") -> tu
     if members and all(row.record == "yade" for row in members):
         return f"{quantity}_yade_{unit}", "YADE"
     return f"{quantity}_linear_{unit}", "linear"
-
-
-def end_frictions(rows: Iterable[Row]) -> list[float]:
-    """The lowest and the highest friction of random packings."""
-    frictions = sorted({row.mu_comp for row in rows if not row.crystal})
-    return [*frictions[:1], *frictions[-1:]]
-
-
-def spread_of_highest(rows: Iterable[Row]) -> dict[float, float]:
-    """Largest over smallest f_max at each stress, Pa, less 1, in %; of two packings or more."""
-    found: dict[float, list[float]] = {}
-    for row in sorted(rows, key=lambda row: row.stress):
-        if np.isfinite(row.value("f_max_khz")):
-            found.setdefault(float(f"{row.stress:.3g}"), []).append(row.value("f_max_khz"))
-    return {s: 100 * (max(top) / min(top) - 1) for s, top in found.items() if len(top) > 1}

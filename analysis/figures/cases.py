@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from analysis.comparable import end_frictions, of_one_producer, spread_of_highest
+from analysis.comparable import of_one_producer
 from analysis.estimators.power_law import straight_to
 from analysis.figures.groups import STATED, column, legend, points, side_by_side, styles
 from analysis.figures.picture import Panel, Picture, columns_for
 from analysis.rows import Row, law_of
 from modal.tools.errors import InputError
 
-THIN = {"lw": 0.7, "ls": "-", "zorder": 1.5}
+THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
 
 
 def velocity_cases(rows: list[Row]) -> Picture:
@@ -21,13 +23,13 @@ def velocity_cases(rows: list[Row]) -> Picture:
     left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
     right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
     legend(left, rows, frictions=False)
-    for stress in sorted({row.stress for row in rows}):
-        _trend(left, [row for row in rows if row.stress == stress], name)
+    for level in sorted({row.stress for row in rows}):
+        _trend(left, [row for row in rows if row.stress == level], name)
     for text, members, style in styles(rows):
         points(left, members, "void_ratio", name, style)
         law = law_of(members, "stress_pa", name)
-        stress = np.array([row.stress for row in members])
-        right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", **THIN)
+        at = column(members, "stress_kpa")
+        right.line(at, law.factor * (1e3 * at) ** law.exponent, color="0.5", **THIN)
         points(right, members, "stress_kpa", name, style)
         text += f": {law}" if np.isfinite(law.exponent) else ""
         right.line([np.nan], [np.nan], text, marker="o", **style)
@@ -54,40 +56,29 @@ def _trend(panel: Panel, rows: list[Row], name: str) -> None:
 
 
 def highest_frequency(rows: list[Row]) -> Picture:
-    """Fig. 8: highest natural frequency over that of FCC at the same stress, and its spread."""
-    left = Panel("stress (kPa)", "$f_{max}$ over that of FCC", "(a)", xscale="log")
-    left.legend = "outside"
+    """Fig. 8: highest natural frequency over that of FCC at the same stress."""
+    panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC", xscale="log", legend="outside")
     of_crystal = {row.stress: row.value("f_max_khz") for row in rows if row.crystal}
     if not of_crystal:
-        left.ylabel, left.yscale = "$f_{max}$ (kHz)", "log"
+        panel.ylabel, panel.yscale = "$f_{max}$ (kHz)", "log"
     groups = styles(rows)
     for k, (_, members, style) in enumerate(groups):
         at = side_by_side(column(members, "stress_kpa"), k, len(groups))
-        over = np.array(
-            [of_crystal.get(row.stress, np.nan if of_crystal else 1) for row in members]
-        )
-        left.line(at, column(members, "f_max_khz") / over, color=style["color"], **THIN)
-        points(left, members, at, "f_max_khz", style, over)
-        for row, place, scale in zip(members, at, over, strict=True):
-            if said := row.stated.get("f_max_khz"):
-                first = not any(series.label for series in left.series)
-                left.line([place], [said[0] / scale], "stated" if first else "", **STATED)
-    legend(left, rows, stresses=False)
-    far = Panel("stress (kPa)", "highest over lowest $f_{max}$, less 1 (%)", "(b)", xscale="log")
-    ends = end_frictions(rows)
-    for text, chosen, mark in (
-        ("FCC, lowest, highest friction", [r for r in rows if r.crystal or r.mu_comp in ends], "o"),
-        ("all packings", rows, "x"),
-    ):
-        apart = spread_of_highest(chosen)
-        style = {"marker": mark, "ls": "none", "color": "k", "mfc": "none"}
-        far.line([s / 1e3 for s in apart], list(apart.values()), text, **style)
-    limit = next((row.stated["f_max_apart"][1] for row in rows if "f_max_apart" in row.stated), 0)
-    if limit:
-        text = f"stated: less than {limit:g} %"
-        far.add("hline", [0], [limit], None, text, color="k", ls="--")
-    far.ylim = (0, 1.4 * max([limit, *apart.values(), 0.1]))
-    return Picture([left, far], columns=2, shape=(11, 3.8))
+        none = np.nan if of_crystal else 1.0
+        over = np.array([of_crystal.get(row.stress, none) for row in members])
+        panel.line(at, column(members, "f_max_khz") / over, color=style["color"], **THIN)
+        points(panel, members, at, "f_max_khz", style, over)
+        _stated(panel, members, at, "f_max_khz", over)
+    legend(panel, rows, stresses=False)
+    return Picture([panel], shape=(8.6, 4))
+
+
+def _stated(panel: Panel, rows: list[Row], x, name: str, over=1.0) -> None:
+    """Stars at the numbers that a study states of some rows."""
+    for row, at, scale in zip(rows, x, np.broadcast_to(over, len(rows)), strict=True):
+        if said := row.stated.get(name):
+            first = all(series.label != "stated" for series in panel.series)
+            panel.line([at], [said[0] / scale], "stated" if first else "", **STATED)
 
 
 def low_pass_cases(rows: list[Row]) -> Picture:
@@ -102,12 +93,8 @@ def low_pass_cases(rows: list[Row]) -> Picture:
         points(left, members, "void_ratio", name, style)
         right.line(at, column(members, name), color=style["color"], **THIN)
         points(right, members, at, name, style)
-        for row, place in zip(members, at, strict=True):
-            if said := row.stated.get("f_low_pass_2_khz"):
-                left.line([row.value("void_ratio")], said[:1], **STATED)
-                right.line([place], said[:1], **STATED)
-    if any("f_low_pass_2_khz" in row.stated for row in rows):
-        left.line([np.nan], [np.nan], "stated", **STATED)
+        _stated(left, members, column(members, "void_ratio"), "f_low_pass_2_khz")
+        _stated(right, members, at, "f_low_pass_2_khz")
     legend(left, rows, frictions=False)
     legend(right, rows, stresses=False)
     return Picture([left, right], columns=2, shape=(12, 4.2))
@@ -157,8 +144,8 @@ def wavelength_cases(rows: list[Row]) -> Picture:
         panel.add("hline", [0], [2**0.5], None, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
         width = column(random, "width_over_d")
         if np.isfinite(width).any():
-            width = float(np.nanmedian(width))
-            panel.add("hline", [0], [width], None, f"width, {width:.3g} D", color="k", lw=0.8)
+            across = float(np.nanmedian(width))
+            panel.add("hline", [0], [across], None, f"width, {across:.3g} D", color="k", lw=0.8)
         for _, members, style in styles(random):
             points(panel, members, "void_ratio", name, style)
         panel.xlim = span

@@ -60,9 +60,17 @@ def points(
     value = column(members, y) / over
     error = np.nan_to_num(np.array([row.spread(y) for row in members]) / over)
     if (error > 0).any():
-        bars = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
         known = np.isfinite(value) & (error > 0)
-        panel.add("error", at[known], value[known], error[known], **bars)
+        panel.add(
+            "error",
+            at[known],
+            value[known],
+            error[known],
+            color="k",
+            lw=0.6,
+            capsize=1.5,
+            zorder=1.9,
+        )
     for k in np.flatnonzero(np.isfinite(at) & np.isfinite(value)):
         panel.line(at[k : k + 1], value[k : k + 1], marker=mark(members[k]), **style)
 

@@ -115,14 +115,8 @@ def to_figure(picture: Picture) -> Figure:
     return figure
 
 
-def save_png(picture: Picture, path: Path) -> Path:
-    """Draw the picture and save it, in a palette of `COLOURS`: a third of the size."""
-    with matplotlib.rc_context(fname=STYLE):
-        _write_png(to_figure(picture), path)
-    return path
-
-
-def _write_png(figure: Figure, path: Path) -> None:
+def write_png(figure: Figure, path: Path) -> None:
+    """Save a figure, in a palette of `COLOURS`: a third of the size."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
@@ -137,7 +131,7 @@ def save(picture: Picture, stem: Path) -> list[Path]:
     write_picture(table, picture)
     with matplotlib.rc_context(fname=STYLE):
         figure = to_figure(picture)
-        _write_png(figure, png)
+        write_png(figure, png)
         data = io.BytesIO()
         figure.set_layout_engine("none")  # the layout is that of the PNG
         figure.savefig(data, format="pdf", metadata={"CreationDate": None})

@@ -91,11 +91,14 @@ def signals(cases: list[Measures]) -> Picture:
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
 
 
+LOOKS = ("0.5", "-"), ("k", "-"), ("#0060a8", "--"), ("#c05000", ":")
+"""Colour and line of a stress, by its power of ten."""
+
+
 def signals_stress(cases: list[Measures]) -> Picture:
     """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction.
 
-    Time is over that of long waves, by which the first arrivals of all stresses are at one place;
-    each stress stands above the one before.
+    Time is over that of long waves, by which the first arrivals of all stresses are at one place.
     """
     panels: dict[str, Panel] = {}
     for m in sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.mu_comp, m.case.stress)):
@@ -109,11 +112,10 @@ def signals_stress(cases: list[Measures]) -> Picture:
         passed = record.time / (depth * case.diameter / m.long_wave.value)
         seen = (passed > 0.8) & (passed < 1.8) & (record.time <= _end(case, record))
         u = 1e9 * record.chain_displacement[seen, n]
-        above = sum(np.ptp(series.y) for series in panel.series)
         text = f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {producer_name(record)}"
-        shade = ("k", "0.5", "#c05000", "#0060a8")[len(panel.series) % 4]
+        shade, ls = LOOKS[round(np.log10(case.stress)) % 4 if case.stress > 0 else 0]
         keep = _thin(int(seen.sum()) // 2)
-        panel.line(passed[seen][keep], u[keep] + above, text, color=shade)
+        panel.line(passed[seen][keep], u[keep], text, color=shade, ls=ls)
     return Picture(list(panels.values()), columns_for(len(panels)), (12, 3.6))
 
 

@@ -18,8 +18,8 @@ from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
 from analysis.figures.render import save
 from analysis.rows import Row
-from analysis.study.page import figure_html
 from analysis.study.selection import numbers, select
+from analysis.study.words import Words
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
@@ -36,25 +36,25 @@ def wanted(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
 
 def arrange(
     specs: Sequence[Spec], cases: pd.DataFrame, rows: list[Row], panels: Path, output: Path
-) -> tuple[list[str], list[str]]:
-    """Write the figures; their HTML in the order of the specs, and a line for each not drawn.
+) -> tuple[list[tuple[Path, str]], list[str]]:
+    """Write the figures; PNG and caption in the order of the specs, a line for each not drawn.
 
     `panels` is the folder with those of each case, CASE.FIGURE.csv.
     """
-    drawn, absent = [], []
+    drawn, absent, words = [], [], Words(cases)
     for spec in specs:
-        caption = spec["caption"]
+        caption = words(spec["caption"])
         try:
             if "plot" in spec:
                 picture = _plot(spec["plot"], cases[cases["there"]])
             elif "cases" in spec:
                 picture, away = _of_cases(spec, select(cases, spec["cases"]), panels)
-                caption += f" (not of {', '.join(away)}: absent)" if away else ""
+                caption += f" Absent: {', '.join(away)}." if away else ""
             else:
                 picture = FIGURES[spec["figure"]].function([row for row in rows if not row.state])
-            drawn.append(figure_html(save(picture, output / spec["name"])[0], caption))
+            drawn.append((save(picture, output / spec["name"])[0], caption))
         except InputError as error:
-            absent.append(f"{caption}: {error}")
+            absent.append(f"{spec['name']}: {error}")
     return drawn, absent
 
 

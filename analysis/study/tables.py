@@ -16,8 +16,9 @@ import pandas as pd
 from analysis.estimators.power_law import power_law
 from analysis.rows import Row
 from analysis.study.powers import powers
-from analysis.study.selection import numbers, select, spreads
+from analysis.study.selection import numbers, of_one_producer, select, spreads
 from analysis.study.targets import Rules, apart
+from analysis.study.words import UNKNOWN, Words, lines_to
 from analysis.table import Table, number
 from modal.tools.errors import InputError
 
@@ -35,6 +36,8 @@ def tables(
         "checks": lambda spec, cases: checks(spec, rules),
         "side_by_side": lambda spec, cases: side_by_side(spec, cases, rows),
         "columns": of_columns,
+        "trend": trend,
+        "says": lambda spec, cases: says(spec, rules),
     }
     found = []
     for spec in specs:
@@ -138,6 +141,31 @@ def pivot(spec: Spec, cases: pd.DataFrame) -> Table:
         for stress, line in found.iterrows()
     ]
     return Table(spec["title"], ["stress, kPa", *map(str, found.columns), *extra], lines)
+
+
+def trend(spec: Spec, cases: pd.DataFrame) -> Table:
+    """At each stress the line of a quantity over x through some cases, carried on to others.
+
+    Beside it the line of the quantity's logarithm: how much the form decides.
+    """
+    own, lines = spec["trend"], []
+    producer, name = of_one_producer(cases, own["quantity"])
+    for stress, one in lines_to(cases, name, own["x"], own["through"], own["to"]).iterrows():
+        line, error, curve, there = one["line"], one["error"], one["curve"], one["there"]
+        cells = [f"{stress / 1e3:g}", f"{line:.0f}", f"{error:.0f}", f"{there:.0f}"]
+        cells += [f"{100 * (line / there - 1):+.1f}", f"{(line - there) / error:+.1f}"]
+        lines.append([*cells, f"{curve:.0f}", f"{100 * (curve / there - 1):+.1f}"])
+    header = ["stress, kPa", f"line, {producer}", "±", "there", "line less there, %"]
+    header += ["in standard errors", "line of its logarithm", "that less there, %"]
+    return Table(spec["title"], header, lines)
+
+
+def says(spec: Spec, rules: Rules) -> Table:
+    """What is stated beside what the cases say, each a sentence with their numbers."""
+    words = Words(rules.frame)
+    lines = [[stated, words(text)] for stated, text in spec["says"].items()]
+    lines = [line for line in lines if UNKNOWN not in line[1]]
+    return Table(spec["title"], ["stated", "here"], lines)
 
 
 def laws(spec: Spec, cases: pd.DataFrame) -> Table:

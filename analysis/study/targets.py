@@ -329,7 +329,7 @@ def targets_seen(found: list[Answer]) -> Table:
     cells = [
         [a.id, *_value(a), a.stated, a.finding.off, a.rule, a.met, a.finding.why] for a in found
     ]
-    return Table("Targets", header, cells)
+    return Table("Targets", header, cells, "targets")
 
 
 def _value(answer: Answer) -> tuple[str, str]:

@@ -36,7 +36,9 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
         raise InputError(f"{results}: no result of {study.path}; run its cases first")
     rules, found = Rules(frame, study.stated()), answers(study, frame)
     output.mkdir(parents=True, exist_ok=True)
-    shown = tables(study.settings["tables"] or study.part("tables"), frame, rules, rows)
+    wanted = study.settings["tables"] or study.part("tables")
+    pages = {spec["name"] for spec in wanted if spec.get("page")}
+    shown = tables(wanted, frame, rules, rows)
     for path in sorted(results.glob("*.agreement.csv")):
         case = path.name.split(".")[0]
         shown.append(read_csv(path, f"YADE against the linear wave by cause, {case}"))
@@ -71,10 +73,9 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     }
     path = output / "study.html"
     write_text(path, page(template if template.is_file() else PLAIN, content))
-    for name in ("targets", "table1_seen"):
-        seen = {"targets": targets_seen(found)} | {table.name: table for table in shown}
-        if name in seen and seen[name].rows:
-            write_text(output / f"{name}.md", seen[name].markdown())
+    for table in (targets_seen(found), *shown):
+        if table.rows and table.name in {"targets", *pages}:
+            write_text(output / f"{table.name}.md", table.markdown())
     return path, len(away)
 
 

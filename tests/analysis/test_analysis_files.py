@@ -15,7 +15,7 @@ from analysis.__main__ import main
 from analysis.belonging import cases_of, cases_of_files, kind_of
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
-from analysis.figures.render import save_png
+from analysis.figures.render import to_figure, write_png
 from analysis.measures import Measures
 from analysis.rows import row_of
 from analysis.table import Table
@@ -205,7 +205,7 @@ def test_tables_and_figures_are_whole_or_as_they_were(tmp_path, monkeypatch):
     writers = {
         "a.csv": Table("", ["a"], [["1"]]).write_csv,
         "b.csv": lambda path: write_picture(path, picture),
-        "c.png": lambda path: save_png(picture, path),
+        "c.png": lambda path: write_png(to_figure(picture), path),
     }
 
     def fails(*paths):
