@@ -93,18 +93,37 @@ def measure(
 ) -> Measurement:
     """Measure a packing: what it is, how fast, how far and up to which frequency waves go.
 
-    `packing` is a network, a sample or a file of either. `records` are waves that were recorded in
-    it (`Signals` or files); without any the linear wave of its contacts is computed, from a wall
-    that moves by `source`, by default a pulse of 0.33 V / D. `quantities` are names of
-    `analysis.quantities.QUANTITIES`, by default all but those that are measured on request; `QUICK`
-    has those that take one wave or less. `keep` is a folder for costly spectra, which a later call
-    finds there. `amplitudes`, m, of pulses through a sample: the quantities of `AMPLITUDE` are
-    measured over these, by default they alone.
+    Parameters
+    ----------
+    packing : Network, Sample, str or Path
+        A network, a sample, or a file of either.
+    *records : Signals, str or Path
+        Waves that were recorded in it; without any the linear wave of its contacts is computed.
+    quantities : sequence of str, optional
+        Names of `analysis.quantities.QUANTITIES`, by default all but those that are measured on
+        request; `QUICK` has those that take one wave or less.
+    source : Motion, optional
+        Of the wall that sends the computed wave, m; by default a pulse of 0.33 V / D.
+    keep : str or Path, optional
+        A folder for costly spectra, which a later call finds there.
+    amplitudes : sequence of float, optional
+        Of pulses through a sample, m: the quantities of `AMPLITUDE` are measured over these, by
+        default they alone.
 
-    The result maps each name to a `Value`: `value` and `error` in SI units, `unit`, and `caveats`,
-    sentences on what the number leaves open. What cannot be measured is NaN, and a caveat says why.
-    InputError where a name or a file is not known, or a record is of another packing.
+    Returns
+    -------
+    Measurement
+        Each name with its `Value`: `value` and `error` in SI units, `unit`, and `caveats`,
+        sentences on what the number leaves open. What cannot be measured is NaN, and a caveat says
+        why.
 
+    Raises
+    ------
+    InputError
+        Where a name or a file is not known, or a record is of another packing.
+
+    Examples
+    --------
     >>> import modal
     >>> crystal = modal.fcc(cells=(2, 2, 40))
     >>> found = measure(crystal, quantities=["v_p", "low_pass_unbiased"])

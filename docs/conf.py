@@ -22,7 +22,9 @@ project = "Waves in sphere packings"
 author = "the authors of granular-wave-modes"
 copyright = f"2026, {author}"
 release = version = modal.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery", "outputs"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions += ["sphinx_gallery.gen_gallery", "outputs"]
+napoleon_google_docstring = False
 html_theme = "furo"
 html_title = "Waves in sphere packings"
 html_static_path = ["_static"]
@@ -72,5 +74,5 @@ def formula(display):
 def setup(app):
     """Docstrings, equations, and the pages to watch."""
     app.connect("builder-inited", lambda app: make_pages(EXTRA, quick=app.tags.has("quick")))
-    app.connect("autodoc-process-docstring", as_literal)
+    app.connect("autodoc-process-docstring", as_literal, priority=400)  # before napoleon's
     app.add_html_math_renderer("mathml", (formula("inline"), None), (formula("block"), None))

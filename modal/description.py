@@ -15,6 +15,23 @@ from modal.tools.errors import InputError
 def describe(network: Network) -> str:
     """What `print(network)` says, with stresses, void ratio, rattlers and floppy modes.
 
+    Parameters
+    ----------
+    network : Network
+        The packing.
+
+    Returns
+    -------
+    str
+        Lines of text.
+
+    Raises
+    ------
+    InputError
+        Where `network` is no packing.
+
+    Examples
+    --------
     >>> import modal
     >>> print(modal.describe(modal.fcc(cells=(2, 2, 20))))
     spheres              80, diameters 2.54 mm

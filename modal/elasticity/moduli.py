@@ -267,15 +267,38 @@ def elastic_moduli(
     of their contacts, and the energy says how stiff the whole is. For cells periodic in all
     directions, and for slabs between walls with periods along x and y: there the moduli are those
     of the bulk, five diameters away from the walls, if there is one and the walls grip. Spheres
-    that nothing holds take no part. The forces that the contacts carry already change stiffnesses
-    by some stress over modulus; with `pre_stress` (`modal.system.contacts`) the velocities of a
-    cell periodic in all directions have that change, to first order (`modal.elasticity.strain`).
+    that nothing holds take no part.
 
-    `tolerance` is the relative error of the modulus of each strain; `solver` is "pardiso" or
-    "gradients", by default what is likely to be faster; `non_affine` keeps what the spheres do
-    beyond the strain, motions without energy taken out; `sliding` as of `modal.eigenmodes`.
-    InputError for a packing that cannot be strained.
+    Parameters
+    ----------
+    network : Network
+        The packing, n spheres.
+    tolerance : float, default 1e-6
+        Relative error of the modulus of each strain.
+    pre_stress : str, default "none"
+        The forces that contacts carry change stiffnesses by some stress over modulus; with
+        "normal", "full" or "law" the velocities of a cell periodic in all directions have that
+        change, to first order (`modal.elasticity.stressed`).
+    sliding : str, default "elastic"
+        As of `modal.eigenmodes`.
+    solver : str, optional
+        "pardiso" or "gradients"; by default what is likely to be faster.
+    non_affine : bool, default False
+        Keep what the spheres do beyond the strain, motions without energy taken out.
 
+    Returns
+    -------
+    ElasticModuli
+        `C` (6, 6) Pa; `bulk_modulus`, `shear_modulus` Pa, `poisson`; `velocities(direction)` (3,)
+        m/s.
+
+    Raises
+    ------
+    InputError
+        For a packing that cannot be strained.
+
+    Examples
+    --------
     >>> import modal
     >>> crystal = modal.fcc(cells=(2, 2, 4), periodic_z=True)
     >>> C = modal.elastic_moduli(crystal)

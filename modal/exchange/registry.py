@@ -127,11 +127,29 @@ def read_packing(path: str | Path, **options: object) -> Network:
     """A packing from a file: a contact network, a sample, or what another program has written.
 
     Contact networks (`*.network.h5`) and samples (`*.sample.h5`), whose contacts and stiffnesses
-    follow from the positions, are described in `docs/formats.md`; other programs' files and the
-    options that they need, which are those of `python -m modal import`, in
-    `docs/other_programs.md`: `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
-    InputError, one line, for what is missing, damaged, or cannot be a packing.
+    follow from the positions, are described in `docs/formats.md`, other programs' files in
+    `docs/other_programs.md`.
 
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    **options : object
+        What the file of another program needs beside it, by the names of `python -m modal import`:
+        `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
+
+    Returns
+    -------
+    Network
+        The packing at rest, SI units.
+
+    Raises
+    ------
+    InputError
+        One line, for what is missing, damaged, or cannot be a packing.
+
+    Examples
+    --------
     >>> import modal
     >>> modal.read("nowhere.network.h5")
     Traceback (most recent call last):

@@ -85,14 +85,36 @@ def count_modes(
     """How many natural frequencies a packing has below each of some frequencies, exactly.
 
     Motions without energy count, as they lie at zero, and so do unstable ones, whose omega^2 is
-    negative: at 0 Hz the count is theirs alone. `frequency` in Hz: a number, whose count is an int,
-    or an array, whose counts have its shape. Nothing is estimated: the signs of a factorised
-    K - omega^2 M tell (Sylvester's law of inertia). Round-off hides the side of modes within 1e-11
-    of the largest diagonal entry of M^-1 K, in omega^2. So near to zero a motion is one without
-    energy; elsewhere a frequency with a mode so near is refused. `sliding` and `pre_stress`, "none"
-    or "normal", as of `modal.eigenmodes`; `solver` names a factorisation: pardiso, blocks or
-    superlu. InputError where a frequency is negative or lies on a mode.
+    negative: at 0 Hz the count is theirs alone. Nothing is estimated: the signs of a factorised K -
+    omega^2 M tell (Sylvester's law of inertia). Round-off hides the side of modes within 1e-11 of
+    the largest diagonal entry of M^-1 K, in omega^2. So near to zero a motion is one without
+    energy; elsewhere a frequency with a mode so near is refused.
 
+    Parameters
+    ----------
+    network : Network
+        The packing.
+    frequency : float or array_like
+        Hz, of any shape.
+    sliding : str, default "elastic"
+        As of `modal.eigenmodes`.
+    pre_stress : str, default "none"
+        Or "normal".
+    solver : str, optional
+        A factorisation: pardiso, blocks or superlu.
+
+    Returns
+    -------
+    int or ndarray of int
+        The counts, in the shape of `frequency`.
+
+    Raises
+    ------
+    InputError
+        Where a frequency is negative or lies on a mode.
+
+    Examples
+    --------
     >>> import modal
     >>> count_modes(modal.fcc(cells=(2, 2, 20)), [1e3, 1e5, 1e6])
     array([  0,  79, 480])

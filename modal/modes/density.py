@@ -196,16 +196,38 @@ def density_of_states(
 ) -> DensityOfStates:
     """How the 6n natural frequencies of a packing are distributed, without finding each of them.
 
-    A mode appears with a full width of `resolution`, Hz. `density` and `count_below` of the result
-    give modes a Hz and numbers of modes at any frequencies, with standard errors.
+    Small networks need so many random vectors that the whole spectrum costs less; then there is no
+    error but the kernel's width. Motions without energy are split off, at zero.
 
-    `tolerance` bounds the standard error of every count in parts of all modes: for vectors of
-    signs the variance of one count N of n is below 2 N (1 - N / n) <= n / 2. Small networks need
-    so many of them that the whole spectrum costs less; then there is no error but the kernel's
-    width. Motions without energy are split off, at zero. `seed` draws the random vectors;
-    `sliding` and `pre_stress`, "none" or "normal", as of `modal.eigenmodes`. InputError where K has
-    a negative direction, and where the estimated work exceeds a day or the memory.
+    Parameters
+    ----------
+    network : Network
+        The packing, n spheres.
+    resolution : float, default 2000
+        Full width with which a mode appears, Hz.
+    tolerance : float, default 1e-3
+        Bound on the standard error of every count, in parts of all modes: for vectors of signs the
+        variance of one count N of n is below 2 N (1 - N / n) <= n / 2.
+    sliding : str, default "elastic"
+        As of `modal.eigenmodes`.
+    pre_stress : str, default "none"
+        Or "normal".
+    seed : int, default 1
+        Of the random vectors.
 
+    Returns
+    -------
+    DensityOfStates
+        Its `density` and `count_below` give modes a Hz and numbers of modes at any frequencies,
+        (nf,) and (nf, 7), with standard errors of the same shape.
+
+    Raises
+    ------
+    InputError
+        Where K has a negative direction, or the work exceeds a day or the memory.
+
+    Examples
+    --------
     >>> import modal
     >>> dos = density_of_states(modal.fcc(cells=(2, 2, 20)), resolution=1e4)
     >>> value, error = dos.count_below([2.2e5])

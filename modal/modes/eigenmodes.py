@@ -43,25 +43,55 @@ def eigenmodes(
 ) -> ModeSet:
     """Natural frequencies and mode shapes of a packing, and whether any mode is missing.
 
-    One of `lowest` and `highest`, a number of modes, `below` and `between`, frequencies in Hz, and
-    `all` says which modes; the ten lowest without. They solve K phi = omega^2 M phi (Otsubo et al.
-    2017, Eq. 1), with three displacements and three rotations a sphere; `translations_only` holds
-    the rotations at zero; with `sliding` "slip", not "elastic", contacts at the friction limit have
-    their normal springs alone; `pre_stress` adds what the contact forces do (`modal.propagate`).
-    Motions without energy are counted (`floppy_modes` of the result), and so are those that release
-    energy (`unstable_modes`); the lowest modes, and those of an interval, are without both.
+    They solve K phi = omega^2 M phi (Otsubo et al. 2017, Eq. 1), with three displacements and three
+    rotations a sphere. Motions without energy are counted (`floppy_modes` of the result), and so
+    are those that release energy (`unstable_modes`); the lowest modes, and those of an interval,
+    are without both. With the shear forces (`pre_stress` "full" or "law") K is not symmetric:
+    omega^2 may be complex, the frequency is that of omega's real part, and with more than 3,000
+    degrees of freedom the lowest and the highest modes come without a certificate.
 
-    A result with k modes has `frequency` (k,) Hz, `chi_z` (k,), the share of motion along z (Eq.
-    2; of a crystal's degenerate pairs that of travelling waves), and `mode_shape` (k, n, 6),
-    mass-normalised, kg^-1/2, where `shapes` are wanted and take no more than 2 GB. It is
-    `certified` where an exact count of modes says that none is missing; with `highest` that may be
-    left out (`certify=False`). With the shear forces (`pre_stress` "full" or "law") K is not
-    symmetric: omega^2 may be complex, the frequency is that of omega's real part, and with more
-    than 3,000 degrees of freedom the lowest and the highest modes come without a certificate.
-    `solver` names a factorisation: pardiso, blocks or superlu. InputError where there are no such
-    modes, and where the search is estimated to take longer than `hours` or more than the free
-    memory.
+    Parameters
+    ----------
+    network : Network
+        The packing, n spheres.
+    lowest, highest : int, optional
+        So many modes from one end. One of these five says which modes; without, the ten lowest.
+    below : float, optional
+        All modes below a frequency, Hz.
+    between : tuple of 2 float, optional
+        All modes of an interval, Hz.
+    all : bool, default False
+        All 6n.
+    translations_only : bool, default False
+        Hold the rotations at zero.
+    sliding : str, default "elastic"
+        "slip": contacts at the friction limit have their normal springs alone.
+    pre_stress : str, default "none"
+        What the contact forces add: "normal", "full" or "law" (`modal.system.contacts`).
+    solver : str, optional
+        A factorisation: pardiso, blocks or superlu.
+    shapes : bool, default True
+        Keep the shapes, where they take no more than 2 GB.
+    certify : bool, default True
+        Count the modes; only with `highest` it may be left out.
+    hours : float, default 24
+        Longest search, by its estimate.
 
+    Returns
+    -------
+    ModeSet
+        k modes: `frequency` (k,) Hz; `chi_z` (k,), the share of motion along z (Eq. 2; of a
+        crystal's degenerate pairs that of travelling waves); `mode_shape` (k, n, 6),
+        mass-normalised, kg^-1/2; `certified` where an exact count says that none is missing.
+
+    Raises
+    ------
+    InputError
+        Where there are no such modes, or the search would take more than `hours` or the free
+        memory.
+
+    Examples
+    --------
     >>> import modal
     >>> low = eigenmodes(modal.fcc(cells=(2, 2, 20)), lowest=3)
     >>> low.frequency.round()

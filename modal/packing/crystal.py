@@ -125,11 +125,34 @@ def fcc(
     """A crystal of equal glass spheres between two flat walls, under the same pressure everywhere.
 
     The face-centred cubic packing of Otsubo et al. 2017, section 2, with [001] along z and periods
-    along x and y: `cells` spheres along x and y, and that many layers along z. One or two spheres
-    across are allowed: a sphere then touches itself, or a neighbour through several periods.
-    `stress` in Pa, `radius` in m. With `periodic_z` there are no walls: the layers, an even number,
-    go on through a period along z. InputError where there is no such crystal.
+    along x and y. One or two spheres across are allowed: a sphere then touches itself, or a
+    neighbour through several periods.
 
+    Parameters
+    ----------
+    stress : float, default 1e5
+        Pressure, Pa.
+    cells : tuple of 3 int, default (4, 4, 200)
+        Spheres along x and along y, layers along z.
+    radius : float, default 1.27e-3
+        Of a sphere, m.
+    material : Material, default glass
+        60 GPa, Poisson's ratio 0.2, 2,230 kg/m^3.
+    periodic_z : bool, default False
+        No walls: the layers, an even number, go on through a period along z.
+
+    Returns
+    -------
+    Network
+        The crystal at rest.
+
+    Raises
+    ------
+    InputError
+        Where there is no such crystal.
+
+    Examples
+    --------
     >>> net = fcc(stress=1e5, cells=(2, 2, 20))
     >>> net.n_particles, net.n_contacts
     (80, 472)

@@ -37,20 +37,54 @@ def freeze_arrays(**columns: Array) -> dict[str, Array]:
 class Network(Columns):
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
 
-    `normal` (m, 3) points from i towards j or the wall; `lever_i`, `lever_j` (m, 3) from the
-    centre to the contact point, zero for a wall. `study` and `provenance` are free attributes. A
-    network is checked when it is made, InputError for what no packing can be, and does not change:
-    what follows from it is kept with it (`cached`), and `dataclasses.replace` makes another one.
-    What a program does not know of its contacts is None, which is not zero: `force_normal` (m,),
-    compression positive; `force_tangential` (m, 3) on i; `overlap` (m,); `sliding` (m,) bool;
-    `cell_shift` (m, 3), the periods that are added to j. Of another program's law (m,):
-    `shear_growth`, by which share the shear force grows per overlap, 1/m; `motion_shortening` and
-    `torque_shortening`, which share of the overlap its lever arms lack of the radius. Contacts that
-    resist rolling and twisting, as bonds do, have `stiffness_rolling` kr and `stiffness_twisting`
-    kw (m,), N m/rad: the moment on i is minus (kr (1 - n n^T) + kw n n^T)(theta_i - theta_j), and a
-    wall does not turn. Bodies that are no spheres, as clumps, have an `inertia_tensor` (n, 3, 3)
-    about their centres of mass, in the packing's axes; `inertia` is its trace over three, and
-    positions and levers are those of the centres of mass.
+    A network is checked when it is made and does not change: what follows from it is kept with it
+    (`cached`), and `dataclasses.replace` makes another one. What a program does not know of its
+    contacts is None, the default, which is not zero. Contacts that resist rolling and twisting, as
+    bonds do, put on i the moment minus (kr (1 - n n^T) + kw n n^T)(theta_i - theta_j); a wall does
+    not turn.
+
+    Parameters
+    ----------
+    position, radius, mass, inertia : ndarray (n, 3) m, (n,) m, (n,) kg, (n,) kg m^2
+        Of the particles; of bodies that are no spheres their centres of mass.
+    particle_i, particle_j : ndarray of int (m,)
+        Of the contacts; j < 0 is a wall.
+    normal : ndarray (m, 3)
+        From i towards j or the wall.
+    lever_i, lever_j : ndarray (m, 3)
+        From the centre to the contact point, m; zero for a wall.
+    stiffness_normal, stiffness_tangential : ndarray (m,)
+        N/m.
+    cell_size, cell_periodic, wall_position : ndarray (3,) m, (3,) bool, (2,) m
+        The cell, and the walls along z.
+    force_normal, force_tangential : ndarray (m,) and (m, 3), optional
+        N, compression positive; on i.
+    overlap, sliding : ndarray (m,) m and bool, optional
+        Of the contacts.
+    cell_shift : ndarray of int (m, 3), optional
+        Periods that are added to j.
+    shear_growth : ndarray (m,), optional
+        Another program's law: by which share the shear force grows per overlap, 1/m.
+    motion_shortening, torque_shortening : ndarray (m,), optional
+        Which share of the overlap its lever arms lack of the radius.
+    stiffness_rolling, stiffness_twisting : ndarray (m,), optional
+        kr, kw, N m/rad.
+    inertia_tensor : ndarray (n, 3, 3), optional
+        kg m^2, of bodies as clumps, in the packing's axes; `inertia` is its trace over three.
+    study, provenance : dict, optional
+        Free attributes.
+
+    Raises
+    ------
+    InputError
+        For what no packing can be.
+
+    Examples
+    --------
+    >>> import modal
+    >>> net = modal.fcc(cells=(2, 2, 4))
+    >>> net.position.shape, net.normal.shape, net.stiffness_normal.shape
+    ((16, 3), (88, 3), (88,))
     """
 
     def __post_init__(self) -> None:

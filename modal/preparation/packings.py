@@ -156,23 +156,53 @@ def random_packing(
 ) -> Network:
     """A random packing of glass spheres between two flat walls, at rest under a pressure.
 
-    `stress`, Pa, is the same along all axes; x and y are periodic, and `aspect` is the length over
-    the width: by default such that the cell is 8 diameters wide, at least that of a cube (up to 740
-    spheres) and at most 10.05 (from 7,400 on). It is the packing that `modal pack` makes of these
-    numbers. Without `friction` the energy is minimised, a second for 500 spheres; with it, up to 1,
-    a cloud is compressed as `modal.preparation.protocol` says, some minutes. Equal numbers give
-    equal packings, to the bit where the installed packages are equal as well: without numba sums
-    are rounded otherwise, and from some hundred spheres on a contact that opens for that makes
-    another packing of the same kind (e of 500 then differs by 2e-4). Spheres are equal unless
-    `sizes` says ("lognormal", spread of ln R) or ("two", ratio of radii, share of the large ones by
-    volume); `densities`, kg/m^3, are one for all or several (two of two sizes are of the small and
-    of the large ones, others dealt out at random in equal numbers), and `walls` are Young's
-    modulus, Pa, and Poisson's ratio of the walls, where they are not of glass.
-    The spheres are the study's, of glass, unless `material` or `radius`, m, say otherwise. A
-    `periodic` cell has no walls but a period along z. A warning says where
-    a packing with friction has not settled; InputError, where one without does not come to rest, or
-    where there is no such packing.
+    It is the packing that `modal pack` makes of these numbers. Without friction the energy is
+    minimised, a second for 500 spheres; with it, a dilute state is compressed as
+    `modal.preparation.protocol` says, some minutes. Equal numbers give equal packings, to the bit
+    where the installed packages are equal as well: without numba sums are rounded otherwise, and a
+    contact that opens for that makes another packing of the same kind (the void ratio of 500
+    spheres then differs by 2e-4). A warning says where a packing with friction has not settled.
 
+    Parameters
+    ----------
+    spheres : int, default 500
+        Their number.
+    stress : float, default 1e5
+        Pressure, Pa, the same along all axes.
+    friction : float, default 0
+        Coefficient of friction while it is compressed, 0 to 1.
+    seed : int, default 1
+        Of the random numbers.
+    aspect : float, optional
+        Length over width; by default such that the cell is 8 diameters wide, at least that of a
+        cube (up to 740 spheres) and at most 10.05 (from 7,400 on).
+    sizes : sequence, optional
+        ("lognormal", spread of ln R), or ("two", ratio of radii, share of the large ones by
+        volume); equal spheres by default.
+    densities : sequence of float, optional
+        kg/m^3, one for all or several: two of two sizes are of the small and of the large ones,
+        others are dealt out at random in equal numbers. By default that of the material.
+    walls : sequence of 2 float, optional
+        Young's modulus, Pa, and Poisson's ratio of the walls; those of the spheres by default.
+    periodic : bool, default False
+        A period along z in place of walls.
+    material : Material, optional
+        Of the spheres; by default the study's glass.
+    radius : float, optional
+        m; 1.27e-3 by default.
+
+    Returns
+    -------
+    Network
+        The packing at rest; its `study` has what was asked for, and the void ratio.
+
+    Raises
+    ------
+    InputError
+        Where there is no such packing, or one without friction does not come to rest.
+
+    Examples
+    --------
     >>> net = random_packing(spheres=100, stress=1e5, seed=3)
     >>> net.n_particles, net.study["void_ratio"] < 0.7
     (100, True)

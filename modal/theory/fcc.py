@@ -28,10 +28,25 @@ def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
 class FccLattice(FccPacking):
     """Waves in an endless face-centred cubic crystal of spheres, in closed form.
 
-    `stress`, Pa, is the same in all directions; it sets overlaps and stiffnesses by the contact
-    law. Planar P-waves along z have Eqs. 5-10 of Otsubo et al. 2017, section 3; `bloch` gives all
-    six branches at any wavevector, rotations included. InputError for stresses without a crystal.
+    Planar P-waves along z have Eqs. 5-10 of Otsubo et al. 2017, section 3; `bloch` gives all six
+    branches at any wavevector, rotations included.
 
+    Parameters
+    ----------
+    stress : float, default 1e5
+        Pa, the same in all directions; it sets overlaps and stiffnesses by the contact law.
+    radius : float, default 1.27e-3
+        Of a sphere, m.
+    material : Material, default glass
+        60 GPa, Poisson's ratio 0.2, 2,230 kg/m^3.
+
+    Raises
+    ------
+    InputError
+        For stresses without a crystal.
+
+    Examples
+    --------
     >>> crystal = FccLattice(stress=1e5)
     >>> round(crystal.low_pass_frequency), round(crystal.velocity)
     (137616, 776)

@@ -87,32 +87,71 @@ def propagate(
 ) -> LinearWave | NonlinearWave:
     """The wave that a small motion of a source sends through a packing.
 
-    The contacts' springs stay what they are (linear). There is no time-step error: at all recorded
-    times displacements are off by `tolerance` of the largest recorded one at most, stresses by that
-    of the largest on either wall; the result's `truncation` bounds both, and is above `tolerance`
-    only where round-off leaves more. Its `signals` have displacements, m, of a chain of
-    particles from wall to wall and of layers, and stresses on both walls, Pa: `time` (nt,),
-    `chain_displacement` (nt, nc), `receiver_stress` (nt,).
-
-    `source` is one of `modal.waves.sources`: the source wall (default), a plane inside the packing
-    that opens, or one sphere that is pushed. It moves along `direction`, and all is recorded along
-    it: "z" sends P-waves, "x" and "y" send S-waves, "torsion" turns about z. `motion` is that of
-    the source, m (N of a force), by default the pulse of the study.
-
-    `duration` and recording `interval` in s; `pre_stress` as in `modal.system.contacts`, `sliding`
-    as of `modal.eigenmodes`; `particles` records every particle; `network_sha256` is noted in the
-    signals. `damping` gives the contacts dashpots (`modal.system.damping`), which takes some ten
-    times as many products. A `time_step`, s, makes it go by leapfrog, with the error of DEM
-    programs; without, the `integrator` is exact in time, with dashpots and without. A packing of
+    The contacts' springs stay what they are (linear), and there is no time-step error. A packing of
     equal parts side by side, as a crystal, is computed in one of them where that is exact to the
-    `tolerance` too (`modal.waves.driven`), unless `whole` asks for all of it.
+    `tolerance` too (`modal.waves.one_part`). With `nonlinear` contacts follow their law instead:
+    they harden, slide, open and close, and the wave is of any size (`modal.waves.nonlinear`).
 
-    With `nonlinear` contacts follow their law instead: they harden, slide, open and close, and the
-    wave is of any size (`modal.waves.nonlinear`, which alone has `accuracy` and, of a network,
-    `friction`). InputError for impossible
-    arguments, for a network without stiffness, and where the run would take more than a day or the
-    memory; GrowthError where K has negative directions.
+    Parameters
+    ----------
+    network : Network or Sample
+        The packing, n spheres.
+    duration : float
+        s.
+    nonlinear : bool, default False
+        Contacts by their law.
+    source : Source, optional
+        One of `modal.waves.sources`: the source wall (default), a plane inside the packing that
+        opens, or one sphere that is pushed.
+    motion : Motion, optional
+        Of the source, m (N of a force); by default the pulse of the study.
+    interval : float, default 1e-6
+        Between recorded times, s.
+    tolerance : float, default 1e-9
+        Error of displacements, in parts of the largest recorded one, and of stresses, in parts of
+        the largest on either wall.
+    pre_stress : str, default "none"
+        As of `modal.eigenmodes`.
+    sliding : str, default "elastic"
+        As of `modal.eigenmodes`.
+    particles : bool, default False
+        Record every particle.
+    direction : str, default "z"
+        Of the motion, and of all records: "z" sends P-waves, "x" and "y" S-waves, "torsion" turns
+        about z.
+    damping : ContactDamping, optional
+        Dashpots of the contacts (`modal.system.damping`); takes some ten times as many products K
+        u.
+    integrator : Integrator, optional
+        Exact in time by default, with dashpots and without.
+    whole : bool, default False
+        Compute all parts of a packing of equal ones.
+    network_sha256 : str, default ""
+        Checksum of the network's file, noted in the signals.
+    time_step : float, optional
+        s; goes by leapfrog, with the error of DEM programs.
+    accuracy : float, optional
+        Of the non-linear wave alone.
+    friction : float, optional
+        Of the non-linear wave in a network alone.
 
+    Returns
+    -------
+    LinearWave or NonlinearWave
+        `signals`: `time` (nt,) s, `chain_displacement` (nt, nc) m of particles from wall to wall,
+        `layer_displacement` (nt, nl) m, `receiver_stress` (nt,) Pa ...; `truncation` bounds the
+        error, and is above `tolerance` only where round-off leaves more.
+
+    Raises
+    ------
+    InputError
+        For impossible arguments, for a network without stiffness, and where the run would take more
+        than a day or the memory.
+    GrowthError
+        Where K has negative directions.
+
+    Examples
+    --------
     >>> import modal
     >>> wave = propagate(modal.fcc(cells=(1, 1, 30)), duration=5e-5)
     >>> wave.signals.chain_displacement.shape

@@ -148,22 +148,49 @@ def frequency_response(
 ) -> Response:
     """What a steady motion of a source does at each frequency: motions, stresses, gain.
 
-    Frequencies from a quarter of a `resolution` to `highest`, Hz (the top of the spectrum where it
-    is None), four to a resolution, which is the width that damping gives a resonance. The result
-    has `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig. 19), and complex
-    motions and stresses per metre of the source's motion. `tolerance` bounds what the expansion
-    leaves out of each record: of the motions, the stress on the source and that on the receiver
-    wall, relative to the largest of each at any of the frequencies. Where a stress is small, as at
-    an antiresonance, it and the gain are off by more of their own. `source` and `direction` as of
-    `modal.propagate`: the source wall by default, along z; `pre_stress` as in
-    `modal.system.contacts`, `sliding` as of `modal.eigenmodes`.
+    Frequencies go from a quarter of a `resolution` up, four to a resolution. With `damping` the
+    contacts have dashpots, and the response is that at real frequencies, which are as close as
+    said, by a factorisation for each of them.
 
-    With `damping` (`modal.system.damping`) the contacts have dashpots and the response is that
-    at real frequencies, which are as close as said, by a factorisation for each of them.
+    Parameters
+    ----------
+    network : Network
+        The packing.
+    source : Source, optional
+        As of `modal.propagate`: the source wall by default.
+    highest : float, optional
+        Last frequency, Hz; the top of the spectrum by default.
+    resolution : float, default 1000
+        Width that a resonance has, Hz.
+    tolerance : float, default 1e-5
+        What the expansion leaves out at most: of the motions, of the stress on the source and of
+        that on the receiver wall, in parts of the largest of each at any frequency. Where a stress
+        is small, as at an antiresonance, it and the gain are off by more of their own.
+    pre_stress : str, default "none"
+        As of `modal.eigenmodes`.
+    sliding : str, default "elastic"
+        As of `modal.eigenmodes`.
+    direction : str, default "z"
+        As of `modal.propagate`.
+    damping : ContactDamping, optional
+        Dashpots of the contacts (`modal.system.damping`).
 
-    InputError for packings without stiffness, for a source that they do not have, and where it
-    would take more than a day or the memory; GrowthError where K has negative directions.
+    Returns
+    -------
+    Response
+        `frequency` (nf,) Hz; `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig.
+        19); complex motions and stresses per metre of the source's motion.
 
+    Raises
+    ------
+    InputError
+        For packings without stiffness, for a source that they do not have, and where it would take
+        more than a day or the memory.
+    GrowthError
+        Where K has negative directions.
+
+    Examples
+    --------
     >>> import modal
     >>> gain = frequency_response(modal.fcc(cells=(1, 1, 30)), highest=2e4)
     >>> gain.gain_maxima().round(-1)
