@@ -47,7 +47,7 @@ def _signal(case: Case, wanted: float) -> Panel:
     """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
     record = case.record
     n, depth = _nearest(case, record, wanted)
-    title = f"{case.label}, {depth:.0f} D, pulse {record.input_frequency / 1e3:g} kHz"
+    title = f"{case.label}, {depth:.0f} D, pulse {record.input_frequency / 1e3:.3g} kHz"
     u = 1e9 * record.chain_displacement[:, n]
     panel = Panel("time (ms)", "$u_z$ (nm)", title)
     end = _end(case, record)
@@ -105,7 +105,7 @@ def signals_stress(cases: list[Measures]) -> Picture:
         case, record = m.case, m.case.record_of(1e5)
         n, depth = _nearest(case, record, distances(case)[1])
         group = "FCC" if case.is_crystal else rf"$\mu_{{comp}}$ = {case.mu_comp:g}"
-        group += f", pulse {record.input_frequency / 1e3:g} kHz, {depth:.0f} D"
+        group += f", pulse {record.input_frequency / 1e3:.3g} kHz, {depth:.0f} D"
         axis = "time over that of long waves"
         panel = panels.setdefault(group, Panel(axis, "$u_z$ (nm)", group, xlim=(0.8, 1.8)))
         panel.legend = "upper right"

@@ -278,7 +278,7 @@ def elastic_moduli(
     pre_stress : str, default "none"
         The forces that contacts carry change stiffnesses by some stress over modulus; with
         "normal", "full" or "law" the velocities of a cell periodic in all directions have that
-        change, to first order (`modal.elasticity.stressed`).
+        change, to first order (`modal.elasticity.strain`).
     sliding : str, default "elastic"
         As of `modal.eigenmodes`.
     solver : str, optional

@@ -89,7 +89,7 @@ def propagate(
 
     The contacts' springs stay what they are (linear), and there is no time-step error. A packing of
     equal parts side by side, as a crystal, is computed in one of them where that is exact to the
-    `tolerance` too (`modal.waves.one_part`). With `nonlinear` contacts follow their law instead:
+    `tolerance` too (`modal.waves.driven`). With `nonlinear` contacts follow their law instead:
     they harden, slide, open and close, and the wave is of any size (`modal.waves.nonlinear`).
 
     Parameters
