@@ -88,9 +88,13 @@ def _by_own_blocks(system: LinearSystem) -> Callable[[Floats], Floats]:
     Rattlers have no stiffness, and smooth spheres have but round-off against turning.
     """
     n = system.network.n_particles
-    blocks = system.own_blocks
-    held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
-    inverse = np.linalg.inv(blocks + 1e-8 * held * np.eye(6))
+
+    def inverted() -> Floats:
+        blocks = system.own_blocks
+        held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
+        return np.asarray(np.linalg.inv(blocks + 1e-8 * held * np.eye(6)), float)
+
+    inverse = system.cached("inverse of own blocks", inverted, 288.0 * n)
 
     def ease(rest: Floats) -> Floats:
         return (inverse @ rest.reshape(n, 6, -1)).reshape(rest.shape)

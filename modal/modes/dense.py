@@ -40,6 +40,12 @@ def all_modes(system: LinearSystem) -> ModeSet:
     return dense_modes(system, lambda frequency: slice(0, system.size), Choice("all"))
 
 
+def whole_pays(system: LinearSystem, count: int) -> bool:
+    """Whether `count` modes at an end are best had from all of them."""
+    small, part = system.size <= system.limits.small, count > system.size // system.limits.part
+    return small or part or not system.symmetric
+
+
 def dense_modes(system: LinearSystem, chosen: Callable[[Floats], slice], choice: Choice) -> ModeSet:
     """A part of all modes, from dense eigenproblems.
 

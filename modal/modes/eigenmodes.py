@@ -8,7 +8,7 @@ import numpy as np
 
 from modal.modes.collective import every_floppy
 from modal.modes.counts import check_count, count_below
-from modal.modes.dense import all_modes, dense_modes
+from modal.modes.dense import all_modes, dense_modes, whole_pays
 from modal.modes.effort import from_the_top, refuse_endless_search
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
@@ -156,11 +156,7 @@ def highest_modes(system: LinearSystem, count: int, *, certify: bool = True) -> 
     """
     check_count(system, count, system.size)
     choice = Choice("highest", count)
-    if (
-        system.size <= system.limits.small
-        or count > system.size // system.limits.part
-        or not system.symmetric
-    ):
+    if whole_pays(system, count):
         top = slice(system.size - count, system.size)
         return dense_modes(system, lambda frequency: top, choice)
     effort = from_the_top(system, count)

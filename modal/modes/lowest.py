@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import check_count, count_below
-from modal.modes.dense import dense_modes
+from modal.modes.dense import dense_modes, whole_pays
 from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.search import Search, SearchBelow
@@ -55,11 +55,7 @@ def lowest_modes(system: LinearSystem, count: int) -> ModeSet:
         first = _zero_modes(system, frequency)
         return slice(first, first + count)
 
-    if (
-        system.size <= system.limits.small
-        or count > system.size // system.limits.part
-        or not system.symmetric
-    ):
+    if whole_pays(system, count):
         return dense_modes(system, lowest, choice)
     effort = near_a_shift(system, count)
     refuse_endless_search(system, effort, f"the lowest {count} modes take", FEWER)

@@ -102,8 +102,13 @@ class LinearSystem:
         dof = 3 if translations_only else 6
         return cls(with_sliding(network, sliding), dof=dof, **options)
 
-    def cached(self, name: str, make: Callable[[], Made]) -> Made:
-        """What does not depend on the solver, and is made once for all systems of a network."""
+    def cached(self, name: str, make: Callable[[], Made], bytes: float = 0.0) -> Made:
+        """What does not depend on the solver, made once for all systems of a network.
+
+        And at every call where it takes more than `KEPT` bytes.
+        """
+        if bytes > KEPT:
+            return make()
         return self.network.cached(f"{name}, {self.dof} a particle, {self.pre_stress}", make)
 
     @property
@@ -193,8 +198,7 @@ class LinearSystem:
                 pre_stress=self.pre_stress,
             )
 
-        small = CONTACT * self.network.n_contacts <= KEPT
-        return self.cached("operator", make) if small else make()
+        return self.cached("operator", make, CONTACT * self.network.n_contacts)
 
     @cached_property
     def dashpots(self) -> LinearSystem | None:

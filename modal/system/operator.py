@@ -127,31 +127,26 @@ class ContactOperator(LinearOperator):
         else:
             source = np.ascontiguousarray(u, dtype=float)
             target = np.ascontiguousarray(out, dtype=float)
-            self._combine(source, target, alpha, beta, gamma, sums)
+            self._combine(source, target, (alpha, beta, gamma), sums)
             if target is not out:
                 out[...] = target
         return out
 
     def _combine(
-        self,
-        u: Floats,
-        out: Floats,
-        alpha: float,
-        beta: float,
-        gamma: float,
-        sums: Floats | None,
+        self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
     ) -> None:
-        """The same for real arrays in C order, by the compiled loops."""
+        """The same for real arrays in C order, by the loops; `factors` alpha, beta, gamma."""
         if self._unturning is None:
-            self._loop(u, out, alpha, beta, gamma, sums)
+            self._loop(u, out, factors, sums)
             return
         # The roots of tensors of inertia go around the loops, whose masses are numbers.
         if sums is not None:
             sums[:] = component_sums(out, u, self.dof)
+        alpha, beta, gamma = factors
         by_body = (len(self._scale), self.dof, -1)
         turned, force = u.copy(), np.empty_like(u)
         turned.reshape(by_body)[:, 3:] = self._unturning @ u.reshape(by_body)[:, 3:]
-        self._loop(turned, force, alpha, 0.0, 0.0, None)
+        self._loop(turned, force, (alpha, 0.0, 0.0), None)
         pushed = force.reshape(by_body)
         pushed[:, 3:] = self._unturning @ pushed[:, 3:]
         out[...] = gamma * out if gamma else 0.0
@@ -159,13 +154,7 @@ class ContactOperator(LinearOperator):
         out += beta * u
 
     def _loop(
-        self,
-        u: Floats,
-        out: Floats,
-        alpha: float,
-        beta: float,
-        gamma: float,
-        sums: Floats | None,
+        self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
     ) -> None:
         """By the compiled loops alone."""
         from modal.system.loops import combine_by_slabs
@@ -176,7 +165,7 @@ class ContactOperator(LinearOperator):
         of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof))
         combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
-            *(float(alpha), float(beta), float(gamma)),
+            *map(float, factors),
             *(on.rows, on.ends, on.slabs, on.pieces, on.fresh),
             *(on.lateral, on.aside, on.rolling, on.shear),
             *(self._scale, of_slabs, threads_for(len(self._scale))),

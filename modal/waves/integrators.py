@@ -45,9 +45,10 @@ EXPANSION_COPIES = 4
 
 @dataclass(frozen=True)
 class Seen:
-    """Record (nt, count) at times (nt,), s, of what a `Driven` system's rows read, forces complete.
+    """Record (nt, count) at times (nt,), s, of what a `Driven` system's rows read.
 
-    `products` with K; `error`: a bound, relative to the largest force and the largest motion.
+    Without what the source's displacement adds to the forces. `products` with K; `error`: a bound,
+    relative to the largest force and the largest motion.
     """
 
     time: Floats
@@ -104,8 +105,7 @@ class Chebyshev:
         series, record, products, error = summed(
             driven.springs, driven.push.copy, driven, series_for, largest, self.tolerance
         )
-        whole = driven.recorded(record, motion.displacement(series.time))
-        return Seen(series.time, whole, products, error)
+        return Seen(series.time, record, products, error)
 
 
 def refuse_dashpots(driven: Driven, what: str) -> None:
@@ -183,8 +183,7 @@ class Leapfrog:
                     raise GrowthError(velocity, k + 1)
             np.multiply(velocity, step, out=force)
             u += force
-        whole = driven.recorded(record, motion.displacement(times))
-        return Seen(times, whole, steps + 1, np.nan)
+        return Seen(times, record, steps + 1, np.nan)
 
 
 def _steps_between_records(interval: float, time_step: float) -> int:
@@ -287,8 +286,7 @@ class Taylor:
             else:
                 raise InputError("the series of the wave did not end; take a larger tolerance")
             state = following
-        whole = driven.recorded(record, motion.displacement(times))
-        return Seen(times, whole, products, self.tolerance)
+        return Seen(times, record, products, self.tolerance)
 
 
 def _size(state: Floats, top: float) -> float:

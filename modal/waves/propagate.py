@@ -200,11 +200,12 @@ def propagate(
     elif integrator is None:
         integrator = Taylor(tolerance) if driven.dashpots is not None else Chebyshev(tolerance)
     seen = integrator.carry(driven, motion, duration, interval)
+    record = driven.recorded(seen.record, motion.displacement(seen.time))
     signals = receivers.signals(
         seen.time,
-        seen.record[:, driven.walls :],
+        record[:, driven.walls :],
         motion,
-        **driven.stresses(seen.record),
+        **driven.stresses(record),
         source=source.name,
         source_height=source.height_in(network),
         producer="linear",
