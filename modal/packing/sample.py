@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from modal.formats.product import Column, Product
-from modal.packing.checks import density_of
+from modal.packing.checks import density_of, named
 from modal.packing.columns import columns_of, stored
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
 from modal.packing.contact_models import ContactLaw, laws_of
@@ -270,10 +270,6 @@ def validate(sample: Sample, name: str = "sample") -> None:
         if data is not None and not np.isfinite(data).all():
             raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
     material, radius = sample.material, sample.radius
-    try:
-        _ = sample.laws
-    except InputError as wrong:
-        raise InputError(f"{name}: {wrong}") from None
     wall = sample.wall_material or material
     dense = material.density if sample.densities is None else float(sample.densities.min())
     positive = (material.young, wall.young, dense, float(np.min(sample.sizes)))
@@ -290,6 +286,8 @@ def validate(sample: Sample, name: str = "sample") -> None:
                 f"{name}: Young's modulus {young:g} Pa is none of a solid ({YOUNG[0]:g} to "
                 f"{YOUNG[1]:g}); give it in Pa"
             )
+    with named(name):
+        _ = sample.laws  # after its moduli, which it divides by
     n, (low, high) = len(sample.position), sample.walls
     if n == 0 or low >= high or min(sample.side) < radius:
         raise InputError(
