@@ -88,13 +88,17 @@ class FloppyModes:
 
 def clusters(network: Network) -> tuple[Ints, Bools]:
     """Connected cluster of each sphere (n,), and whether each cluster touches a wall (c,)."""
-    i, j = network.particle_i, network.particle_j
-    n, pair = network.n_particles, network.particle_j >= 0
-    touching = sp.coo_matrix((np.ones(pair.sum()), (i[pair], j[pair])), shape=(n, n))
-    count, cluster = connected_components(touching, directed=False)
+    count, cluster = connected_components(_touching(network), directed=False)
     anchored = np.zeros(count, bool)
-    anchored[cluster[i[~pair]]] = True
+    anchored[cluster[network.particle_i[network.with_wall]]] = True
     return cluster, anchored
+
+
+def _touching(network: Network) -> sp.csr_matrix:
+    """Shape (n, n): an entry at i, j for each contact of two spheres."""
+    pair, n = ~network.with_wall, network.n_particles
+    ends = network.particle_i[pair], network.particle_j[pair]
+    return sp.coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
 
 
 def by_structure(system: LinearSystem) -> FloppyModes:
@@ -189,18 +193,13 @@ def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
 def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
     """Connected parts of the loose spheres, as arrays of particle indices, neighbours together."""
     spheres = np.flatnonzero(loose)
-    place = np.full(network.n_particles, -1)
-    place[spheres] = np.arange(len(spheres))
-    pair = ~network.with_wall
-    i, j = network.particle_i[pair], network.particle_j[pair]
-    both = loose[i] & loose[j]
-    ends = (place[i[both]], place[j[both]])
-    graph = sp.coo_matrix((np.ones(both.sum()), ends), shape=(len(spheres),) * 2)
     if len(spheres) == 0:
         return []
+    graph = _touching(network)[spheres][:, spheres]
     part = connected_components(graph, directed=False)[1]
-    place[reverse_cuthill_mckee(graph.tocsr())] = np.arange(len(spheres))
-    order = np.lexsort((place[: len(spheres)], part))
+    place = np.empty(len(spheres), int)
+    place[reverse_cuthill_mckee(graph)] = np.arange(len(spheres))
+    order = np.lexsort((place, part))
     return np.split(spheres[order], np.cumsum(np.bincount(part))[:-1])
 
 
@@ -235,10 +234,8 @@ def _unwrapped(network: Network, members: Bools) -> Floats:
     pair = ~network.with_wall
     i, j = network.particle_i[pair], network.particle_j[pair]
     branch = (network.lever_i - network.lever_j)[pair]
-    n = network.n_particles
-    touching = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
-    first = int(np.flatnonzero(members)[0])
-    order, before = breadth_first_order(touching, first, directed=False)
+    first, n = int(np.flatnonzero(members)[0]), network.n_particles
+    order, before = breadth_first_order(_touching(network), first, directed=False)
     place, back = np.zeros((n, 3)), np.arange(n)
     back[order[1:]] = before[order[1:]]
     for near, far, step in ((i, j, branch), (j, i, -branch)):
