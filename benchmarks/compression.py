@@ -48,10 +48,10 @@ def steps(path: str, count: int) -> Callable[[], int]:
     dt = time_step(STRESS)
     every = steps_of(duration(protocol.CONTROL, STRESS), dt)
     pace = Pace(motion, control)
-    pace.walk(2 * every, dt, every)  # compiles
+    pace.advance(2 * every, dt, every)  # compiles
 
     def action() -> int:
-        pace.walk(count, dt, every)
+        pace.advance(count, dt, every)
         return motion.contacts.touching
 
     return action

@@ -103,7 +103,7 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
         met = jammed = 0
         while pace.steps < LONGEST and not (jammed and pace.steps - jammed >= steps):
             above = protocol.ABOVE * control.stress.mean()
-            pace.walk(CHECK, time_step(max(STRESS, above)), every)
+            pace.advance(CHECK, time_step(max(STRESS, above)), every)
             if not met and control.stress.mean() > STRESS:
                 met = pace.steps
             held, error = motion.coordination_number(), control.error()

@@ -1,4 +1,4 @@
-"""One friction coefficient's walk from a cloud of spheres to `highest`: a state at each stress.
+"""One friction coefficient's compression from a cloud to `highest`: a state at each stress.
 
     yade -n -x -j1 yade_scripts/compress.py              (mu_comp = 0.4, 35,201 spheres)
     yade-batch own.table yade_scripts/compress.py
@@ -28,11 +28,11 @@ from yade.utils import PyRunner, readParamsFromTable
 
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
+from modal.preparation.compression import compress_to_stresses, cost
 from modal.preparation.durations import REFERENCE, steps_of
 from modal.preparation.protocol import Stage, Study
 from modal.preparation.sizes import MIXTURE
 from modal.preparation.strain_control import ConstantRate
-from modal.preparation.walk import cost, walk
 from modal.tools.display import duration
 from modal.tools.errors import InputError
 from yade_scripts import servo
@@ -144,7 +144,7 @@ def main():
     words = {name: word.replace("_", " ") for name, word in mixture.items()}
     study = Study(**given | words)
     folder = products_folder() / f"compression_mu{study.mu_comp:g}"
-    walk(
+    compress_to_stresses(
         folder,
         study,
         [stress for stress in protocol.STRESSES if stress <= table.highest],

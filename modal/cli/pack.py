@@ -15,7 +15,7 @@ from modal.packing.plausibility import WIDE
 from modal.packing.sample import ELASTIC, read_sample
 from modal.preparation.packings import pack as packed
 from modal.preparation.protocol import Study
-from modal.preparation.random_packing import ASPECT, PEAK, TOLERANCE, WALK
+from modal.preparation.random_packing import ASPECT, PEAK, PRESSURES, TOLERANCE
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
 from modal.tools.errors import InputError
 
@@ -125,7 +125,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         **{name: value for name in given if (value := getattr(options, name)) is not None},
     )
     result: dict[str, Any] = {"samples": {str(path): stress for stress, path in files}}
-    for _, path in files[-len(options.stress or WALK) :]:
+    for _, path in files[-len(options.stress or PRESSURES) :]:
         read_remarked(path, options.remarks.append)
     if options.friction != 0:
         notes = {str(path): read_sample(path).study for _, path in files}

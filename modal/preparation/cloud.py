@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
 from modal.tools.errors import InputError
 
 ROUNDS = 1000
-"""Random points tried, in units of the number of spheres."""
+"""Random points tried for one sphere."""
 
 
 def cloud(study: Study) -> Sample:
@@ -27,14 +29,9 @@ def cloud(study: Study) -> Sample:
     scale = (NOMINAL_FRACTION / CLOUD) ** (1 / 3)
     side, length = scale * study.width * diameter, scale * length
     sides, walls = np.array([side, side]), np.array([0.0, length])
+    sizes = np.ones(study.spheres) if radii is None else 2 * radii / diameter
     cell = side / diameter, length / diameter, study.seed
-    if study.periodic:
-        sizes = np.ones(study.spheres) if radii is None else 2 * radii / diameter
-        places, order = places_of_sizes(sizes, *cell, whole=True)
-    elif radii is None:
-        places, order = random_places(study.spheres, *cell), np.arange(study.spheres)
-    else:
-        places, order = places_of_sizes(2 * radii / diameter, *cell)
+    places, order = random_places(sizes, *cell, whole=study.periodic)
     dense = study.each_density
     return Sample(
         diameter * places,
@@ -50,93 +47,56 @@ def cloud(study: Study) -> Sample:
     )
 
 
-def places_of_sizes(
+def random_places(
     diameters: np.ndarray, side: float, length: float, seed: int, *, whole: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (n, 3) of spheres of several `diameters` (n,), and which sphere is where (n,).
+    """Centres (n, 3) of spheres of `diameters` (n,), and which sphere is where (n,).
 
     Placed at random one by one where they fit, the largest first; sorted along z, which is periodic
     where they fill the `whole` cell. All lengths are in one unit.
     """
-    period = length if whole else math.inf
-    random, largest = np.random.default_rng(seed), float(diameters.max())
-    cells = [max(1, int(extent / largest)) for extent in (side, side, length)]
-    if min(cells) < 3:
+    count, largest = len(diameters), float(diameters.max())
+    # Bins at least one diameter wide; with fewer than three a neighbour would lie on both sides.
+    across, along = int(side / largest), int(length / largest)
+    if across < 3 or along < (3 if whole else 2):
         raise InputError(
-            f"{len(diameters)} spheres at this width: the cell is narrower than three of the "
-            "largest; take more spheres, or sizes that differ less"
+            f"{count} spheres at this width: the cell is narrower than three of the largest, or "
+            "less than two layers; take other numbers, or sizes that differ less"
         )
-    bins: dict[tuple[int, ...], list[tuple[np.ndarray, float]]] = {}
+    order, points = np.argsort(-diameters, kind="stable"), _points(count, seed)
+    bins: dict[tuple[int, int, int], list[tuple[float, float, float, float]]] = {}
     around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1)]
-    order = np.argsort(-diameters, kind="stable")
-    places = np.empty((len(diameters), 3))
-    for number, size in enumerate(diameters[order]):
-        for _ in range(ROUNDS):
-            point = random.random(3) * (side, side, length - (0 if whole else size))
-            point[2] += 0 if whole else size / 2
-            own = tuple((point / (side, side, length) * cells).astype(int).tolist())
-            near = [
-                other
-                for a, b, c in around
-                for other in bins.get(
-                    (
-                        (own[0] + a) % cells[0],
-                        (own[1] + b) % cells[1],
-                        (own[2] + c) % cells[2] if whole else own[2] + c,
-                    ),
-                    (),
-                )
-            ]
-            if all(
-                _apart(point - place, side, period) > (size + other) / 2 for place, other in near
-            ):
-                bins.setdefault(own, []).append((point, size))
-                places[number] = point
-                break
-        else:
-            raise InputError(
-                f"{len(diameters)} spheres do not fit into the cloud; take another width"
-            )
-    upwards = np.argsort(places[:, 2], kind="stable")
-    return places[upwards], order[upwards]
-
-
-def _apart(branch: np.ndarray, side: float, period: float) -> float:
-    """Distance of the nearest images, periodic across z and, with a finite period, along it."""
-    x, y, z = branch.tolist()
-    z -= period * round(z / period) if period < math.inf else 0.0
-    return math.hypot(x - side * round(x / side), y - side * round(y / side), z)
-
-
-def random_places(spheres: int, side: float, length: float, seed: int) -> np.ndarray:
-    """Centres (n, 3), in diameters, of spheres placed at random one by one where they fit."""
-    random = np.random.default_rng(seed)
-    across, along = int(side), int(length)  # bins at least one diameter wide
-    if along < 2:
-        raise InputError(
-            f"{spheres} spheres at this width: less than two layers; take a smaller width"
-        )
-    bins: dict[tuple[int, int, int], list[tuple[float, float, float]]] = {}
-    around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1)]
-    places: list[tuple[float, float, float]] = []
-    for _ in range(ROUNDS):
-        points = random.random((spheres, 3)) * (side, side, length - 1) + (0, 0, 0.5)
-        for x, y, z in points:
+    places = np.empty((count, 3))
+    for number, size in enumerate(diameters[order].tolist()):
+        low, high = (0.0, length) if whole else (size / 2, length - size)
+        for x, y, z in islice(points, ROUNDS):
+            x, y, z = side * x, side * y, low + high * z
             i, j, k = int(x / side * across), int(y / side * across), int(z / length * along)
             near = (
                 other
                 for a, b, c in around
-                for other in bins.get(((i + a) % across, (j + b) % across, k + c), ())
+                for other in bins.get(
+                    ((i + a) % across, (j + b) % across, (k + c) % along if whole else k + c), ()
+                )
             )
             if all(
                 (abs(x - u) - side * (abs(x - u) > side / 2)) ** 2
                 + (abs(y - v) - side * (abs(y - v) > side / 2)) ** 2
-                + (z - w) ** 2
-                > 1
-                for u, v, w in near
+                + (abs(z - w) - length * (whole and abs(z - w) > length / 2)) ** 2
+                > ((size + other) / 2) ** 2
+                for u, v, w, other in near
             ):
-                bins.setdefault((i, j, k), []).append((x, y, z))
-                places.append((x, y, z))
-                if len(places) == spheres:
-                    return np.array(sorted(places, key=lambda place: place[2]))
-    raise InputError(f"{spheres} spheres do not fit into the cloud; take another width")
+                bins.setdefault((i, j, k), []).append((x, y, z, size))
+                places[number] = x, y, z
+                break
+        else:
+            raise InputError(f"{count} spheres do not fit into the cloud; take another width")
+    upwards = np.argsort(places[:, 2], kind="stable")
+    return places[upwards], order[upwards]
+
+
+def _points(count: int, seed: int) -> Iterator[list[float]]:
+    """Random points of the unit cube without end, the stream of `seed`."""
+    random = np.random.default_rng(seed)
+    while True:
+        yield from random.random((count, 3)).tolist()

@@ -1,4 +1,4 @@
-"""The walk of spheres with friction from a cloud to each stress, in modal's own loop.
+"""The compression of spheres with friction from a cloud to each stress, in modal's own loop.
 
 The same protocol, stages, files and checkpoints as in YADE (`yade_scripts/compress.py`).
 """
@@ -15,11 +15,10 @@ from modal.dem.motion import Dynamics
 from modal.packing.sample import Sample, validate
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
+from modal.preparation.compression import compress_to_stresses, cost
 from modal.preparation.durations import REFERENCE, steps_of
 from modal.preparation.protocol import Stage, Study
 from modal.preparation.strain_control import ConstantRate, Servo
-from modal.preparation.walk import cost
-from modal.preparation.walk import walk as walk_by
 from modal.tools.display import duration
 from modal.tools.progress import Minute, progress
 
@@ -31,7 +30,7 @@ class Pace:
         self.motion, self.control = motion, control
         self.steps = self._set_at = 0
 
-    def walk(self, count: int, dt: float, every: int) -> None:
+    def advance(self, count: int, dt: float, every: int) -> None:
         """`count` steps of `dt`, s, with the rates set `every` so many of them."""
         for _ in range(count):
             due = self.steps - self._set_at >= every
@@ -55,7 +54,7 @@ def compacted(study: Study) -> Sample:
     interval = study.duration(protocol.CONTROL, REFERENCE * study.hardness)
     every = steps_of(interval, dt)
     for _ in progress(steps, f"friction {study.mu_comp:g}, cloud"):
-        pace.walk(1, dt, every)
+        pace.advance(1, dt, every)
     sample = motion.sample(moving=False)
     spent = {"steps": steps, "seconds": time.perf_counter() - started}
     sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
@@ -63,17 +62,19 @@ def compacted(study: Study) -> Sample:
     return sample
 
 
-def leg(sample: Sample, study: Study, say: Callable[[str], None]) -> tuple[Sample, bool]:
-    """One leg from `sample`; the sample at its end, and whether the stage is over."""
+def run_to_checkpoint(
+    sample: Sample, study: Study, say: Callable[[str], None]
+) -> tuple[Sample, bool]:
+    """The sample at the next checkpoint after `sample`, and whether the stage is over."""
     started, before = time.perf_counter(), dict(sample.study)
     stage, motion = Stage(before["stage"], study), Dynamics(sample)
     stage.control.stress, motion.damping = motion.stress(), stage.damping
     pace, seconds, ended = Pace(motion, stage.control), float(before["stage_time"]), False
     begun, minute = seconds, Minute()
-    for _ in range(protocol.LEG):
+    for _ in range(protocol.CHECKS):
         dt = stage.time_step()
         count = steps_of(stage.check, dt)
-        pace.walk(count, dt, steps_of(stage.interval, dt))
+        pace.advance(count, dt, steps_of(stage.interval, dt))
         seconds += count * dt
         settled = stage.settled(motion.unbalanced())
         ended = settled or stage.impatient(seconds)
@@ -119,27 +120,27 @@ def _to_go(stage: Stage, seconds: float, pace: float) -> str:
     return f"ends at unbalanced {residual:.1e} and stresses off by {error:.1e}, at most {most} left"
 
 
-def walk(
+def compress(
     folder: Path,
     study: Study,
     stresses: Sequence[float],
     command: str,
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
-    """Walk to each stress, Pa, in modal's own motion; as `modal.preparation.walk.walk` says.
+    """Compress to each stress, Pa, in modal's own motion, as `compress_to_stresses` says.
 
     Stresses on the way, so that no two are more than ten times apart, have their states as well.
     """
     way = [protocol.JAMMING_STRESS * study.hardness]
     for stress in stresses:
         way += protocol.by_tens(way[-1], stress)
-    files = walk_by(
+    files = compress_to_stresses(
         folder,
         study,
         way[1:],
         study.provenance(command),
         lambda: compacted(study),
-        lambda sample: leg(sample, study, say),
+        lambda sample: run_to_checkpoint(sample, study, say),
         say,
     )
     return [(stress, path) for stress, path in files if stress in stresses]

@@ -34,7 +34,7 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
     which a sphere counts as at rest.
     """
     radius = np.full(len(sample.position), sample.sizes)
-    size = _size(contacts.load, radius)
+    size = size_of(contacts.load, radius)
     free = size > max(allowed, LOOSE * size.mean())
     if not free.any() or free.mean() > FEW:
         return None
@@ -52,15 +52,16 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
         motion.step(part)
         if abs(part.position - start).max() > slack:
             break  # Spheres outside the part, which it does not know, come into reach.
-        if step % LOOK == 0 and _size(part.load, arm)[free].max() <= allowed:
+        if step % LOOK == 0 and size_of(part.load, arm)[free].max() <= allowed:
             break
     return _with(sample, members, part.sample())
 
 
-def _size(load: Floats, radius: Floats) -> Floats:
+def size_of(load: Floats, radius: Floats) -> Floats:
     """Shape (n,), N: length of each sphere's force, its torque over its radius with it."""
     torque = load[:, 3:] / radius[:, None]
-    return np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
+    size: Floats = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
+    return size
 
 
 def _beside(pairs: np.ndarray, these: Bools) -> Bools:

@@ -14,18 +14,19 @@ from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
-from modal.preparation import compress, unequal_stress
+from modal.preparation.compress import compress
 from modal.preparation.protocol import NO_WALLS, NOMINAL_FRACTION, STRESSES, Study
 from modal.preparation.random_packing import (
     ASPECT,
     PEAK,
+    PRESSURES,
     TOLERANCE,
-    WALK,
     check_stress,
     cloud,
-    walk,
+    unload,
 )
 from modal.preparation.sizes import solid_of
+from modal.preparation.unequal_stress import check_ratio, load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
@@ -89,15 +90,15 @@ def pack(
     for stress in stresses:
         check_stress(stress, hardness)
     usual = PEAK * hardness
-    if peak is not None and not max(stresses or WALK) <= peak <= 10 * usual:
+    if peak is not None and not max(stresses or PRESSURES) <= peak <= 10 * usual:
         raise InputError(
-            f"--peak {peak:g} Pa: below a stress of the walk, or above {10 * usual:g} Pa; "
+            f"--peak {peak:g} Pa: below one of the stresses, or above {10 * usual:g} Pa; "
             f"{usual:g} is usual"
         )
     if oedometric and stress_ratio is not None:
         raise InputError("a stress ratio of one-dimensional compression comes about: leave one out")
     if stress_ratio is not None:
-        unequal_stress.check_ratio(stress_ratio)
+        check_ratio(stress_ratio)
     if seed < 0:
         raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
     shape, aspect = aspect or width, sound_aspect(spheres) if aspect is None else aspect
@@ -114,12 +115,12 @@ def pack(
             say(_shape(spheres, aspect))
         targets = list(stresses or STRESSES)
         if oedometric:
-            (_, begin), *_ = compress.walk(folder, study, [targets[0] / 10], COMMAND, say)
-            return unequal_stress.oedometric(folder, study, begin, targets, COMMAND, say)
-        files = compress.walk(folder, study, targets, COMMAND, say)
+            first = compress(folder, study, [targets[0] / 10], COMMAND, say)
+            return load_further(folder, study, first, targets, math.nan, COMMAND, say)
+        files = compress(folder, study, targets, COMMAND, say)
         if stress_ratio is None:
             return files
-        return unequal_stress.unequal(folder, study, files, stress_ratio, COMMAND, say)
+        return load_further(folder, study, files, targets, stress_ratio, COMMAND, say)
     if stress_ratio is not None or oedometric:
         raise InputError("unequal stresses need friction, without which spheres flow: give some")
     start = replace(
@@ -131,7 +132,7 @@ def pack(
     )
     if shape is None:
         say(_shape(spheres, aspect))
-    return walk(folder, start, stresses or WALK, tolerance, say, peak or usual)
+    return unload(folder, start, stresses or PRESSURES, tolerance, say, peak or usual)
 
 
 def _shape(spheres: int, aspect: float) -> str:

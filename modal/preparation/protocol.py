@@ -30,7 +30,7 @@ CONTROL = 0.0127
 """Between two settings of the strain rates; 5 steps of `STABILITY` at the target stress."""
 CHECK = 0.2542
 """Between two looks at stress and balance; 100 such steps."""
-LEG = 30
+CHECKS = 30
 """Checks between two checkpoints; 3,000 such steps, in YADE some four minutes at full size."""
 PATIENCE = 30.5
 """After which a packing that does not settle is taken as it is, and marked; 12,000 such steps. At
@@ -50,7 +50,7 @@ COMPACTION_STRESS = 1e6
 """Mean stress, Pa, that the time step of the compaction allows for."""
 HOT = 5e5
 """Mean stress, Pa, of the agitated spheres at which the compaction ends; without agitation and
-unloading, below the first stress of the walk."""
+unloading, below the first stress of the study."""
 APPROACH_RATE, AGITATED_DAMPING = 8.0, 0.02
 """Strain rate, 1/s, from LOOSE to HOT, and local damping until then, which decides how dense the
 packing jams."""

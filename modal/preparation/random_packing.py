@@ -2,7 +2,7 @@
 
 The study prepares them by a controlled compression (Otsubo et al. 2017, section 2), whose details
 are not stated. Here energy is minimised at a peak pressure that fixes the density, then at each
-pressure of a walk: unloading from 200 MPa gives the study's void ratios.
+pressure that follows: unloading from 200 MPa gives the study's void ratios.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ PEAK = 2e8
 """Pressure, Pa, under which the cloud is packed before it is unloaded."""
 PEAK_TOLERANCE = 1e-4
 """Residual at the peak: spheres go on rearranging there; at 1e-3 the voids are 0.005 more."""
-WALK = (1e5, 1e6, 1e7)
-"""Pressures, Pa, that follow the peak; lower ones branch off at 100 kPa in a walk of their own."""
+PRESSURES = (1e5, 1e6, 1e7)
+"""Pa, after the peak; lower ones branch off at 100 kPa, in a folder of their own."""
 ASPECT = 10.05
 """Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
 CLOUD_FRACTION = 0.5
 """Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
 TOLERANCE = 1e-3
-"""Residual at each pressure of the walk, where no other is asked for."""
+"""Residual at each pressure, where no other is asked for."""
 
 
 def cloud(
@@ -97,7 +97,7 @@ def random_sample(
     densities: Sequence[str | float] | None = None,
     walls: Sequence[str | float] | None = None,
 ) -> Sample:
-    """A small frictionless packing at `stress`, Pa, in memory, for tests: the state of a `walk`.
+    """A small frictionless packing at `stress`, Pa, in memory, for tests, by `unload`.
 
     `sizes`, `densities` and `walls` as in `cloud`.
 
@@ -108,7 +108,7 @@ def random_sample(
     """
     start = cloud(spheres, aspect, seed, sizes, densities, walls)
     with TemporaryDirectory() as folder:
-        files = walk(Path(folder), start, [stress], tolerance, lambda text: None)
+        files = unload(Path(folder), start, [stress], tolerance, lambda text: None)
         return replace(read_sample(files[-1][1]), study={}, provenance={})
 
 
@@ -128,7 +128,7 @@ def check_stress(stress: float, hardness: float = 1.0) -> None:
         )
 
 
-def walk(
+def unload(
     folder: Path,
     start: Sample,
     stresses: Sequence[float],
@@ -141,7 +141,7 @@ def walk(
     From one to the next it goes by way of stresses at most ten times apart, which settle faster.
     States that are there already are kept, or brought nearer to rest where their residual exceeds
     the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
-    killed walk is continued by the same call. States that came from another one are stale: that is
+    killed call is continued by the same call. States that came from another one are stale: that is
     reported, and they are made again. InputError where a state does not come to rest: the
     best one met is then the checkpoint. Returns each stress with its file.
     """
@@ -181,7 +181,7 @@ def walk(
             raise InputError(
                 f"no rest at {target:g} Pa after {rest.steps} steps: residual {rest.residual:.1e} "
                 f"({limit:g} was asked for), stresses off by {rest.stress_error:.1e} "
-                f"({STRESS_TOLERANCE:g} allowed); a walk in the same folder goes on from there, or "
+                f"({STRESS_TOLERANCE:g} allowed); the same call goes on from there, or "
                 "take another seed or a larger tolerance"
             )
         write_sample(path, sample)
@@ -240,7 +240,7 @@ def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
 def _provenance(
     start: Sample, number: int, stress: float, before: Path | None, peak: float
 ) -> Provenance:
-    """What state `number` is made from: the state `before`, and the numbers of the walk."""
+    """What state `number` is made from: the state `before`, and its own numbers."""
     settings = start.study | {"number": number, "stress": float(stress), "peak": peak}
     sources = () if before is None else (Source.of(STATE, before),)
     return Provenance("python -m modal pack", settings, sources)

@@ -20,7 +20,7 @@ from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, net_forces
 from modal.preparation.elastic_rest import elastic_motion
-from modal.preparation.loose_rest import loose_rest
+from modal.preparation.loose_rest import loose_rest, size_of
 from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10
@@ -81,7 +81,7 @@ def equilibrium_of(sample: Sample, network: Network) -> tuple[np.ndarray, Equili
     if network.n_contacts == 0:
         return load, Equilibrium(0.0, 0.0, 0.0, 0, 0)
     mean = network.require("force_normal", "balance").mean()
-    size = _size(load, 1 / _each(sample))
+    size = size_of(load, _each(sample))
     used = friction_used(network, sample.friction)
     return load, Equilibrium(
         residual=float(size.mean() / mean),
@@ -198,7 +198,7 @@ def _by_parts(contacts: MovingContacts, goal: float) -> MovingContacts:
 
 
 def _look(contacts: MovingContacts, radius: np.ndarray, step: int) -> Equilibrium:
-    size = _size(contacts.load, 1 / radius) / contacts.mean_force
+    size = size_of(contacts.load, radius) / contacts.mean_force
     mean, largest = float(size.mean()), float(size.max())
     return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
 
@@ -213,8 +213,3 @@ def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Equilibrium]:
 def _each(sample: Sample) -> np.ndarray:
     """Shape (n,), m: the radius of each sphere."""
     return np.full(len(sample.position), sample.sizes)
-
-
-def _size(vector: np.ndarray, arm: np.ndarray) -> np.ndarray:
-    """Shape (n,): length of each sphere's row (n, 6), its rotational part times `arm` (n,)."""
-    return np.sqrt((vector[:, :3] ** 2).sum(axis=1) + (vector[:, 3:] ** 2).sum(axis=1) * arm**2)

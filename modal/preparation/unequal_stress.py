@@ -46,59 +46,35 @@ def check_ratio(ratio: float) -> None:
         )
 
 
-def unequal(
+def load_further(
     folder: Path,
     study: Study,
     isotropic: Sequence[tuple[float, Path]],
+    stresses: Sequence[float],
     ratio: float,
     command: str,
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
-    """From each isotropic state of a stress, Pa, the lateral stresses to `ratio` times it."""
-    return [
-        (stress, _state(folder, study, stress, (ratio, ratio, 1.0), before, command, say))
-        for stress, before in isotropic
-    ]
+    """From isotropic states to each axial stress, Pa: files, kept where they are there already.
 
-
-def oedometric(
-    folder: Path,
-    study: Study,
-    start: Path,
-    stresses: Sequence[float],
-    command: str,
-    say: Callable[[str], None],
-) -> list[tuple[float, Path]]:
-    """From the isotropic state `start` to each axial stress, Pa, in turn, at constant width."""
-    files: list[tuple[float, Path]] = []
+    To lateral stresses of `ratio` times the axial one, from the state of that stress; with NaN at
+    constant width, from the first state to each stress in turn.
+    """
+    kind, files = "oedometric" if math.isnan(ratio) else f"K{ratio:g}", list[tuple[float, Path]]()
+    starts = dict(isotropic)
+    _, before = isotropic[0]
     for stress in stresses:
-        before = files[-1][1] if files else start
-        path = _state(folder, study, stress, (math.nan, math.nan, 1.0), before, command, say)
+        before = before if math.isnan(ratio) else starts[stress]
+        path = folder / f"{stress:g}Pa_{kind}.sample.h5"
+        settings = study.attributes | {"stress": stress, "loading": kind}
+        made = Provenance(command, settings, (Source.of(STATE, before),))
+        if not (path.exists() and is_current(path, made, say)):
+            sample = loaded(read_sample(before), study, stress, (ratio, ratio, 1.0), say)
+            write_sample(path, replace(sample, provenance=made.attributes()))
+            say(f"{path}: written, lateral over axial stress {sample.study['stress_ratio']:.3f}")
         files.append((stress, path))
+        before = path
     return files
-
-
-def _state(
-    folder: Path,
-    study: Study,
-    stress: float,
-    shares: tuple[float, float, float],
-    before: Path,
-    command: str,
-    say: Callable[[str], None],
-) -> Path:
-    """The file of the state whose axial stress is `stress`; kept where it is there already."""
-    one_dimensional = math.isnan(shares[0])
-    kind = "oedometric" if one_dimensional else f"K{shares[0]:g}"
-    path = folder / f"{stress:g}Pa_{kind}.sample.h5"
-    settings = study.attributes | {"stress": stress, "loading": kind}
-    made = Provenance(command, settings, (Source.of(STATE, before),))
-    if path.exists() and is_current(path, made, say):
-        return path
-    sample = loaded(read_sample(before), study, stress, shares, say)
-    write_sample(path, replace(sample, provenance=made.attributes()))
-    say(f"{path}: written, lateral over axial stress {sample.study['stress_ratio']:.3f}")
-    return path
 
 
 def loaded(
@@ -124,7 +100,7 @@ def loaded(
     patience = study.duration(protocol.PATIENCE, stress) + FAILED / control.limit
     while not settled and seconds < patience:
         count = steps_of(check, dt)
-        pace.walk(count, dt, steps_of(every, dt))
+        pace.advance(count, dt, steps_of(every, dt))
         seconds += count * dt
         strain = np.log(start / motion.contacts.lengths)
         near = control.error() < protocol.SETTLED[0]

@@ -151,7 +151,7 @@ protocol.LEG = 4
 study = protocol.Study(spheres=5000, width=9, approach_rate=150)
 for threads in (1, 2):
     numba.set_num_threads(threads)
-    sample, _ = compress.leg(compress.compacted(study), study, lambda said: None)
+    sample, _ = compress.run_to_checkpoint(compress.compacted(study), study, lambda said: None)
     data = sample.position, sample.shear, sample.velocity, sample.side, sample.walls
     print(sha256(b"".join(array.tobytes() for array in data)).hexdigest(), len(sample.shear))
 """

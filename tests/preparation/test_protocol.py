@@ -115,9 +115,10 @@ def test_what_a_study_may_change_changes_its_stages():
 
 def test_cloud_has_no_overlaps_and_follows_from_its_seed():
     side, length = 6.0, 14.0
-    places = random_places(150, side, length, 3)
-    assert np.array_equal(places, random_places(150, side, length, 3))
-    assert not np.array_equal(places, random_places(150, side, length, 4))
+    sizes = np.ones(150)
+    places, _ = random_places(sizes, side, length, 3)
+    assert np.array_equal(places, random_places(sizes, side, length, 3)[0])
+    assert not np.array_equal(places, random_places(sizes, side, length, 4)[0])
     apart = places[:, None] - places
     apart[..., :2] -= side * np.round(apart[..., :2] / side)
     distance = np.linalg.norm(apart, axis=2)[~np.eye(150, dtype=bool)]
@@ -153,4 +154,4 @@ def test_impossible_study_is_one_line(wrong):
 
 def test_too_wide_a_cloud_is_refused():
     with pytest.raises(InputError, match="width"):
-        random_places(100, 60.0, 1.5, 1)
+        random_places(np.ones(100), 60.0, 1.5, 1)

@@ -194,7 +194,7 @@ def test_higher_peak_leaves_a_denser_packing(tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["--peak", "1e6"], "below a stress of the walk"),
+        (["--peak", "1e6"], "below one of the stresses"),
         (["--peak", "1e12"], "above 2e[+]09 Pa"),
         (["--friction", "0.4", "--peak", "2e8"], "no meaning with friction"),
     ],

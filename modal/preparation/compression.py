@@ -1,8 +1,8 @@
 """A compression from its cloud to each stress, whoever makes the steps; killed, it goes on.
 
-One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Each leg starts from
-the file that the leg before has written, so that a walk that was killed takes the same steps as one
-that was not.
+One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Each run starts from
+the checkpoint that the one before has written, so that a compression that was killed takes the same
+steps as one that was not.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from modal.preparation.protocol import CHECKPOINT, END, PREPARATION, Study
 from modal.tools.errors import InputError
 
 
-def walk(
+def compress_to_stresses(
     folder: Path,
     study: Study,
     stresses: Sequence[float],
     made: Provenance,
     begin: Callable[[], Sample],
-    leg: Callable[[Sample], tuple[Sample, bool]],
+    run: Callable[[Sample], tuple[Sample, bool]],
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
-    """Walk to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
+    """Compress to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
 
-    Goes on from the checkpoint, or from what `begin` gives; states that are there stay. `leg` takes
+    Goes on from the checkpoint, or from what `begin` gives; states that are there stay. `run` takes
     the steps between two checkpoints and says whether the stage is over. InputError for stresses
-    that do not rise, and where the walk is beyond one that it has not written.
+    that do not rise, and where it is beyond one that it has not written.
     """
     if any(lower >= higher for lower, higher in zip(stresses, stresses[1:], strict=False)):
         raise InputError(
-            f"stresses {', '.join(f'{stress:g}' for stress in stresses)} Pa: the walk only loads; "
-            "give them in rising order"
+            f"stresses {', '.join(f'{stress:g}' for stress in stresses)} Pa: a compression only "
+            "loads; give them in rising order"
         )
     checkpoint = folder / CHECKPOINT
     names = [f"{stress:g}" for stress in stresses]
@@ -53,7 +53,7 @@ def walk(
         write(checkpoint, sample)
     while sample.study["stage"] != END:
         name = sample.study["stage"]
-        sample, ended = leg(sample)
+        sample, ended = run(sample)
         if ended:
             if name in files:
                 sample.study["stress"] = float(name)
@@ -68,9 +68,9 @@ def walk(
 
 
 def cost(before: dict[str, Any], stage: str, **spent: float) -> dict[str, Any]:
-    """What a stage and the walk have cost so far, by the names of the format.
+    """What a stage and the compression have cost so far, by the names of the format.
 
-    `before` are the attributes at the start of the leg; `spent` its steps and seconds, which add
+    `before` are the attributes at the start of the run; `spent` its steps and seconds, which add
     up, and its contacts, which do not.
     """
     found: dict[str, Any] = {}
@@ -92,9 +92,9 @@ def _short_of(study: dict[str, Any]) -> str:
 
 
 def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> str:
-    """The stage that a walk goes on with; InputError if it has passed a stress, or heads elsewhere.
+    """The stage that it goes on with; InputError if it has passed a stress, or heads elsewhere.
 
-    A walk that was at its end, or on its way to a stress, may be given higher ones later.
+    A compression that was at its end, or on its way to a stress, may be given higher ones later.
     """
     stage = str(study["stage"])
     if stage in PREPARATION:
@@ -111,18 +111,18 @@ def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> 
         return ahead[0] if ahead else END
     if stage not in ahead[:1]:
         raise InputError(
-            f"{checkpoint}: the walk is on its way to {stage} Pa; make this the next stress that "
-            "it has not reached, or take another folder"
+            f"{checkpoint}: the compression is on its way to {stage} Pa; make this the next stress "
+            "that it has not reached, or take another folder"
         )
     return stage
 
 
 def resumed(checkpoint: Path, files: dict[str, Path], study: Study, command: str) -> Sample | None:
-    """The state that a walk goes on from, its stage in `study`; None where it is to begin.
+    """The state that it goes on from, its stage in `study`; None where it is to begin.
 
     `files` are those of the stresses by their names. InputError where the checkpoint or one of them
     is of another study or was made by another `command` (one program's steps are not the other's),
-    or the walk is beyond a stress that it has not written.
+    or it is beyond a stress that it has not written.
     """
     if not checkpoint.exists():
         return None
@@ -134,7 +134,7 @@ def resumed(checkpoint: Path, files: dict[str, Path], study: Study, command: str
 
 
 def _of_study(path: Path, study: Study, command: str) -> Sample:
-    """A state of this walk; InputError for one of another."""
+    """A state of this compression; InputError for one of another."""
     sample = read_sample(path)
     study.refuse_other(sample.study, path)
     by = sample.provenance.get("command", command)
