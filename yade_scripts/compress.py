@@ -86,7 +86,7 @@ def leg(sample, study):
     resume_cell()
     report = Report()
     seconds, steps, ended = float(before["stage_time"]), 0, False
-    for _ in range(protocol.LEG):
+    for _ in range(protocol.CHECKS):
         O.dt = stage.time_step()
         O.labeledEngine("control").iterPeriod = steps_of(stage.interval, O.dt)
         count = steps_of(stage.check, O.dt)
@@ -137,7 +137,7 @@ def progress(stage, steps):
 
 
 def main():
-    """Walk on from the checkpoint, or from the cloud, to the highest stress."""
+    """Compress from the checkpoint, or from the cloud, to the highest stress."""
     given = {name: getattr(table, name) for name in asdict(Study())}
     # A column of the table holds one word.
     mixture = {name: str(given[name]) for name in MIXTURE}
