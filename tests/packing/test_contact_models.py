@@ -14,6 +14,7 @@ from modal.dem.forces import forces_by_arrays
 from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.contact_models import MODELS, laws_of
+from modal.packing.contact_models.rough import TOUCH_1, TOUCH_2
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.preparation.relax import relax
 from modal.tools.errors import InputError
@@ -38,18 +39,18 @@ def test_force_is_the_integral_of_its_stiffness_and_the_energy_that_of_the_force
     ends = ROUGHNESS * np.array([0.1, 1.0, 3.0, 20.0, 50.0, 500.0])
     for radius in (RADIUS / 2, RADIUS):
         for end in ends:
-            breaks = [2.109 * ROUGHNESS * 2**0.5, 24.47 * ROUGHNESS * 2**0.5]
+            breaks = [TOUCH_1 * ROUGHNESS * 2**0.5, TOUCH_2 * ROUGHNESS * 2**0.5]
             points = [at for at in breaks if at < end] or None
             for integrand, integral in (
                 (law.stiffness_normal, law.normal_force),
                 (law.normal_force, law.elastic_energy),
             ):
                 found, _ = quad(
-                    integrand, 0, end, (radius,), points=points, epsrel=1e-12, limit=500
+                    integrand, 0, end, (radius,), points=points, epsabs=0, epsrel=1e-12, limit=500
                 )
-                assert integral(end, radius) == pytest.approx(found, rel=1e-9)
+                assert integral(end, radius) == pytest.approx(found, rel=1e-9, abs=0)
         force = law.normal_force(ends, radius)
-        assert law.overlap_of_force(force, radius) == pytest.approx(ends, rel=1e-12)
+        assert law.overlap_of_force(force, radius) == pytest.approx(ends, rel=1e-12, abs=0)
         # Mindlin's ratio, 2 (1 - nu) / (2 - nu).
         ratio = law.stiffness_tangential(ends, radius) / law.stiffness_normal(ends, radius)
         assert ratio == pytest.approx(2 * (1 - GLASS.poisson) / (2 - GLASS.poisson), rel=1e-12)
@@ -61,7 +62,7 @@ def test_rough_contact_at_its_transitions_and_far_beyond():
     Far beyond, the overlap is that of smooth spheres and 2.06 S.
     """
     pair, wall = laws_of(of(f"rough {ROUGHNESS} {2 * ROUGHNESS}"))
-    assert wall.roughness == pytest.approx(np.sqrt(5) * ROUGHNESS)
+    assert wall.roughness == pytest.approx(np.sqrt(5) * ROUGHNESS, rel=1e-12, abs=0)
     s, radius = np.sqrt(2) * ROUGHNESS, RADIUS / 2
     first = s * GLASS.effective_young * np.sqrt(2 * radius * s)
     for force in (first, 100 * first):
@@ -74,7 +75,7 @@ def test_rough_contact_at_its_transitions_and_far_beyond():
     smooth, _ = laws_of(GLASS)
     force = 1e5 * first
     deep = smooth.overlap_of_force(force, radius) + 2.06 * s
-    assert pair.overlap_of_force(force, radius) == pytest.approx(deep, rel=1e-12)
+    assert pair.overlap_of_force(force, radius) == pytest.approx(deep, rel=1e-12, abs=0)
     loads = first * np.geomspace(1e-3, 1e4, 30)
     stiffness = [law.stiffness_normal(law.overlap_of_force(loads, radius), radius)
                  for law in (pair, smooth)]  # fmt: skip
