@@ -140,12 +140,10 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
 
 def test_a_long_column_goes_on_about_a_shift():
     """300 layers: the top modes are 1e-5 apart in omega^2, which products alone hardly resolve."""
-    if not available("pardiso"):
-        pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(gallery.fcc(cells=(1, 1, 300)))
     exact = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
     found = highest_modes(system, 12)
-    assert "pardiso" in found.attributes["solver"]
+    assert "solves" in found.attributes["solver"]
     assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
     assert found.attributes["certified"]
 
