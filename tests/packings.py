@@ -116,6 +116,20 @@ def deep() -> Network:
     return network
 
 
+def bonded(network: Network) -> Network:
+    """Contacts that roll and twist as well, and bodies with tensors of inertia."""
+    rng = np.random.default_rng(2)
+    turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
+    moments = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
+    reach = network.radius.mean() ** 2 * network.stiffness_normal
+    return replace(
+        network,
+        stiffness_rolling=rng.uniform(0, 0.1, network.n_contacts) * reach,
+        stiffness_twisting=rng.uniform(0, 0.1, network.n_contacts) * reach,
+        inertia_tensor=turned @ moments @ turned.transpose(0, 2, 1),
+    )
+
+
 def levers_of_radii(network: Network) -> Network:
     """Levers as long as the radii, as some programs have them; to the plane of a wall."""
     pair = ~network.with_wall

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from packings import wall_pattern
-from scipy.integrate import solve_ivp
 from scipy.linalg import eig
 
 import modal
@@ -17,7 +15,7 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.source import Pulse, SampledMotion
+from modal.waves.source import Pulse
 
 CRYSTAL = FccLattice(1e5)
 DAMPING = ContactDamping(0.05, 0.03)
@@ -27,21 +25,6 @@ def layer_dashpot(damping: ContactDamping) -> float:
     """Between layers of the crystal, for each sphere, N s/m: 2 (cn + ct), as Eq. 8 of springs."""
     critical = [2 * np.sqrt(k * CRYSTAL.mass / 2) for k in (CRYSTAL.kn, CRYSTAL.kt)]
     return 2 * (damping.normal * critical[0] + damping.tangential * critical[1])
-
-
-def test_no_damping_is_the_elastic_wave():
-    """Dashpots of 1e-12 of the critical: the Taylor series against Chebyshev's, nothing shared."""
-    network = modal.random_packing(spheres=80, seed=4)
-    elastic = modal.propagate(network, duration=5e-5, particles=True).signals
-    nearly = modal.propagate(
-        network, duration=5e-5, particles=True, damping=ContactDamping(1e-12, 0)
-    ).signals
-    scale = abs(elastic.particle_displacement).max()
-    assert nearly.particle_displacement == pytest.approx(
-        elastic.particle_displacement, abs=1e-8 * scale
-    )
-    same = modal.propagate(network, duration=5e-5, damping=ContactDamping(0, 0)).signals
-    assert (same.chain_displacement == elastic.chain_displacement).all()
 
 
 def test_attenuation_of_the_crystal_is_that_of_the_damped_chain():
@@ -161,43 +144,6 @@ def test_modes_of_the_endless_crystal_decay_as_its_chain_does():
     assert np.sort(rates[near]) == pytest.approx(np.sort(exact.decay), rel=1e-3)
     total = stiffness_matrix(little.dashpots(crystal)).diagonal() / mass_diagonal(crystal)
     assert rates.sum() == pytest.approx(total.sum() / 2, rel=1e-9)
-
-
-def test_energy_only_falls_once_the_wall_rests():
-    """Kinetic plus elastic energy of a free decay, from its own signals: each look below the last.
-
-    Against a Runge-Kutta of scipy in another form of the equations, too.
-    """
-    network = modal.fcc(cells=(1, 1, 10))
-    K, M = stiffness_matrix(network), mass_diagonal(network)
-    C = stiffness_matrix(DAMPING.dashpots(network))
-    motion = SampledMotion(np.array([0, 5e-6, 1.2e-5]), np.array([0, 2e-9, 0]))
-    signals = modal.propagate(
-        network, duration=3e-5, damping=DAMPING, motion=motion, particles=True
-    ).signals
-    spring, viscous = (wall_pattern(n, -1)[0] for n in (network, DAMPING.dashpots(network)))
-
-    def rate(t, y):
-        u, v = y[: len(M)], y[len(M) :] * 1e6
-        d = np.interp(t, motion.time, motion.value)
-        speed = 2e-9 / 5e-6 if t < 5e-6 else -2e-9 / 7e-6 if t < 1.2e-5 else 0.0
-        force = spring * d + viscous * speed - K @ u - C @ v
-        return np.concatenate([v, force / M / 1e6])
-
-    state, states, energy = np.zeros(2 * len(M)), [np.zeros(2 * len(M))], []
-    for a, b in ((0, 5e-6), (5e-6, 1.2e-5), (1.2e-5, 3e-5)):
-        at = np.round(np.arange(a + 1e-6, b + 5e-7, 1e-6), 9)
-        run = solve_ivp(rate, (a, b), state, "DOP853", at.clip(a, b), rtol=1e-10, atol=1e-20)
-        states += list(run.y.T)
-        state = run.y[:, -1]
-    for y in states[12:]:
-        u, v = y[: len(M)], y[len(M) :] * 1e6
-        energy.append(u @ (K @ u) / 2 + M @ v**2 / 2)
-    assert (np.diff(energy) < 0).all()
-    wanted = np.array(states)[:, 2 : len(M) : 6]
-    scale = abs(wanted).max()
-    # Between two corners the rate jumps within rounding: some 1e-7 of Runge-Kutta's own.
-    assert signals.particle_displacement == pytest.approx(wanted, abs=1e-6 * scale)
 
 
 def test_damping_that_gives_energy_is_refused(tmp_path, capsys):

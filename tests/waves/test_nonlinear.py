@@ -1,14 +1,11 @@
 """The wave at finite amplitude: against an ODE solver, the linear wave, its books, YADE."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from places import ROOT, SHEARED
+from places import SHEARED
 from scipy.integrate import solve_ivp
 
 import modal
@@ -202,36 +199,6 @@ def test_wall_forces_are_the_momentum_that_the_spheres_gain(rested):
         # Leapfrog: the second difference of the centre of mass is the force at the middle.
         gained = np.diff(moved, 2) / 2e-8**2
         assert off(gained, push[1:-1]) < 1e-4, axis
-
-
-THREADS = """
-import sys
-import numba
-sys.path[:0] = ["tests"]
-from places import SHEARED
-import modal
-from modal.packing.sample import read_sample
-from modal.tools import loops
-from modal.waves.source import Pulse
-loops.ENOUGH = 1
-for threads in (1, 2):
-    numba.set_num_threads(threads)
-    wave = modal.propagate(
-        read_sample(SHEARED), 2e-5, nonlinear=True, motion=Pulse(2e-7, 1e5), time_step=1e-7
-    )
-    print(wave.signals.chain_displacement.tobytes().hex(), wave.energy.tobytes().hex())
-"""
-
-
-def test_threads_change_no_bit():
-    pytest.importorskip("numba")
-    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
-    command = [sys.executable, "-c", THREADS]
-    done = subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
-    )
-    one, two = done.stdout.splitlines()
-    assert len(one) > 1000 and one == two
 
 
 def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):

@@ -14,7 +14,6 @@ from analysis.estimators.layer_lattice import driven_by_pulse
 from modal.__main__ import main
 from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
-from modal.system.imposed import crossings
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.signals import read_signals
@@ -53,69 +52,6 @@ def test_p_wave_against_a_ring_of_layers(crystal, above):
     # Two equal waves, up and down; the mass as a whole stays where it is.
     up = np.roll(found.particle_displacement, -above - 1, axis=1)
     assert up == pytest.approx(-up[:, ::-1], abs=1e-9 * abs(exact).max())
-
-
-@pytest.mark.parametrize("direction", ["x", "y", "z"])
-def test_wave_in_the_crystal_is_the_sum_of_its_bloch_waves(direction):
-    """u(kappa, t) = sum v (v^H F) y(omega, t), six branches v, omega of the endless crystal.
-
-    F: the four bonds of a sphere to the layer above open by d; each end is pushed the other way,
-    and both are turned the same way. Nothing of the network enters but where its spheres are.
-    """
-    network, axis = modal.fcc(cells=(2, 2, 24), periodic_z=True), "xyz".index(direction)
-    found = from_plane(
-        network, 1.2e-4, network.length / 2, direction=direction, tolerance=1e-12
-    ).signals
-    up = CRYSTAL.neighbours()[CRYSTAL.neighbours()[:, 2] > 0.1]
-    assert len(up) == 4
-    along = up * up[:, axis : axis + 1]
-    pull = CRYSTAL.kn * along + CRYSTAL.kt * (np.eye(3)[axis] - along)
-    force, torque = pull.sum(axis=0), np.cross(CRYSTAL.spacing / 2 * up, pull).sum(axis=0)
-    scale = 1 / np.sqrt(np.repeat([CRYSTAL.mass, 0.4 * CRYSTAL.mass * CRYSTAL.radius**2], 3))
-    z = network.position[:, 2]
-    # The layers next to the plane.
-    below = z[z < network.length / 2].max()
-    above = below + CRYSTAL.layer_distance
-    biggest = 0.0
-    for order in range(1, 13):
-        kappa = 2 * np.pi * order / network.length
-        frequency, vector = CRYSTAL.bloch(np.array([0, 0, kappa]))
-        push = -np.exp(-1j * kappa * below) * np.concatenate([force, torque])
-        push += np.exp(-1j * kappa * above) * np.concatenate([force, -torque])
-        share = vector.conj().T @ (push * scale)
-        motion = Pulse().response((2 * np.pi * frequency) ** 2, found.time)
-        wanted = scale[axis] * vector[axis] @ (share[:, None] * motion)
-        seen = found.particle_displacement @ np.exp(-1j * kappa * z) / 4  # spheres of a layer
-        biggest = max(biggest, abs(wanted).max())
-        assert seen == pytest.approx(wanted, abs=1e-9 * biggest)
-
-
-def test_s_wave_comes_later_by_the_velocities_of_the_moduli(crystal):
-    """The peak at the far side of the cell, where both waves meet and cancel: a layer before."""
-    moduli = modal.elastic_moduli(crystal)
-    v = moduli.velocities((0, 0, 1))
-    way = (LAYERS // 2 - 4) * CRYSTAL.layer_distance
-    for direction, speed in (("z", v[0]), ("x", v[1])):
-        found = from_plane(crystal, 1.2e-4, crystal.length / 2, direction=direction).signals
-        at = np.argmin(abs(found.layer_position - crystal.length / 2 - way))
-        peak = found.time[np.argmax(found.layer_displacement[:, at])]
-        distance = found.layer_position[at] - crystal.length / 2
-        # The plane opens by d, each side by half of it: the front is d itself, half a period late.
-        assert distance / speed < peak < distance / speed + 1.2e-5
-
-
-def test_momentum_stays_zero_in_a_random_cell():
-    """Whatever opens, inner forces push nothing as a whole; contacts cross whole planes."""
-    cell = polydisperse(periodic_z=True)
-    for direction in "xyz":
-        found = from_plane(cell, 2e-5, 0.3 * cell.length, direction=direction).signals
-        drift = found.particle_displacement @ cell.mass / cell.mass.sum()
-        assert abs(drift).max() < 1e-9 * abs(found.particle_displacement).max()
-    # The sum of rises over all planes is that of the branches.
-    heights = (np.arange(2000) + 0.5) / 2000 * cell.length
-    total = np.mean([crossings(cell, h) for h in heights], axis=0) * cell.length
-    rise = (cell.lever_i - cell.lever_j)[:, 2]
-    assert total == pytest.approx(rise, abs=cell.length / 1000)
 
 
 @pytest.mark.parametrize("direction", ["x", "z"])
