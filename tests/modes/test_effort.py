@@ -16,7 +16,6 @@ from modal.modes.lowest import lowest_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.packing.tiling import repeat
-from modal.solvers.factor import available
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
@@ -67,31 +66,6 @@ def test_estimates_of_modes_that_are_lifted(packing, count, degree, seconds, gig
     found = effort.below_an_edge(system, count, degree)
     assert 1 / 2.5 < found.seconds / seconds < 2.5
     assert 1 / 2.5 < found.bytes / (1e9 * gigabytes) < 2.5
-
-
-@pytest.mark.parametrize(("width", "layers"), [(4, 60), (8, 10), (9, 12)])
-def test_entries_of_a_factor(width, layers):
-    """PARDISO says how many nonzeros its factor has (iparm 18)."""
-    if not available("pardiso"):
-        pytest.skip("pypardiso is not installed")
-    from pypardiso import PyPardisoSolver
-
-    from modal.solvers.factorisations.pardiso import SYMMETRIC, _with_diagonal
-
-    system = LinearSystem.of(gallery.fcc(cells=(width, width, layers)), solver="pardiso")
-    matrix = system.shifted(-1e-7 * system.diagonal.max())
-    # Contacts along the axes leave a third of the entries zero.
-    assert 1 <= effort.nonzeros(system) / matrix.nnz < 1.5
-    solver = PyPardisoSolver(mtype=2)
-    for parameter, value in SYMMETRIC.items():
-        solver.set_iparm(parameter, value)
-    solver.iparm[17] = -1
-    solver.factorize(_with_diagonal(matrix, upper=True))
-    entries = int(solver.get_iparm(18))
-    solver.free_memory(everything=True)
-    estimate = effort.factorisation(system)[1] * effort.RATE / 2
-    # The order of elimination, and with it the fill, differs with the number of threads.
-    assert 1 / 2.5 < estimate / entries < 2.5
 
 
 @pytest.mark.parametrize("count", [10, 60, 120])

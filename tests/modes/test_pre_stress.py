@@ -1,7 +1,6 @@
 """Modes, counts and densities with the forces that the contacts carry, by dense matrices."""
 
 import json
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -141,48 +140,13 @@ def test_commands_take_pre_stress(tmp_path, capsys):
     assert main(["density", str(path), "--pre-stress", "normal"]) == 2 * bool(unstable)
 
 
-def bonded() -> Network:
-    """The packing with friction whose contacts roll and twist, with tensors of inertia."""
-    network, rng = packing("friction"), np.random.default_rng(4)
-    turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
-    moments = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
-    reach = network.radius.mean() ** 2 * network.stiffness_normal
-    return replace(
-        network,
-        stiffness_rolling=rng.uniform(0, 0.3, network.n_contacts) * reach,
-        stiffness_twisting=rng.uniform(0, 0.3, network.n_contacts) * reach,
-        inertia_tensor=turned @ moments @ turned.transpose(0, 2, 1),
-    )
-
-
-def by_contacts(network: Network) -> np.ndarray:
-    """K summed contact by contact, of how far each one slips, turns and twists."""
-    K = np.zeros((6 * network.n_particles,) * 2)
-    for c, (i, j) in enumerate(zip(network.particle_i, network.particle_j, strict=True)):
-        levers = network.lever_i[c], network.lever_j[c]
-        here, beyond = (np.cross(lever, np.eye(3)) for lever in levers)
-        along = np.outer(network.normal[c], network.normal[c])
-        across = np.eye(3) - along
-        slip, turn = np.zeros((2, 3, len(K)))
-        slip[:, 6 * i : 6 * i + 6] = np.hstack([-np.eye(3), here.T])
-        turn[:, 6 * i + 3 : 6 * i + 6] = np.eye(3)
-        if j >= 0:
-            slip[:, 6 * j : 6 * j + 6] = np.hstack([np.eye(3), -beyond.T])
-            turn[:, 6 * j + 3 : 6 * j + 6] = -np.eye(3)
-        kn, kt = network.stiffness_normal[c], network.stiffness_tangential[c]
-        kr, kw = network.stiffness_rolling[c], network.stiffness_twisting[c]
-        K += slip.T @ (kn * along + kt * across) @ slip
-        K += turn.T @ (kr * across + kw * along) @ turn
-    return K
-
-
-def test_modes_and_counts_of_bonded_bodies_are_those_of_a_loop_over_contacts():
+def test_modes_and_counts_of_bonded_bodies_are_those_of_a_loop_over_contacts(slow_K):
     """K phi = omega^2 M phi by LAPACK, K summed contact by contact, M with each body's tensor."""
-    network = bonded()
+    network = packings.bonded(packing("friction"))
     masses = [sp.identity(3) * mass for mass in network.mass]
     pairs = zip(masses, network.inertia_tensor, strict=True)
     mass = sp.block_diag([part for pair in pairs for part in pair]).toarray()
-    square = eigh(by_contacts(network), mass, eigvals_only=True)
+    square = eigh(slow_K(network), mass, eigvals_only=True)
     zero = int((square <= 1e-11 * square[-1]).sum())
     elastic = frequency_of(square[zero:])
     assert LinearSystem.of(network).size > Limits().small

@@ -7,7 +7,6 @@ import pytest
 from packings import dense_squares, diluted, with_contacts
 
 from modal.modes.counts import count_below
-from modal.modes.dense import all_modes
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.system.contacts import with_sliding
@@ -127,10 +126,3 @@ def test_without_tangential_springs_every_sphere_spins():
     system = LinearSystem.of(with_sliding(network, "slip"))
     assert by_structure(system).spinning == 3 * network.n_particles
     assert by_structure(system).total == zero_modes(system)
-
-
-def test_all_modes_contain_the_zero_modes():
-    system = LinearSystem.of(diluted(0.5, 9))
-    everything = all_modes(system).frequency
-    assert len(everything) == system.size
-    assert int((everything < 1e-4 * everything[-1]).sum()) == by_structure(system).total
