@@ -143,37 +143,6 @@ def test_killed_walk_goes_on_and_ends_the_same(walked, tmp_path):
         assert np.array_equal(one.shear, other.shear)
 
 
-BY_THREADS = """
-import numba
-from hashlib import sha256
-from modal.preparation import compress, protocol
-protocol.LEG = 4
-study = protocol.Study(spheres=5000, width=9, approach_rate=150)
-for threads in (1, 2):
-    numba.set_num_threads(threads)
-    sample, _ = compress.run_to_checkpoint(compress.compacted(study), study, lambda said: None)
-    data = sample.position, sample.shear, sample.velocity, sample.side, sample.walls
-    print(sha256(b"".join(array.tobytes() for array in data)).hexdigest(), len(sample.shear))
-"""
-
-
-@pytest.mark.slow
-def test_two_threads_compact_to_the_same_bits():
-    """So many spheres that threads share them, from the cloud into the approach: 1,486 steps."""
-    pytest.importorskip("numba")
-    two = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS"), "2")
-    done = subprocess.run(
-        [sys.executable, "-c", BY_THREADS],
-        cwd=ROOT,
-        env=os.environ | two | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    first, second = done.stdout.splitlines()
-    assert first == second and int(first.split()[1]) > 1000
-
-
 def test_unsettled_state_is_marked(tmp_path, monkeypatch, capsys):
     """With hardly any patience; it is written, with what it has reached, and said.
 

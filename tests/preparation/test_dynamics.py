@@ -1,9 +1,7 @@
 """Spheres in motion: conservation laws, closed forms of one contact, numpy, threads, and YADE."""
 
 import json
-import os
 import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -234,12 +232,23 @@ def run(sample, steps, **options):
     return motion
 
 
-def test_compiled_steps_are_those_of_numpy(hot, monkeypatch):
+MIXTURES = [
+    {"sizes": ("two", 2, 0.5)},
+    {"sizes": ("lognormal", 0.3)},
+    {"densities": (2230, 7800), "walls": (2e9, 0.4)},
+    {"sizes": ("two", 2, 0.5), "densities": (7800, 1200), "walls": (2.1e11, 0.3)},
+]
+"""The last wall is stiffer than a box of positive modulus can be in YADE."""
+
+
+@pytest.mark.parametrize("mixture", [{}, MIXTURES[-1]])
+def test_compiled_steps_are_those_of_numpy(hot, mixture, monkeypatch):
     """To round-off: a hundred steps in which contacts slide, open and close."""
-    compiled = run(hot, 100)
+    sample = agitated(**mixture) if mixture else hot
+    compiled = run(sample, 100)
     monkeypatch.setattr(moving_contacts, "forces_by_loop", contact_forces.forces_by_arrays)
     monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
-    arrays = run(hot, 100)
+    arrays = run(sample, 100)
     assert compiled.contacts.touching == arrays.contacts.touching
     apart = abs(compiled.contacts.position - arrays.contacts.position).max()
     # Rounding of a coordinate, eps times the length, grows as collisions part the ways.
@@ -274,53 +283,6 @@ def test_slabs_of_one_pass_share_no_sphere():
             mine = set(first[part]) | set(second[part][second[part] >= 0])
             assert not mine & taken
             taken |= mine
-
-
-THREADS = """
-import sys
-import numba
-sys.path[:0] = ["tests", "tests/preparation"]
-from modal.tools import slabs
-from test_dynamics import agitated, run
-slabs.ENOUGH = 1
-sample = agitated()
-for threads in (1, 2):
-    numba.set_num_threads(threads)
-    print(run(sample, 50).contacts.position.tobytes().hex())
-"""
-
-
-def test_threads_change_no_bit():
-    pytest.importorskip("numba")
-    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "PYTHONPATH": str(ROOT)}
-    environment["OMP_NUM_THREADS"] = "2"
-    command = [sys.executable, "-c", THREADS]
-    done = subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
-    )
-    one, two = done.stdout.split()
-    assert len(one) == 120 * 3 * 16 and one == two
-
-
-MIXTURES = [
-    {"sizes": ("two", 2, 0.5)},
-    {"sizes": ("lognormal", 0.3)},
-    {"densities": (2230, 7800), "walls": (2e9, 0.4)},
-    {"sizes": ("two", 2, 0.5), "densities": (7800, 1200), "walls": (2.1e11, 0.3)},
-]
-"""The last wall is stiffer than a box of positive modulus can be in YADE."""
-
-
-def test_compiled_steps_of_a_mixture_are_those_of_numpy(monkeypatch):
-    """Densities and walls of their own; tolerances as for equal spheres."""
-    sample = agitated(**MIXTURES[-1])
-    runs = [run(sample, 60)]
-    monkeypatch.setattr(moving_contacts, "forces_by_loop", contact_forces.forces_by_arrays)
-    monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
-    runs.append(run(sample, 60))
-    compiled, arrays = (motion.contacts for motion in runs)
-    assert abs(compiled.position - arrays.position).max() < 1e3 * EPS * 50 * RADIUS
-    assert abs(compiled.load - arrays.load)[:, :3].max() < 1e-8 * compiled.mean_force
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,6 @@
 """The springs' way to rest: against damped motion alone, gain of a step, what it leaves out."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +11,7 @@ from modal.preparation import relax as relaxation
 from modal.preparation.elastic_rest import STRIDE, elastic_motion
 from modal.preparation.loose_rest import loose_rest
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import FIRST, LOOK, RESERVE, Equilibrium, equilibrium_of, relax
+from modal.preparation.relax import RESERVE, equilibrium_of, relax
 
 
 @pytest.fixture(scope="module")
@@ -111,26 +107,6 @@ def test_what_nothing_holds_is_left_out(rested):
     assert found[others] == pytest.approx(expected[others], abs=1e-3 * abs(expected).max())
 
 
-def test_spheres_that_slide_follow_their_neighbours(rested):
-    """At a friction that some contacts use up: the net forces of their two ends do not count."""
-    start = shaken(rested, 0.01)
-    network = start.network()
-    shear = np.linalg.norm(network.force_tangential, axis=1) / network.force_normal
-    contacts = MovingContacts(start, float(np.sort(shear)[-3]))
-    sample = contacts.sample()
-    slides = np.unique(
-        [
-            body
-            for at in np.argsort(shear)[-3:]
-            for body in (network.particle_i[at], network.particle_j[at])
-            if body >= 0
-        ]
-    )
-    found = elastic_motion(contacts, sample)
-    contacts.load[slides] *= -5
-    assert np.array_equal(elastic_motion(contacts, sample), found)
-
-
 def test_springs_that_lead_away_are_not_followed(rested, monkeypatch):
     """A motion by half an overlap at random: the residual grows, and damped motion goes on."""
     asked = []
@@ -153,69 +129,6 @@ def relax_alone(rested, monkeypatch):
     """What damped motion alone makes of the same shake."""
     alone(monkeypatch)
     return relax(shaken(rested, 0.01))[0]
-
-
-def turns_of(sliding, taken):
-    """Steps after `FIRST` at which springs are asked whose residual stays; contacts by the step."""
-    turns, steps = relaxation._Turns(), []
-    for step in range(0, FIRST + 48 * LOOK, LOOK):
-        state = Equilibrium(1e-6, 1e-5, np.nan, sliding(step - FIRST), 100_000, step)
-        if turns.of_springs(state):
-            turns.note(state, taken)
-            steps.append(step - FIRST)
-    return steps
-
-
-def test_springs_that_gain_nothing_are_asked_ever_later():
-    wait = relaxation.AGAIN
-    assert turns_of(lambda _: 1, taken=False) == [0, wait, 3 * wait, 7 * wait]
-    # The first time it is not known what they gain: once more after a look, then as above.
-    after = LOOK + wait
-    assert turns_of(lambda _: 1, taken=True) == [0, LOOK, after, after + 2 * wait, after + 6 * wait]
-
-
-def test_springs_are_asked_out_of_turn_once_nothing_slides():
-    wait = relaxation.AGAIN
-    last = wait + 2 * LOOK
-    found = turns_of(lambda after: 1 if after < last else 0, taken=False)
-    assert found == [0, wait, last, last + 4 * wait]
-
-
-def test_springs_are_not_asked_while_many_contacts_slide():
-    sliding = Equilibrium(1e-3, 1e-2, np.nan, 60, 1000, FIRST)
-    assert not relaxation._Turns().of_springs(sliding)
-    assert relaxation._Turns().of_springs(replace(sliding, sliding=0))
-
-
-THREADS = """
-import sys
-import numba
-sys.path[:0] = ["tests/preparation"]
-from modal.tools import slabs
-from modal.preparation.relax import relax
-from test_elastic_rest import made, shaken
-slabs.ENOUGH = 1
-start = shaken(made(), 0.01)
-for threads in (1, 2):
-    numba.set_num_threads(threads)
-    sample, state = relax(start)
-    assert state.at_rest
-    print(sample.position.tobytes().hex(), sample.shear.tobytes().hex())
-"""
-
-
-def test_threads_change_no_bit():
-    """Of loops, of conjugate gradients and of the own motion of loose spheres."""
-    pytest.importorskip("numba")
-    root = Path(__file__).resolve().parents[2]
-    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "PYTHONPATH": str(root)}
-    environment["OMP_NUM_THREADS"] = "2"
-    command = [sys.executable, "-c", THREADS]
-    done = subprocess.run(
-        command, cwd=root, env=environment, capture_output=True, text=True, check=True
-    )
-    one, two = done.stdout.splitlines()
-    assert one == two and len(one) > 200 * 3 * 16
 
 
 @pytest.fixture(scope="module")

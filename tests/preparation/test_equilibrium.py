@@ -9,9 +9,7 @@ import pytest
 
 from modal.__main__ import main
 from modal.cli import relax as relax_command
-from modal.dem import contacts as moving_contacts
 from modal.dem import damped_motion
-from modal.dem import forces as contact_forces
 from modal.dem.contacts import MovingContacts
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import packing_of
@@ -21,7 +19,6 @@ from modal.packing.state import net_forces
 from modal.preparation import relax as relaxation
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import NEAR, RESERVE, Equilibrium, equilibrium_of, relax
-from modal.system.assembly import stiffness_matrix
 from modal.tools.errors import InputError
 
 
@@ -59,25 +56,6 @@ def test_rest_is_reached_and_stress_kept(packed):
     assert abs(wall[0] - wall[1]) <= lacking * (1 + 1e-9) + 1e-12 * wall[0]
     # Fixed cell, first-order residual 1e-3: the stress may move by the same order.
     assert network.force_normal.mean() == pytest.approx(before.force_normal.mean(), rel=1e-2)
-
-
-def test_mixture_comes_to_rest_with_friction():
-    """Radii 1:2, shaken so that contacts shear: net forces and torques from the network alone."""
-    mixed = random_sample(120, 1e6, aspect=1.5, tolerance=1e-3, sizes=("two", 2, 0.5))
-    mixed = replace(mixed, friction=0.3)
-    shake = np.random.default_rng(3).standard_normal((120, 6)) * np.median(mixed.network().overlap)
-    shake[:, 3:] /= mixed.radius
-    rested, state = relax(moved(mixed, 0.02 * shake))
-    assert state.at_rest
-    network = rested.network()
-    assert np.array_equal(network.radius, mixed.radii)
-    load = net_forces(network)
-    load[:, 3:] /= network.radius[:, None]
-    size = np.sqrt((load**2).sum(axis=1))
-    assert size.mean() < 1e-8 * network.force_normal.mean()
-    assert (
-        np.linalg.norm(network.force_tangential, axis=1).max() > 1e-3 * network.force_normal.mean()
-    )
 
 
 def test_contacts_slide_until_friction_holds_them(packed):
@@ -121,34 +99,6 @@ def test_rest_is_seen_after_a_large_shake(packed):
     shake[:, 3:] /= packed.radius
     _, state = relax(moved(packed, shake), max_steps=4000)
     assert state.at_rest and state.steps < 4000
-
-
-def test_compiled_loop_is_the_same_as_arrays(sheared, monkeypatch):
-    """Loads after moves that slide, open and close contacts, and cross the cell's edge.
-
-    Both add the same some ten forces of a sphere in another order; overlaps carry the round-off of
-    a position, eps times length over overlap.
-    """
-    network = sheared.network()
-    overlap = np.median(network.overlap)
-    steps = np.random.default_rng(32).standard_normal((20, network.n_particles, 6)) * 0.1 * overlap
-    steps[..., 3:] /= sheared.radius
-    steps[..., 0] += 0.01 * sheared.radius
-    runs = []
-    for forces in (contact_forces.forces_by_loop, contact_forces.forces_by_arrays):
-        monkeypatch.setattr(moving_contacts, "forces_by_loop", forces)
-        contacts = MovingContacts(sheared)
-        for motion in steps:
-            contacts.move(motion)
-        runs.append(contacts)
-    loop, arrays = runs
-    assert (loop.touching, loop.sliding) == (arrays.touching, arrays.sliding)
-    assert loop.touching != network.n_contacts and loop.sliding > 0
-    tolerance = 100 * np.finfo(float).eps * network.length / overlap
-    scale = np.array([1.0] * 3 + [sheared.radius] * 3)
-    assert abs((loop.load - arrays.load) / scale).max() < tolerance * loop.mean_force
-    assert loop.stiffness == pytest.approx(arrays.stiffness, rel=tolerance)
-    assert loop.mean_force == pytest.approx(arrays.mean_force, rel=tolerance)
 
 
 def test_compiled_push_is_that_of_arrays(sheared):
@@ -207,37 +157,6 @@ def test_stress_from_contacts_equals_wall_force_per_area(sheared):
     beyond = (network.force_normal * network.overlap)[network.with_wall].sum() / 2
     wall = network.force_normal[network.particle_j == -2].sum()
     assert virial == pytest.approx(wall * network.length + beyond, rel=1e-8)
-
-
-def test_forces_change_by_the_full_tangent(sheared):
-    """Central differences of the finite law against the exact tangent of
-    `modal.system.contacts`."""
-    network = sheared.network()
-    K = stiffness_matrix(network, pre_stress="full")
-    motion = np.random.default_rng(33).standard_normal((network.n_particles, 6))
-    motion[:, 3:] /= sheared.radius
-    # A Hertzian force differs from its tangent by (step / overlap)^2 / 24, here < 1e-8; spheres
-    # with much weaker contacts, which may open, are left out.
-    step = 3e-5 * np.median(network.overlap)
-    weak = network.overlap < 0.1 * np.median(network.overlap)
-    ends = []
-    for sign in (1, -1):
-        contacts = MovingContacts(sheared, np.inf)
-        contacts.move(sign * step * motion)
-        ends.append(contacts.load.copy())
-    found = (ends[0] - ends[1]) / (2 * step)
-    kept = np.ones(network.n_particles, bool)
-    kept[network.particle_i[weak]] = False
-    kept[network.particle_j[weak & ~network.with_wall]] = False
-    assert kept.sum() > 20
-    scale = np.array([1.0] * 3 + [1 / sheared.radius] * 3)
-    expected = -(K @ motion.ravel()).reshape(found.shape)
-    size = np.linalg.norm((expected * scale)[kept])
-    error = np.linalg.norm(((found - expected) * scale)[kept]) / size
-    springs = -(stiffness_matrix(network) @ motion.ravel()).reshape(found.shape)
-    without = np.linalg.norm(((found - springs) * scale)[kept]) / size
-    assert error < 1e-6
-    assert error < 0.01 * without
 
 
 def test_shift_across_the_periods_changes_forces_at_the_walls_only(sheared):

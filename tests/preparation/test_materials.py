@@ -1,30 +1,23 @@
 """Spheres of several densities, and walls of other moduli: law, files, packings, YADE's wave."""
 
-import os
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from places import ROOT
 
 import modal
-from analysis.agreement import Agreement, compare
 from modal.__main__ import main
 from modal.packing.checks import density_of
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
-from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
 from modal.preparation import compress
 from modal.preparation.durations import inertial_time
-from modal.preparation.protocol import Stage, Study
+from modal.preparation.protocol import Study
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import relax
 from modal.preparation.sizes import densities_of
 from modal.tools.errors import InputError
-from modal.waves.signals import read_signals
 
 STEEL = 2.1e11, 0.3
 MIXTURE = {"sizes": ("two", 2, 0.5), "densities": (2500, 7800), "walls": STEEL}
@@ -115,16 +108,8 @@ def test_frequencies_fall_as_the_root_of_the_density():
     assert two[0] == pytest.approx(2 * two[1], rel=1e-9)
 
 
-def test_protocol_goes_by_the_density_and_the_stiffest_contact():
-    """Durations by the mean density; the time step by the lightest sphere and the stiffer wall."""
-    plain, heavy = Study(), Study(densities="8920")
-    assert heavy.material.density == 4 * GLASS.density
-    pair = [Stage("cool", study) for study in (plain, heavy)]
-    for name in ("patience", "check", "interval"):
-        assert getattr(pair[1], name) == pytest.approx(2 * getattr(pair[0], name), rel=1e-12)
-    assert pair[1].time_step() == pytest.approx(2 * pair[0].time_step(), rel=1e-12)
-    limits = [Stage("1e5", study).control.limit for study in (plain, heavy)]
-    assert limits[0] == pytest.approx(2 * limits[1], rel=1e-12)
+def test_time_step_goes_by_the_lightest_sphere_and_the_stiffest_contact():
+    plain = Study()
     light = Study(densities="2230 557.5").time_step(1e5)
     assert light == pytest.approx(plain.time_step(1e5) / 2, rel=1e-12)
     rigid = Study(walls="1e14 0.2").time_step(1e5)
@@ -167,42 +152,6 @@ def test_pack_makes_and_continues_a_mixture_of_materials(tmp_path, capsys):
     assert sample.wall_material == Elasticity(*STEEL)
     assert main(["info", str(tmp_path / "01_1000kPa.sample.h5")]) == 0
     assert "210 GPa" in capsys.readouterr().out
-
-
-def test_wave_in_yade_is_the_linear_wave(mixed, tmp_path, yade):
-    """All force-bearing spheres, all times; the even part cancels between runs of opposite sign."""
-    rested, _ = relax(replace(mixed, friction=0.3))
-    network = rested.network()
-    write_network(tmp_path / "case30.network.h5", network)
-    highest = str(tmp_path / "case30.highest.modes.h5")
-    assert (
-        main(["modes", str(tmp_path / "case30.network.h5"), "--highest", "1", "-o", highest]) == 0
-    )
-    table = tmp_path / "packing.table"
-    table.write_text("case mu_wave input_frequency fraction\n30 10 1e5 0.1\n")
-    runs = []
-    for amplitude in ("2.5e-11", "-2.5e-11"):
-        settings = {
-            "WAVE_PRODUCTS": str(tmp_path),
-            "WAVE_PARTICLES": "1",
-            "WAVE_AMPLITUDE": amplitude,
-            "WAVE_DURATION": "5e-5",
-        }
-        script = str(ROOT / "yade_scripts" / "wave.py")
-        command = ["yade-batch", "-j", "1", "--job-threads", "1", "--log", f"{tmp_path}/log"]
-        subprocess.run(
-            [*command, str(table), script],
-            env=os.environ | settings,
-            cwd=tmp_path,
-            timeout=300,
-            check=True,
-            capture_output=True,
-        )
-        runs.append(read_signals(tmp_path / "case30.signals.h5"))
-        (tmp_path / "case30.signals.h5").unlink()
-    pair = Agreement(read_network(tmp_path / "case30.network.h5"), runs[0])
-    odd = pair.measured(runs[0]).combine(pair.measured(runs[1]), 0.5, 0.5)
-    assert compare("", odd, pair.linear("full")).particles < 1e-4
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

@@ -18,27 +18,6 @@ from modal.tools.errors import InputError
 STUDY = Study(spheres=400, width=4.2)
 
 
-@pytest.mark.parametrize("stress", protocol.STRESSES)
-def test_durations_are_those_of_the_committed_compressions(stress):
-    """They were walked with 5, 100 and 12,000 steps of 0.7 of the limit 1 / (pi f_max).
-
-    f_max 216 kHz at 100 kPa and 1.5 times the stress in the step. The numbers of the protocol have
-    three to four digits: a part in 200.
-    """
-    step = 0.7 / (math.pi * 2.16e5 * (1.5 * stress / 1e5) ** (1 / 6))
-    stage = Stage(f"{stress:g}", STUDY)
-    stage.control.stress = np.full(3, stress)
-    assert stage.time_step() == pytest.approx(step, rel=2e-4)
-    assert steps_of(stage.interval, step) == 5
-    assert steps_of(stage.check, step) == 100
-    assert stage.patience / step == pytest.approx(12000, rel=5e-3)
-
-
-def test_cooling_lasts_as_long_as_it_did():
-    step = 0.7 / (math.pi * 2.16e5)
-    assert Stage("cool", STUDY).patience / step == pytest.approx(6000, rel=5e-3)
-
-
 @pytest.mark.parametrize("name", [*PREPARATION, "1000", "1e+07"])
 @pytest.mark.parametrize("over", [2, 4])
 def test_a_smaller_step_changes_no_duration(name, over):
@@ -111,20 +90,6 @@ def test_what_a_study_may_change_changes_its_stages():
         assert approach.settled(math.nan) is over
     state.control.stress = np.full(3, 1e5)
     assert state.settled(0.9e-2) and not state.settled(1.1e-2)
-
-
-def test_cloud_has_no_overlaps_and_follows_from_its_seed():
-    side, length = 6.0, 14.0
-    sizes = np.ones(150)
-    places, _ = random_places(sizes, side, length, 3)
-    assert np.array_equal(places, random_places(sizes, side, length, 3)[0])
-    assert not np.array_equal(places, random_places(sizes, side, length, 4)[0])
-    apart = places[:, None] - places
-    apart[..., :2] -= side * np.round(apart[..., :2] / side)
-    distance = np.linalg.norm(apart, axis=2)[~np.eye(150, dtype=bool)]
-    assert distance.min() > 1
-    assert places[:, 2].min() >= 0.5 and places[:, 2].max() <= length - 0.5
-    assert (np.diff(places[:, 2]) >= 0).all()
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,6 @@ import modal
 from modal.solvers import factor as registry
 from modal.solvers.factor import (
     SOLVERS,
-    Cost,
-    Factor,
-    Factorisation,
     Shape,
     SingularError,
     available,
@@ -199,20 +196,3 @@ def test_memory_is_that_of_the_factor(solver, systems):
     else:
         stored = 8 * sum(rows**2 for rows in np.diff(ends_of_blocks(matrix, order_of(matrix))))
     assert 1 / 3 < cost / stored < 3
-
-
-def test_a_further_factorisation_is_one_module(monkeypatch):
-    """What a module of the folder would hold: it is found by name, chosen, and its cost asked."""
-    dense = Factorisation(
-        "dense",
-        lambda matrix, *_: Factor(lambda b: np.linalg.solve(matrix.toarray(), b), None, "dense"),
-        lambda shape: Cost(8 * shape.rows**2, 0.0, 0.0),
-        inertia=False,
-    )
-    plain = registry.named
-    monkeypatch.setattr(registry, "SOLVERS", ("dense", *SOLVERS))
-    monkeypatch.setattr(registry, "named", lambda name: dense if name == "dense" else plain(name))
-    chosen = registry.choose(Shape(600, 2e4, 100), "dense")
-    assert chosen is dense
-    with pytest.raises(InputError, match="counts no modes"):
-        registry.choose(Shape(600, 2e4, 100), "dense", inertia=True)

@@ -114,22 +114,6 @@ def test_few_directions_are_searched_whole():
     assert near.products == 11
 
 
-def test_a_block_is_split_into_what_the_basis_has_and_what_is_new():
-    """block = V (V^T block) + Q R; Q orthogonal to V and to the held modes, also where the block
-    lies in the last two blocks of V but for one part in 1e10."""
-    vector = rotation(300, 4)
-    held, basis = held_out(vector[:, :3], vector[:, 3:7]), vector[:, 7:60]
-    new = np.random.default_rng(5).standard_normal((300, 8))
-    for size in (1.0, 1e-10):
-        block = basis[:, -16:] @ np.random.default_rng(6).standard_normal((16, 8)) + size * new
-        outside = block - vector[:, :7] @ (vector[:, :7].T @ block)
-        Q, within, R = krylov._orthonormal(block.copy(order="F"), basis, held)
-        assert within == pytest.approx(basis.T @ block, abs=1e-13)
-        assert basis @ within + Q @ R == pytest.approx(outside, abs=1e-13)
-        both = np.hstack([vector[:, :60], Q])
-        assert abs(both.T @ both - np.eye(68)).max() < 1e-13
-
-
 @pytest.mark.parametrize("count", [1, 6, 25])
 @pytest.mark.parametrize("spectrum", ["even", "negative", "edge"])
 def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):

@@ -1,11 +1,13 @@
 """Products of matrices in blocks, against the product at once."""
 
+import json
 import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from places import ROOT, TESTS
 
 from modal.solvers.same_bits import same_bits_product
 
@@ -46,22 +48,20 @@ def test_blocks_are_small_enough_for_one_thread(depth):
     assert max(sizes) <= 2**18 and max(sizes) > 0.8 * min(2**18, 700**2 * depth)
 
 
-def test_bits_do_not_depend_on_the_threads_of_blas():
-    """One and four, each in its own process: of blocks four times as large the bits differ."""
-    program = (
-        "import hashlib, numpy as np; from modal.solvers.same_bits import same_bits_product\n"
-        "r = np.random.default_rng(1); done = hashlib.sha256()\n"
-        "for t, k, n in ((700, 100, 700), (41, 1030, 23), (300, 2000, 300), (3000, 7, 40)):\n"
-        "    a, b = r.standard_normal((t, k)), r.standard_normal((k, n))\n"
-        "    done.update(same_bits_product(a, b))\n"
-        "print(done.hexdigest())"
-    )
-    found = set()
-    for threads in "1", "4":
-        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-        environment = os.environ | dict.fromkeys(names, threads)
-        run = subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, check=True
-        )
-        found.add(run.stdout)
-    assert len(found) == 1
+def test_threads_change_no_bit():
+    """Of any loop, solver or wave that `threads.py` runs, with one thread and with two."""
+    pytest.importorskip("numba")
+    told = []
+    for threads in ("1", "2"):
+        names = ("OMP", "OPENBLAS", "NUMBA", "MKL")
+        environment = os.environ | {f"{name}_NUM_THREADS": threads for name in names}
+        folders = ROOT, TESTS, TESTS / "preparation", TESTS / "system"
+        environment["PYTHONPATH"] = os.pathsep.join(map(str, folders))
+        done = subprocess.run(
+            [sys.executable, str(TESTS / "threads.py")],
+            cwd=ROOT, env=environment, capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        told.append(json.loads(done.stdout.splitlines()[-1]))
+    assert [each["threads"] for each in told] == [1, 2]
+    assert told[0]["found"] == told[1]["found"]

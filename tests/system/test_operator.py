@@ -5,11 +5,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from packings import PRE_STRESS, contact_matrices
-from scipy.sparse.linalg import eigsh
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
-from modal.packing.tiling import repeat
 from modal.system import packed as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
 from modal.system.operator import ContactOperator
@@ -103,13 +101,6 @@ def test_equal_to_the_matrix(translations_only, mass_scaled, pre_stress, seed, w
     assert (abs(applied @ x - expected) <= bound).all()
 
 
-def test_equal_to_a_loop_in_python(slow_K):
-    network = gallery.fcc(cells=(2, 2, 3))
-    K = slow_K(network)
-    found = ContactOperator(network) @ np.eye(len(K))
-    assert abs(found - K).max() <= 1e-13 * abs(K).max()
-
-
 def test_accumulate_and_out():
     network = random_springs(1)
     applied = ContactOperator(network)
@@ -132,26 +123,6 @@ def test_accumulate_and_out():
     assert np.array_equal(applied.apply(x, out=spoilt), once)
     mixed = applied.combine(x, once.copy(), 2.0, -3.0, 0.5)
     assert mixed == pytest.approx(2.5 * once - 3 * x, rel=1e-12, abs=1e-12)
-
-
-def test_symmetric_and_usable_by_arpack():
-    network = gallery.fcc(cells=(2, 2, 6))
-    applied = ContactOperator(network, mass_scaled=True)
-    assert applied.H is applied
-    top = eigsh(applied, k=1, which="LA", return_eigenvectors=False, tol=1e-12)
-    scale = 1 / np.sqrt(mass_diagonal(network))
-    dense = scale[:, None] * stiffness_matrix(network).toarray() * scale
-    assert top[0] == pytest.approx(np.linalg.eigvalsh(dense)[-1], rel=1e-10)
-
-
-def test_without_numba_the_matrix_does_the_same(monkeypatch):
-    network = random_springs(3)
-    x = np.random.default_rng(4).standard_normal((6 * network.n_particles, 2))
-    compiled = ContactOperator(network, mass_scaled=True).apply(x)
-    monkeypatch.setattr(loops, "numba", None)
-    plain = ContactOperator(network, mass_scaled=True)
-    assert plain.apply(x) == pytest.approx(compiled, rel=1e-12, abs=1e-12)
-    assert plain.accumulate(x, x.copy(), 2.0) == pytest.approx(x + 2 * compiled, rel=1e-11)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -182,29 +153,6 @@ def test_complex_vector_does_not_fit_a_real_result():
     applied = ContactOperator(random_springs(5))
     with pytest.raises((ValueError, TypeError)):
         applied.accumulate(np.ones(applied.shape[0], complex), np.zeros(applied.shape[0]))
-
-
-def test_a_repeated_sample_is_the_larger_crystal():
-    """Copies of a crystal of one sphere a layer: the same spectrum as the crystal made at once."""
-    repeated = repeat(gallery.fcc(cells=(1, 1, 3)), 3, 2)
-    again = repeat(repeat(gallery.fcc(cells=(1, 1, 3)), 3, 1), 1, 2)
-    spectra = []
-    for network in (repeated, again):
-        spectra.append(np.linalg.eigvalsh(stiffness_matrix(network).toarray()))
-        # Every contact joins what its normal says.
-        pair = ~network.with_wall
-        i, j = network.particle_i[pair], network.particle_j[pair]
-        there = network.position[j] + network.cell_shift[pair] * network.cell_size
-        reach = (network.lever_i - network.lever_j)[pair]
-        assert there - network.position[i] == pytest.approx(reach, abs=1e-12)
-    assert spectra[0] == pytest.approx(spectra[1], rel=1e-9, abs=1e-9 * spectra[0][-1])
-    square = np.linalg.eigvalsh(
-        stiffness_matrix(repeat(gallery.fcc(cells=(1, 1, 3)), 2, 2)).toarray()
-    )
-    direct = np.linalg.eigvalsh(stiffness_matrix(gallery.fcc(cells=(2, 2, 3))).toarray())
-    assert square == pytest.approx(direct, rel=1e-9, abs=1e-9 * direct[-1])
-    with pytest.raises(InputError, match="periodic"):
-        repeat(gallery.column(3), 2, 1)
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -10,14 +10,11 @@ from packings import polydisperse
 import modal
 from modal.__main__ import main
 from modal.packing.network import write_network
-from modal.system.assembly import mass_diagonal
-from modal.waves.sources import Plane
 
 pytestmark = pytest.mark.two_ways
 
 SLAB = polydisperse(n=40)
 """One contact in five slides."""
-CELL = polydisperse(periodic_z=True, n=40)
 
 
 def without_kt(network):
@@ -63,20 +60,3 @@ def test_every_question_has_the_answer_of_no_tangential_spring(name, tmp_path, c
         assert main(command) == 0
         told.append(json.loads(capsys.readouterr().out)[key])
     assert told[0] == told[1]
-
-
-def test_slipping_springs_by_a_dense_oracle(slow_K):
-    """Spectrum, wave from a plane and moduli of K that is made contact by contact."""
-    K = slow_K(without_kt(CELL))
-    root = np.sqrt(mass_diagonal(CELL))
-    square, shape = np.linalg.eigh(K / root / root[:, None])
-    found = modal.eigenmodes(CELL, all=True, sliding="slip").frequency
-    # Round-off of two dense solvers in omega^2.
-    assert (2 * np.pi * found) ** 2 == pytest.approx(square, abs=1e-11 * square[-1])
-    assert modal.count_modes(CELL, 1e5, sliding="slip") == (square < (2e5 * np.pi) ** 2).sum()
-    plane = {"source": Plane(CELL.length / 2), "direction": "x", "particles": True}
-    waves = [
-        modal.propagate(net, 2e-5, sliding=sliding, **plane).signals
-        for net, sliding in ((CELL, "slip"), (without_kt(CELL), "elastic"))
-    ]
-    assert np.array_equal(*(wave.particle_displacement for wave in waves))

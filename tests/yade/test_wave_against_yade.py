@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+from dataclasses import replace
 
 import pytest
 from places import ROOT
@@ -12,6 +13,8 @@ from analysis.agreement import Agreement, compare
 from modal.__main__ import main
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample
+from modal.preparation.random_packing import random_sample
+from modal.preparation.relax import relax
 from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
 
@@ -77,11 +80,21 @@ def in_yade(folder, table, **settings):
     return found
 
 
-@pytest.fixture(scope="module")
-def packing(tmp_path_factory, yade):
+def of_materials():
+    """Heavy large spheres among light small ones between walls of steel, with friction, at rest."""
+    mixture = {"sizes": ("two", 2, 0.5), "densities": (2500, 7800), "walls": (2.1e11, 0.3)}
+    mixed = random_sample(120, 1e6, seed=2, aspect=1.5, **mixture)
+    return relax(replace(mixed, friction=0.3))[0].network()
+
+
+PACKINGS = {"glass": lambda: read_sample(SAMPLE).network(), "materials": of_materials}
+
+
+@pytest.fixture(scope="module", params=PACKINGS)
+def packing(tmp_path_factory, yade, request):
     """Network, and runs of opposite sign at 0.05 nm, of a random packing that cannot slip."""
     folder = tmp_path_factory.mktemp("packing")
-    network = read_sample(SAMPLE).network()
+    network = PACKINGS[request.param]()
     path = folder / "case30.network.h5"
     write_network(path, network)
     highest = folder / "case30.highest.modes.h5"
@@ -102,10 +115,12 @@ def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
     # What is left is cubic: (0.05 nm / 300 nm)^2, weak contacts more; and rounded positions.
     assert apart["full"].particles < 1e-4
     assert apart["full"].layers < 1e-4
-    assert apart["normal"].particles > 2 * apart["full"].particles
-    assert apart["none"].particles > 2 * apart["normal"].particles
+    if "wall_young" not in network.study:  # there hardly any contact shears
+        assert apart["normal"].particles > 2 * apart["full"].particles
+        assert apart["none"].particles > 2 * apart["normal"].particles
 
 
+@pytest.mark.parametrize("packing", ["glass"], indirect=True)
 @pytest.mark.parametrize("direction", ["z", "x"])
 def test_large_waves_are_those_of_yade(direction, packing, tmp_path):
     """A half stroke of 0.25 um, a third of an overlap: contacts slide and open, step by step alike.

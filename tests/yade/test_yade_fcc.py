@@ -17,7 +17,7 @@ from modal.packing.network import read_network, write_network
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
-from modal.waves.signals import read_signals, source_pulse
+from modal.waves.signals import read_signals
 from modal.waves.source import Pulse, chirp, write_motion
 
 WIDTH, LAYERS, STRESS = 3, 30, 1e5
@@ -74,35 +74,6 @@ def test_exported_contacts_equal_the_network_made_without_yade(products):
     found = all_modes(LinearSystem.of(exported)).frequency
     assert found == pytest.approx(all_modes(LinearSystem.of(made)).frequency, rel=1e-6)
     assert exported.study["void_ratio"] == pytest.approx(made.study["void_ratio"], rel=1e-9)
-
-
-def test_wave_follows_the_pulse_and_the_linear_operator(products):
-    signals = read_signals(products / "case02.signals.h5")
-    pulse = source_pulse(signals.time, 2.5e-9, 1e5)
-    assert signals.source_displacement == pytest.approx(pulse, abs=1e-20)
-    interval = signals.time[1]
-    linear = propagate(
-        read_network(products / "case02.network.h5"), signals.time[-1], interval=interval
-    ).signals
-    # Hertz at 5 nm on an overlap of 360 nm: the quadratic term is some 1e-2 of the linear one;
-    # the time step (0.1 of the limit) adds (omega dt)^2 / 24 of the travelled phase, below that.
-    along = linear.chain_displacement
-    chain = dict(zip(linear.chain_particle // WIDTH**2, along.T, strict=True))
-    difference = [
-        np.linalg.norm(signals.chain_displacement[:, layer] - chain[layer])
-        for layer in range(LAYERS)
-    ]
-    assert np.linalg.norm(difference) < 0.02 * np.linalg.norm(along)
-
-
-def test_a_smaller_wave_is_closer_to_linear(products, tmp_path):
-    for name in ("case02.network.h5", "case02.highest.modes.h5"):
-        shutil.copy(products / name, tmp_path)
-    batch("wave", tmp_path, WAVE_DURATION="1e-4", WAVE_AMPLITUDE="2.5e-10")
-    large = read_signals(products / "case02.signals.h5").chain_displacement
-    small = read_signals(tmp_path / "case02.signals.h5").chain_displacement
-    # The quadratic term of the law: ten times the amplitude, a relative change below 1.5 %.
-    assert 0 < np.linalg.norm(large - 10 * small) / np.linalg.norm(large) < 0.015
 
 
 def test_energy_error_has_order_two(products, tmp_path):

@@ -79,14 +79,3 @@ def test_the_same_run_twice_is_the_same_to_the_last_bit(products, tmp_path):  # 
     first, second = (wave(products, tmp_path / name, **options)[0] for name in "ab")
     for name in ("chain_displacement", "layer_displacement", "source_stress", "receiver_stress"):
         assert np.array_equal(getattr(first, name), getattr(second, name)), name
-
-
-@pytest.mark.slow
-def test_two_threads_add_forces_in_another_order(products, tmp_path):  # noqa: F811
-    """Not bitwise: sums of forces of 0.5 N are rounded, 1e-16 of them over the wave's 5e-3 N."""
-    options = {"WAVE_FRACTION": "0.5", "WAVE_DURATION": "1e-4"}
-    one, _ = wave(products, tmp_path / "one", **options)
-    two, _ = wave(products, tmp_path / "two", threads="2", **options)
-    difference = abs(one.chain_displacement - two.chain_displacement).max()
-    print(f"two threads: {difference / abs(one.chain_displacement).max():.1e}")
-    assert difference < 1e-6 * abs(one.chain_displacement).max()

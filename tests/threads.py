@@ -1,0 +1,89 @@
+"""Digests of all that threads share, as JSON: solvers/test_same_bits.py runs it twice.
+
+Run from the project's root; the limits below which a loop has one thread are taken away.
+"""
+
+import hashlib
+import json
+from dataclasses import replace
+
+import numpy as np
+
+import modal
+from modal.dem.contacts import MovingContacts
+from modal.packing.sample import read_sample
+from modal.preparation.elastic_rest import elastic_motion
+from modal.solvers.same_bits import same_bits_product
+from modal.system.operator import ContactOperator
+from modal.tools import loops, slabs
+from modal.waves.source import Pulse
+
+
+def digest(*arrays: np.ndarray) -> str:
+    """Of all bits."""
+    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
+
+
+def products(pre_stress: str) -> str:
+    """Of one vector and of three, by the loop over contacts in an order of no meaning."""
+    from test_cores import crystal, renumbered
+
+    network = crystal()
+    network = renumbered(network, np.random.default_rng(5).permutation(network.n_particles))
+    operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
+    assert len(operator._contacts.slabs) > 8
+    x = np.random.default_rng(7).standard_normal((operator.shape[0], 4))
+    return digest(
+        *(operator.combine(u, 2 * u, 1e-9, -2.0, 0.5) for u in (x[:, :1].copy(), x[:, 1:].copy()))
+    )
+
+
+def linear() -> str:
+    """A wave and a response, of whose parts no two are equal; the last products are BLAS's."""
+    network = modal.fcc(cells=(5, 5, 210))
+    stiffness = network.stiffness_normal.copy()
+    stiffness[0] *= 1.1
+    network = replace(network, stiffness_normal=stiffness)
+    wave = modal.propagate(network, 2e-4).signals
+    gain = modal.frequency_response(network, highest=5e4, resolution=2e3)
+    found = (wave.chain_displacement, wave.layer_displacement, wave.receiver_stress)
+    return digest(*found, gain.source_stress, gain.chain_displacement)
+
+
+def blas() -> str:
+    """Of blocks four times as large the bits would differ."""
+    rng, shapes = np.random.default_rng(1), ((700, 100, 700), (41, 1030, 23), (3000, 7, 40))
+    pairs = ((rng.standard_normal((t, k)), rng.standard_normal((k, n))) for t, k, n in shapes)
+    return digest(*(same_bits_product(a, b) for a, b in pairs))
+
+
+def nonlinear() -> str:
+    """A wave at finite amplitude."""
+    sample = read_sample("tests/data/friction150.sample.h5")
+    motion = Pulse(2e-7, 1e5)
+    wave = modal.propagate(sample, 2e-5, nonlinear=True, motion=motion, time_step=1e-7)
+    return digest(wave.signals.chain_displacement, wave.energy)
+
+
+def moving() -> str:
+    """Spheres that collide, slide and spin."""
+    from test_dynamics import agitated, run
+
+    return digest(run(agitated(), 50).contacts.position)
+
+
+def springs() -> str:
+    """A step to rest by conjugate gradients, and the loads after it."""
+    from test_elastic_rest import made, shaken
+
+    contacts = MovingContacts(shaken(made(), 0.01))
+    motion = elastic_motion(contacts, contacts.sample())
+    contacts.move(motion)
+    return digest(motion, contacts.load)
+
+
+if __name__ == "__main__":
+    slabs.ENOUGH = 1
+    found = {f"products, {name}": products(name) for name in ("none", "full")}
+    found |= {task.__name__: task() for task in (linear, blas, nonlinear, moving, springs)}
+    print(json.dumps({"threads": loops.threads_for(1000), "found": found}))
