@@ -1,4 +1,4 @@
-"""The rooms of modal and of analysis: what may import what, and what runs without scipy."""
+"""The rooms of modal and of analysis: each stands on those before it; what runs without scipy."""
 
 from __future__ import annotations
 
@@ -10,62 +10,20 @@ from pathlib import Path
 import pytest
 from places import ROOT
 
-BELOW = {
-    "tools": set(),
-    "formats": {"tools"},
-    "solvers": {"tools"},
-    "packing": {"formats", "tools"},
-    "system": {"packing", "solvers", "tools"},
-    "dem": {"packing", "tools"},
-    "waves": {"dem", "formats", "packing", "solvers", "system", "tools"},
-    "modes": {"formats", "packing", "solvers", "system", "tools"},
-    "elasticity": {"formats", "modes", "packing", "solvers", "system", "tools"},
-    "preparation": {"dem", "formats", "packing", "solvers", "system", "tools"},
-    "theory": {"packing", "tools"},
-    "exchange": {"formats", "packing", "system", "tools"},
-    "description": {"modes", "packing", "system", "tools"},
-    "cli": {
-        *("elasticity", "exchange", "formats", "modes", "packing", "preparation", "solvers"),
-        *("system", "theory", "tools", "waves"),
-    },
-    "__main__": {"cli", "tools"},
+ORDER = {
+    "modal": (
+        *("tools", "formats", "solvers", "packing", "system", "dem", "waves", "modes"),
+        *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
+    ),
+    "analysis": (
+        *("table", "watch", "estimators", "agreement", "case_files", "case"),
+        *("belonging", "prepare", "value", "measuring", "quantities", "measurement"),
+        *("status", "crystal", "measures", "columns", "rows", "comparable", "figures", "study"),
+        *("cli", "__main__"),
+    ),
 }
-"""Room of modal: the rooms that it may import from, besides itself."""
-ANALYSIS_BELOW = {
-    "table": set(),
-    "watch": set(),
-    "estimators": {"table"},
-    "agreement": {"estimators", "table"},
-    "case_files": set(),
-    "case": {"case_files", "estimators"},
-    "belonging": {"case", "estimators"},
-    "prepare": {"case", "estimators"},
-    "value": set(),
-    "measuring": {"case", "estimators", "prepare", "value"},
-    "quantities": {"estimators", "measuring", "value"},
-    "measurement": {"belonging", "measuring", "quantities", "value"},
-    "status": {"case", "case_files", "estimators"},
-    "crystal": {"case", "estimators"},
-    "measures": {"case", "estimators"},
-    "columns": {"estimators", "measures"},
-    "rows": {"case", "columns", "estimators", "measures"},
-    "comparable": {"rows"},
-    "figures": {
-        *("case", "columns", "comparable", "crystal", "estimators", "measures"),
-        "rows",
-    },
-    "study": {
-        *("case", "case_files", "columns", "crystal", "estimators", "figures", "measurement"),
-        *("measures", "rows", "table", "value"),
-    },
-    "cli": {
-        *("agreement", "belonging", "figures", "measurement", "measures", "quantities"),
-        *("status", "study", "table", "watch"),
-    },
-    "__main__": {"cli"},
-}
-"""Room or module of analysis: what of analysis it may import from, besides itself."""
-RULES = {"modal": BELOW, "analysis": ANALYSIS_BELOW}
+"""Rooms and modules from the ground up: each imports from those before it alone."""
+OTHERS = {"yade_scripts", "benchmarks", "tests", "yade"}
 
 
 def imports(path: Path) -> set[str]:
@@ -80,50 +38,18 @@ def imports(path: Path) -> set[str]:
     return names
 
 
-def rooms_of(names: set[str]) -> set[str]:
-    """Rooms of modal among dotted names."""
-    return {name.split(".")[1] for name in names if name.startswith("modal.")} & set(BELOW)
-
-
-def files() -> list[Path]:
-    return sorted(path for path in (ROOT / "modal").rglob("*.py"))
-
-
-@pytest.mark.parametrize("package", ["modal", "analysis"])
-def test_every_room_and_module_has_a_rule(package):
-    """A new one says what it stands on: a line in the package's table, here."""
-    folder = ROOT / package
-    found = {path.relative_to(folder).parts[0].removesuffix(".py") for path in folder.rglob("*.py")}
-    ruled = {*RULES[package], "__init__"}
-    assert not found - ruled, f"without a rule in this file: {sorted(found - ruled)}"
-    assert not ruled - found, f"a rule for what is not there: {sorted(ruled - found)}"
-
-
-@pytest.mark.parametrize("room", BELOW)
-def test_arrows_run_one_way(room):
-    """A room imports from those below it alone."""
-    folder, single = ROOT / "modal" / room, ROOT / "modal" / f"{room}.py"
-    for path in [single] if single.exists() else sorted(folder.rglob("*.py")):
-        above = rooms_of(imports(path)) - {room} - BELOW[room]
-        assert not above, f"{path.relative_to(ROOT)} imports from {above}"
-
-
-@pytest.mark.parametrize("package", ["modal", "analysis"])
-def test_no_room_stands_on_itself(package):
-    """The tables themselves have no circle."""
-    order: list[str] = []
-    left = dict(RULES[package])
-    while left:
-        ground = [room for room, below in left.items() if below <= set(order)]
-        assert ground, f"a circle among {sorted(left)}"
-        order += ground
-        left = {room: below for room, below in left.items() if room not in ground}
-
-
-def test_modal_knows_nothing_of_the_others():
-    for path in files():
-        others = {name.split(".")[0] for name in imports(path)}
-        assert not others & {"analysis", "yade_scripts", "benchmarks", "tests", "yade"}, path
+@pytest.mark.parametrize("package", ORDER)
+def test_arrows_run_one_way(package):
+    """Estimators know signals, no case; modal nothing of analysis, neither of them a script."""
+    order = ["__init__", *ORDER[package]]
+    for path in (ROOT / package).rglob("*.py"):
+        room = path.relative_to(ROOT / package).parts[0].removesuffix(".py")
+        assert room in order, f"a new room: put {room} where it stands in this file's order"
+        found = [name.split(".") for name in imports(path)]
+        outside = {name[0] for name in found} & (OTHERS | {"analysis"} - {package})
+        used = {name[1] for name in found if name[0] == package and name[1:]}
+        above = [other for other in order[order.index(room) + 1 :] if other in used]
+        assert room == "__init__" or not above + [*outside], f"{path}: {above} {outside}"
 
 
 @pytest.mark.parametrize("room", ["packing", "formats"])
@@ -157,31 +83,6 @@ def test_what_is_installed_is_the_whole_of_modal_and_says_that_it_is_typed(tmp_p
     assert (tmp_path / "lib/analysis/figures/paper.mplstyle").exists()
     for name in ("page.html", "libraries.min.js", "uplot.min.css"):
         assert (tmp_path / "lib/analysis/watch" / name).exists()
-
-
-def of_analysis(path: Path) -> set[str]:
-    """Rooms and modules of analysis that a file imports from."""
-    return {name.split(".")[1] for name in imports(path) if name.startswith("analysis.")}
-
-
-def files_of(room: str) -> list[Path]:
-    folder = ROOT / "analysis" / room
-    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
-
-
-@pytest.mark.parametrize("room", ANALYSIS_BELOW)
-def test_arrows_of_analysis_run_one_way(room):
-    """Estimators know signals and networks, no case; figures no report; the command line all."""
-    for path in files_of(room):
-        above = of_analysis(path) - {room} - ANALYSIS_BELOW[room]
-        assert not above, f"{path.relative_to(ROOT)} imports from {above}"
-
-
-def test_analysis_imports_no_script():
-    """What runs in YADE or measures run times may use analysis, never the other way round."""
-    for path in (ROOT / "analysis").rglob("*.py"):
-        others = {name.split(".")[0] for name in imports(path)}
-        assert not others & {"yade_scripts", "benchmarks", "tests", "yade"}, path
 
 
 @pytest.mark.parametrize("package", ["modal", "analysis"])

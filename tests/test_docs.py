@@ -63,16 +63,6 @@ def test_the_readme_s_five_lines_show_something(tmp_path):
     assert (tmp_path / "wave.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_other_blocks_are_of_kinds_that_are_known():
-    """`text` is what needs YADE, a cluster, an installation or another program's files.
-
-    `yaml` is a study, which the tests of the workflow run.
-    """
-    for page in PAGES:
-        kinds = {kind for kind, _ in blocks(page)}
-        assert kinds <= {"python", "console", "text", "yaml"}, (page.name, kinds)
-
-
 def test_commands_of_text_blocks_have_options_that_exist():
     """What cannot run without other programs' files is parsed at least."""
     from modal.cli.main import parser
@@ -112,21 +102,6 @@ def test_files_that_pages_name_exist():
             assert made or below or (ROOT / name).exists(), (page.name, name)
 
 
-def test_extras_that_are_installed_exist_and_are_quoted():
-    """zsh takes brackets without quotes for a pattern of files, and finds none."""
-    known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    asked = []
-    for path in [*PAGES, *ROOT.glob("*.sh"), *ROOT.glob("analysis/**/*.py")]:
-        if path.name == "CHANGELOG.md":  # what was
-            continue
-        for quote, names in re.findall(
-            r"pip install (?:-\w )*('?)\.?\[([\w,]+)\]", path.read_text()
-        ):
-            asked += names.split(",")
-            assert quote, (path.name, names)
-    assert asked and set(asked) <= set(known)
-
-
 def test_links_that_lead_nowhere_are_found(tmp_path):
     """The check that `.ci/site` runs on the built site, here on two small pages."""
     check = [sys.executable, str(ROOT / "docs/links.py"), str(tmp_path)]
@@ -143,14 +118,6 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
     done = subprocess.run(check, capture_output=True, text=True)
     assert done.returncode == 1
     assert [line.split(": ")[1] for line in done.stdout.splitlines()] == sorted(wrong)
-
-
-def test_every_page_is_in_the_site():
-    index = (ROOT / "docs/index.md").read_text()
-    lists = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
-    names = {line for text in lists for line in text.split() if not line.startswith(":")}
-    for page in (ROOT / "docs").glob("*.md"):
-        assert page.stem == "index" or page.stem in names, page.name
 
 
 def test_the_version_is_one():

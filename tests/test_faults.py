@@ -306,13 +306,6 @@ def test_no_place_for_a_file_is_told_before_anything_is_computed(name, why, tmp_
             write_network(name, gallery.fcc(cells=(1, 1, 5)))
 
 
-def test_folder_of_packings_that_is_a_file_is_told_before_they_are_made(tmp_path, capsys):
-    (tmp_path / "file").touch()
-    assert main(["pack", "--spheres", "1000", "-o", str(tmp_path / "file")]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "Not a directory" in said
-
-
 @pytest.mark.parametrize("name", ["old.network.h5", "folder/new.network.h5"])
 def test_who_may_not_write_is_told_so_first(name):
     """A file or folder that is read-only; who is root here becomes another user for it."""

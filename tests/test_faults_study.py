@@ -98,47 +98,47 @@ def test_two_studies_in_one_folder_at_once(start, reference):
     equal(reference[0], folder)
 
 
-def test_missing_yade_is_one_line(start):
-    status, error = outcome(copy_of(start, "missing"), YADE="/nowhere/yade")
-    assert status == 2 and "YADE=/nowhere/yade" in error[-1]
-
-
-def without_yade(folder: Path) -> str:
-    """A PATH with all programs but YADE's."""
+def without_yade(folder: Path) -> None:
+    """All programs of PATH but YADE's."""
     for place in os.environ["PATH"].split(":"):
         for program in Path(place).glob("*"):
             link = folder / program.name
             if not program.name.startswith("yade") and not link.exists():
                 link.symlink_to(program)
-    return str(folder)
 
 
-def test_yade_that_is_not_in_the_path_is_one_line(start, tmp_path):
-    status, error = outcome(copy_of(start, "no_path"), PATH=without_yade(tmp_path))
-    assert status == 2 and "yade-batch is not in PATH" in error[-1]
+NO_PRODUCT = 1, "crystal case02: no product from YADE 2023.02a"
+OLD = {"yade-batch": "exit 0", "yade": "echo Yade version: 2018.02b"}
 
 
 @pytest.mark.parametrize(
-    "yade_batch", ["exit 0", "echo 'Segmentation fault' >&2; exit 139", "sleep 0; exit 1"]
+    ("programs", "status", "said"),
+    [
+        (None, 2, "yade-batch is not in PATH"),
+        ({"yade-batch": "exit 0"}, *NO_PRODUCT),
+        ({"yade-batch": "echo 'Segmentation fault' >&2; exit 139"}, *NO_PRODUCT),
+        ({"yade-batch": "sleep 0; exit 1"}, *NO_PRODUCT),
+        (OLD, 2, "this is YADE 2018.02b, and 2023.02"),
+        ({}, 2, "YADE=/nowhere/yade"),
+    ],
 )
-def test_yade_that_makes_no_product(yade_batch, start, tmp_path):
-    """One that does nothing, a crash, a job that fails: yade-batch's own status says nothing."""
-    fake = tmp_path / "yade-batch"
-    fake.write_text(f"#!/bin/sh\n{yade_batch}\n")
-    fake.chmod(0o755)
-    folder = copy_of(start, "failing")
-    status, error = outcome(folder, PATH=f"{tmp_path}:{os.environ['PATH']}")
-    assert status == 1 and "crystal case02: no product from YADE 2023.02a" in error[-1]
-    assert not list(folder.rglob("*.h5"))
-
-
-def test_another_version_of_yade_says_so(start, tmp_path):
-    for name, text in (("yade-batch", "exit 0"), ("yade", "echo Yade version: 2018.02b")):
+def test_without_a_yade_that_works_there_is_one_line_and_no_product(
+    programs, status, said, start, tmp_path
+):
+    """None, one that does nothing, a crash, a job that fails, which yade-batch's status hides."""
+    for name, text in (programs or {}).items():
         (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n")
         (tmp_path / name).chmod(0o755)
-    folder = copy_of(start, "old")
-    status, error = outcome(folder, PATH=f"{tmp_path}:{os.environ['PATH']}")
-    assert status == 2 and "this is YADE 2018.02b, and 2023.02" in error[-1]
+    settings = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    if programs is None:
+        without_yade(tmp_path)
+        settings = {"PATH": str(tmp_path)}
+    elif not programs:
+        settings = {"YADE": "/nowhere/yade"}
+    folder = copy_of(start, "without")
+    found, error = outcome(folder, **settings)
+    assert found == status and said in error[-1]
+    assert not list(folder.rglob("*.h5"))
 
 
 def test_wave_that_fails_does_not_keep_the_modes_from_being_made(reference):

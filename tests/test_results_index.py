@@ -46,7 +46,3 @@ def test_every_file_is_in_one_row_and_every_row_has_its_files(committed, entries
     for pattern in patterns:
         assert any(fnmatchcase(path, pattern) for path in committed), f"{pattern}: no such file"
     assert all(made for _, made in entries)
-
-
-def test_the_study_s_figures_are_in_its_page_alone(committed):
-    assert not [path for path in committed if fnmatchcase(path, "study/*.png")]

@@ -6,11 +6,9 @@ import pytest
 import scipy.linalg
 
 import modal
-from modal.packing.network import SOURCE_WALL, Network
+from modal.packing.network import Network
 from modal.packing.state import coordination_by_size, profile, void_ratio
-from modal.system.assembly import mass_diagonal, stiffness_matrix
-from modal.waves.propagate import propagate
-from modal.waves.source import Pulse
+from modal.system.assembly import stiffness_matrix
 
 
 @pytest.fixture(scope="module", params=["between walls", "radii 1:2"])
@@ -34,28 +32,6 @@ def test_stiffness_and_modes_are_those_of_the_dense_matrix(network, slow_K):
     np.testing.assert_allclose(modes.frequency, exact, rtol=1e-9)
     middle = float(np.sqrt(squares[len(squares) // 2 : len(squares) // 2 + 2].mean()) / (2 * np.pi))
     assert modal.count_modes(network, [middle])[0] == len(squares) // 2 + 1
-
-
-def test_wave_is_that_of_the_dense_modes(network, slow_K):
-    """Modal superposition of the pulse, each mode an oscillator with its closed form."""
-    time = np.linspace(0, 3e-5, 16)
-    wave = propagate(network, 3e-5, interval=2e-6, particles=True).signals
-    K, mass = slow_K(network), mass_diagonal(network)
-    squares, shapes = scipy.linalg.eigh(K, np.diag(mass))
-    # The wall at low z pushes those that touch it: minus its own springs times its motion.
-    wall = network.with_contacts(network.particle_j == SOURCE_WALL)
-    push = np.zeros((network.n_particles, 6))
-    for c in range(wall.n_contacts):
-        n, lever = wall.normal[c], wall.lever_i[c]
-        kn, kt = wall.stiffness_normal[c], wall.stiffness_tangential[c]
-        force = kt * np.array([0, 0, 1.0]) + (kn - kt) * n[2] * n
-        push[wall.particle_i[c], :3] += force
-        push[wall.particle_i[c], 3:] += np.cross(lever, force)
-    response = Pulse().response(np.maximum(squares, 0), time)
-    motion = shapes @ ((shapes.T @ push.ravel())[:, None] * response)
-    wanted = motion.reshape(network.n_particles, 6, -1)[:, 2].T
-    assert len(wave.time) == len(time)
-    assert abs(wave.particle_displacement - wanted).max() < 1e-7 * abs(wanted).max()
 
 
 def test_densities_and_coordination_are_counted_sphere_by_sphere(network):

@@ -61,27 +61,6 @@ def test_crystal_against_its_closed_form(stress, solver):
     assert found.density == pytest.approx(crystal.mass * np.sqrt(2) / crystal.spacing**3, rel=1e-12)
 
 
-def test_moduli_of_the_cube():
-    """C11, C12 and C44 in the axes of the cube, from the sums over its twelve neighbours."""
-    crystal = FccLattice(1e5)
-    s = np.sqrt(0.5)
-    turned = np.array([[s, s, 0], [-s, s, 0], [0, 0, 1]])  # rows: axes of the cube
-    full = np.zeros((3, 3, 3, 3))
-    index = {(0, 0): 0, (1, 1): 1, (2, 2): 2, (1, 2): 3, (0, 2): 4, (0, 1): 5}
-    for a in np.ndindex(3, 3, 3, 3):
-        row, column = index[tuple(sorted(a[:2]))], index[tuple(sorted(a[2:]))]
-        full[a] = crystal.stiffness[row, column]
-    cube = np.einsum("ai,bj,ck,dl,ijkl->abcd", *[turned] * 4, full)
-    kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
-    c11, c12, c44 = np.sqrt(2) * (kn + kt) / d, s * (kn - kt) / d, s * (kn + kt) / d
-    for axis in range(3):
-        other = (axis + 1) % 3
-        assert cube[axis, axis, axis, axis] == pytest.approx(c11, rel=1e-12)
-        assert cube[axis, axis, other, other] == pytest.approx(c12, rel=1e-12)
-        assert cube[axis, other, axis, other] == pytest.approx(c44, rel=1e-12)
-        assert cube[axis, axis, axis, other] == pytest.approx(0, abs=1e-12 * c11)
-
-
 @pytest.mark.parametrize("direction", CUBE)
 def test_velocities_of_the_crystal_are_the_slopes_of_its_bloch_waves(direction):
     """All three waves at kappa d = 1e-3: the branches bend by its square over 24, 4e-8."""
@@ -300,34 +279,6 @@ def test_a_cell_that_resists_nothing_says_so(solver):
     loose = without_tangential(polydisperse(periodic_z=True, n=60))
     found = elastic_moduli(loose, solver=solver)
     assert len(found.soft_strains()) == 6 and len(found.remarks()) == 6
-
-
-def test_strains_that_nothing_resists_are_said():
-    """A simple cubic lattice without tangential springs: three shears cost nothing."""
-    column = gallery.column(1)
-    d = 2 * column.lever_i[0, 2] * -1
-    network = replace(
-        column,
-        particle_i=np.zeros(3, int),
-        particle_j=np.zeros(3, int),
-        normal=np.eye(3),
-        lever_i=d / 2 * np.eye(3),
-        lever_j=-d / 2 * np.eye(3),
-        stiffness_normal=np.full(3, 2e5),
-        stiffness_tangential=np.zeros(3),
-        force_normal=np.ones(3),
-        force_tangential=np.zeros((3, 3)),
-        overlap=None,
-        sliding=None,
-        cell_shift=np.eye(3, dtype=int),
-        cell_size=np.full(3, d),
-        cell_periodic=np.ones(3, bool),
-        wall_position=np.array([0.0, d]),
-    )
-    found = elastic_moduli(network)
-    assert found.stiffness == pytest.approx(np.diag([2e5 / d] * 3 + [0] * 3), rel=1e-12)
-    assert len(found.soft_strains()) == 3
-    assert all("costs no energy" in remark for remark in found.remarks())
 
 
 def test_what_cannot_be_strained_is_refused(tmp_path, capsys):

@@ -3,20 +3,16 @@
     python -m tests.mutation [--count 300] [--seed 1] [--modules waves/propagate ...] [-o FILE]
 
 Draws mutants from the modules of `TESTS`, puts each into a copy of the project and runs the tests
-of its module there, two mutants at a time. Each result is a line of FILE (by default in a temporary
-folder); the same command goes on where it was stopped. 300 mutants take about 20 minutes on two
-cores. Survivors that compute the same as the original are listed, with the reason, in
-tests/mutation/equivalent.toml.
+of its module there. Each result is a line of FILE (by default in a temporary folder); the same
+command goes on where it was stopped. 300 mutants take about 40 minutes. Survivors that compute the
+same as the original are listed, with the reason, in tests/mutation/equivalent.toml.
 """
 
 from __future__ import annotations
 
 import argparse
-import functools
-import hashlib
 import json
 import os
-import queue
 import re
 import resource
 import shutil
@@ -26,7 +22,6 @@ import sys
 import tempfile
 import time
 import tomllib
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tests.mutation.mutants import Mutant, drawn, mutants_of
@@ -116,15 +111,9 @@ def module_of(mutant: Mutant) -> str:
     return mutant.path.removeprefix("modal/").removesuffix(".py")
 
 
-@functools.cache
-def digest_of(path: str) -> str:
-    """Of a module as it was when the run began."""
-    return hashlib.sha256((ROOT / path).read_bytes()).hexdigest()[:12]
-
-
 def key_of(mutant: Mutant) -> str:
-    """The same for the same change of the same source."""
-    return f"{mutant.path}:{digest_of(mutant.path)}:{mutant.start}:{mutant.end}:{mutant.text}"
+    """The same wherever the line stands in its module."""
+    return f"{mutant.path}: {mutant.before} -> {mutant.after}"
 
 
 def results_of(path: Path) -> dict[str, dict]:
@@ -180,7 +169,6 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=300, help="mutants to draw (300)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--modules", nargs="+", choices=TESTS, default=list(TESTS))
-    parser.add_argument("--workers", type=int, default=2, help="mutants at a time (2)")
     parser.add_argument("--again", action="store_true", help="test those that survived again")
     default = Path(tempfile.gettempdir()) / "granular-mutation.jsonl"
     parser.add_argument("-o", "--output", type=Path, default=default, help=f"results ({default})")
@@ -195,36 +183,25 @@ def main(arguments: list[str] | None = None) -> int:
     found = results_of(options.output)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     again = {key for key, row in found.items() if options.again and row["outcome"] == "survived"}
-    waiting = [m for m in mutants if key_of(m) not in found or key_of(m) in again]
+    waiting = {key_of(m): m for m in mutants if key_of(m) not in found or key_of(m) in again}
+    limits: dict[str, float] = {}
     with (
         tempfile.TemporaryDirectory(prefix="mutation-") as folder,
-        ThreadPoolExecutor(options.workers) as pool,
         options.output.open("a") as file,
     ):
-        places: queue.Queue[Workplace] = queue.Queue()
-        for number in range(options.workers if waiting else 0):
-            places.put(Workplace(Path(folder) / str(number)))
-
-        def limit(module: str) -> tuple[str, float]:
-            place, started = places.get(), time.monotonic()
-            if place.run(module, 600)[0] != "survived":
-                raise SystemExit(f"the tests of {module} fail without any mutant")
-            places.put(place)
-            return module, 20 + 3 * (time.monotonic() - started)
-
-        def judge(mutant: Mutant) -> tuple[Mutant, str, str]:
-            place = places.get()
-            outcome, by = place.judge(mutant, limits[module_of(mutant)])
-            places.put(place)
-            return mutant, outcome, by
-
-        limits = dict(pool.map(limit, sorted({module_of(m) for m in waiting})))
-        for number, (mutant, outcome, by) in enumerate(pool.map(judge, waiting), 1):
-            row = {"key": key_of(mutant), "outcome": outcome, "by": by, "line": mutant.line}
-            row |= {"path": mutant.path, "before": mutant.before, "after": mutant.after}
+        place = Workplace(Path(folder))
+        for number, (key, mutant) in enumerate(waiting.items(), 1):
+            module = module_of(mutant)
+            if module not in limits:
+                started = time.monotonic()
+                if place.run(module, 600)[0] != "survived":
+                    raise SystemExit(f"the tests of {module} fail without any mutant")
+                limits[module] = 20 + 3 * (time.monotonic() - started)
+            outcome, by = place.judge(mutant, limits[module])
+            row = {"key": key, "outcome": outcome, "by": by}
             file.write(json.dumps(row) + "\n")
             file.flush()
-            found[row["key"]] = row
+            found[key] = row
             print(f"{number}/{len(waiting)} {mutant.path}:{mutant.line} {outcome} {by}", flush=True)
     print(report(mutants, found))
     possible = {(m.path, m.before, m.after) for pool in pools for m in pool}
