@@ -84,12 +84,13 @@ def slow_stiffness(network: Network) -> np.ndarray:
     they exert with their levers are summed, contact by contact, in plain vector algebra.
     """
     n = network.n_particles
-    K = np.zeros((6 * n, 6 * n))
+    K, both = np.zeros((6 * n, 6 * n)), (network.particle_i, network.particle_j)
     for column in range(6 * n):
         motion = np.zeros((n, 2, 3))
         motion[column // 6, (column % 6) // 3, column % 3] = 1.0
         load = np.zeros((n, 2, 3))
-        for c in range(network.n_contacts):
+        # Contacts of other spheres are not stretched.
+        for c in np.flatnonzero(np.any([ends == column // 6 for ends in both], axis=0)):
             i, j = network.particle_i[c], network.particle_j[c]
             normal = network.normal[c]
             slip = -motion[i, 0] - np.cross(motion[i, 1], network.lever_i[c])

@@ -80,29 +80,25 @@ def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
     assert np.sort(rebuilt.overlap) == pytest.approx(np.sort(network.overlap), rel=loss)
 
 
-@pytest.mark.parametrize("decades", [4, 8, 12])
-def test_stiffness_contrast(decades):
-    network = gallery.fcc(cells=(2, 2, 15))
-    factor = 10 ** (-decades * np.random.default_rng(1).random(network.n_contacts))
-    network = network.unchecked(
-        stiffness_normal=network.stiffness_normal * factor,
-        stiffness_tangential=network.stiffness_tangential * factor,
-    )
-    _compare_with_singular_values(network)
-
-
-@pytest.mark.parametrize("decades", [3, 6])
-def test_mass_contrast_of_polydisperse_spheres(decades):
-    """Masses over six decades, radii 1 to 100; inertias over ten."""
-    network = gallery.fcc(cells=(2, 2, 15))
-    factor = 10 ** (decades * np.random.default_rng(2).random(network.n_particles))
-    network = network.unchecked(
+def contrasted(network: Network, of: str, decades: float, seed: int) -> Network:
+    """Contacts whose stiffnesses, or spheres whose masses, lie over so many decades."""
+    random = np.random.default_rng(seed)
+    if of == "stiffness":
+        factor = 10 ** (-decades * random.random(network.n_contacts))
+        names = "stiffness_normal", "stiffness_tangential"
+        return network.unchecked(**{name: getattr(network, name) * factor for name in names})
+    factor = 10 ** (decades * random.random(network.n_particles))
+    return network.unchecked(
         mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
     )
-    _compare_with_singular_values(network)
 
 
-def _compare_with_singular_values(network: Network) -> None:
+@pytest.mark.parametrize(
+    ("of", "decades"), [*(("stiffness", k) for k in (4, 8, 12)), ("mass", 3), ("mass", 6)]
+)
+def test_contrast(of, decades):
+    """Masses over six decades are radii 1 to 100, inertias over ten."""
+    network = contrasted(gallery.fcc(cells=(2, 2, 15)), of, decades, 1)
     system, exact = LinearSystem.of(network), exact_frequencies(network)
     found, top = all_modes(system).frequency, exact[-1]
     assert (abs(found / exact - 1) < bound(exact, top, system.size)).all()
@@ -116,11 +112,7 @@ def _compare_with_singular_values(network: Network) -> None:
 
 def test_more_contrast_than_double_precision_holds_is_refused():
     """Masses over nine decades: omega^2 over fourteen; no shift separates the lowest ones."""
-    network = gallery.fcc(cells=(2, 2, 40))
-    factor = 10 ** (9 * np.random.default_rng(1).random(network.n_particles))
-    network = network.unchecked(
-        mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
-    )
+    network = contrasted(gallery.fcc(cells=(2, 2, 40)), "mass", 9, 1)
     with pytest.raises(InputError, match="no mode converged"):
         lowest_modes(LinearSystem.of(network), 6)
 

@@ -184,8 +184,6 @@ def test_command_and_file(tmp_path, capsys):
         ):
             assert np.array_equal(found, file[name])
         assert file["frequency"].attrs["units"] == "Hz"
-        assert file.attrs["schema"] == "granular-density-of-states"
-        assert file.attrs["schema_version"] == 1
         assert file.attrs["network_sha256"] == sha256(path)
         assert file.attrs["resolution"] == 5e3
 

@@ -163,17 +163,6 @@ def test_a_negative_direction_is_no_reason_to_widen():
         wider_top(operator, error, top)
 
 
-class Linear:
-    """A motion whose response is a straight line in omega^2: two coefficients."""
-
-    def __init__(self, at_zero: float, slope: float) -> None:
-        self.at_zero, self.slope = at_zero, slope
-
-    def response(self, square: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Shape (squares, times)."""
-        return (self.at_zero + self.slope * square)[:, None] * time
-
-
 def test_a_record_of_its_end_alone_is_as_exact():
     """Two times instead of three hundred: the orders follow the duration, not the record."""
     long, short = (
@@ -185,23 +174,6 @@ def test_a_record_of_its_end_alone_is_as_exact():
     assert abs(found - end).max() < 1e-7 * abs(end).max()
     # Every particle's motion is large: it is recorded where it is asked for alone.
     assert long.signals.particle_displacement is None
-
-
-def test_expansion_of_a_line_has_two_coefficients():
-    time = np.array([0.0, 1.0, 2.0])
-
-    def coefficient(*line: float) -> np.ndarray:
-        return Expansion(Linear(*line), time, 8.0).coefficient
-
-    # 3 + x / 4 with x = 4 (1 + X): 4 T_0 + T_1.
-    assert coefficient(3.0, 0.25)[:2] == pytest.approx(np.outer([4, 1], time), abs=1e-14)
-    assert coefficient(-3.0, -0.25) == pytest.approx(-coefficient(3.0, 0.25))
-    assert coefficient(3.0, 0.0)[0] == pytest.approx(3 * time)
-    assert coefficient(0.0, 0.0).shape == (0, 3)
-    series = Expansion(Linear(3.0, 0.25), time, 8.0)
-    # Both orders leave nothing but round-off; one leaves the second, 2 at t = 2.
-    assert [series.orders(left) for left in (1e-9, 3.0, 20.0)] == [2, 1, 0]
-    assert series.left(1) == pytest.approx(2.0) and series.left(2) < 1e-14
 
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 100))

@@ -17,7 +17,7 @@ from modal.packing.network import read_network, write_network
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
-from modal.waves.signals import read_signals
+from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, chirp, write_motion
 
 WIDTH, LAYERS, STRESS = 3, 30, 1e5
@@ -62,6 +62,14 @@ def products(tmp_path_factory, yade):
     return folder
 
 
+def beside(products: Path, folder: Path) -> Path:
+    """The folder, with network and highest mode of the column."""
+    folder.mkdir(exist_ok=True)
+    for kind in ("network", "highest.modes"):
+        shutil.copy(products / f"case02.{kind}.h5", folder)
+    return folder
+
+
 def test_exported_contacts_equal_the_network_made_without_yade(products):
     exported = read_network(products / "case02.network.h5")
     made = gallery.fcc(STRESS, (WIDTH, WIDTH, LAYERS))
@@ -84,10 +92,7 @@ def test_energy_error_has_order_two(products, tmp_path):
     network, drift = products / "case02.network.h5", []
     area = float(np.prod(read_network(network).cell_size[:2]))
     for fraction in ("0.4", "0.2"):
-        folder = tmp_path / fraction
-        folder.mkdir()
-        for name in (network.name, "case02.highest.modes.h5"):
-            shutil.copy(products / name, folder)
+        folder = beside(products, tmp_path / fraction)
         # Large enough to stand clear of round-off: 1e-17 J of 2e-8 J.
         batch("wave", folder, WAVE_DURATION="5e-5", WAVE_AMPLITUDE="2.5e-8", WAVE_FRACTION=fraction)
         signals = read_signals(folder / "case02.signals.h5")
@@ -104,8 +109,7 @@ def test_energy_error_has_order_two(products, tmp_path):
 
 
 def test_unstable_time_step_is_refused_without_a_product(products, tmp_path):
-    for name in ("case02.network.h5", "case02.highest.modes.h5"):
-        shutil.copy(products / name, tmp_path)
+    beside(products, tmp_path)
     log = batch("wave", tmp_path, WAVE_DURATION="1e-3", WAVE_FRACTION="1.5")
     assert "error: WAVE_FRACTION 1.5" in log
     assert not (tmp_path / "case02.signals.h5").exists()
@@ -136,8 +140,7 @@ def test_wave_of_other_settings_is_stale_and_made_again(products, tmp_path):
 
 
 def test_columns_of_the_table_are_settings_of_the_wave(products, tmp_path):
-    for name in ("network", "highest.modes"):
-        shutil.copy(products / f"case02.{name}.h5", tmp_path)
+    beside(products, tmp_path)
     columns = {"duration": "1.2e-5", "fraction": "0.5", "amplitude": "1e-9", "particles": "1"}
     batch("wave", tmp_path, columns=columns)
     signals = read_signals(tmp_path / "case02.signals.h5")
@@ -172,10 +175,7 @@ def test_time_step_error_has_order_two(products, tmp_path):
     """Against the exact linear wave; amplitude 0.05 nm, so that the contact law is linear."""
     amplitude, errors = 2.5e-11, []
     for fraction in ("0.4", "0.2"):
-        folder = tmp_path / fraction
-        folder.mkdir()
-        for name in ("case02.network.h5", "case02.highest.modes.h5"):
-            shutil.copy(products / name, folder)
+        folder = beside(products, tmp_path / fraction)
         batch(
             "wave",
             folder,
@@ -190,6 +190,8 @@ def test_time_step_error_has_order_two(products, tmp_path):
             motion=Pulse(amplitude),
             interval=signals.time[1],
         ).signals
+        pulse = source_pulse(signals.time, amplitude, 1e5)
+        assert signals.source_displacement == pytest.approx(pulse, abs=1e-20)
         # Every chain of the crystal carries the same planar wave, layer by layer.
         assert np.array_equal(signals.chain_particle // WIDTH**2, linear.chain_particle // WIDTH**2)
         difference = signals.chain_displacement - linear.chain_displacement
@@ -200,8 +202,7 @@ def test_time_step_error_has_order_two(products, tmp_path):
 
 def test_shear_wave_follows_the_linear_operator(products, tmp_path):
     """The wall slides along x: the same bounds as for the P-wave, the springs' own S-wave."""
-    for name in ("case02.network.h5", "case02.highest.modes.h5"):
-        shutil.copy(products / name, tmp_path)
+    beside(products, tmp_path)
     batch("wave", tmp_path, WAVE_DURATION="1e-4", WAVE_DIRECTION="x")
     signals = read_signals(tmp_path / "case02.signals.h5")
     network = read_network(tmp_path / "case02.network.h5")
@@ -221,8 +222,7 @@ def test_viscous_contacts_take_what_the_linear_operator_says(products, tmp_path)
     Non-linearity leaves some 2e-3 and the time step less; YADE's viscous force is half a step old,
     a share of the damping alone. Without dashpots the wave would differ by half.
     """
-    for name in ("case02.network.h5", "case02.highest.modes.h5"):
-        shutil.copy(products / name, tmp_path)
+    beside(products, tmp_path)
     settings = {"WAVE_DURATION": "1e-4", "WAVE_AMPLITUDE": "2.5e-10"}
     batch("wave", tmp_path, WAVE_DAMPING="0.05 0.03", **settings)
     signals = read_signals(tmp_path / "case02.signals.h5")
@@ -241,8 +241,7 @@ def test_viscous_contacts_take_what_the_linear_operator_says(products, tmp_path)
 
 def test_any_motion_of_the_wall_from_a_file(products, tmp_path):
     """A chirp of two columns, in YADE and in the linear wave; recorded with the file's digest."""
-    for name in ("case02.network.h5", "case02.highest.modes.h5"):
-        shutil.copy(products / name, tmp_path)
+    beside(products, tmp_path)
     motion, file = chirp(5e-10, 3e4, 1.2e5, 5e-5), tmp_path / "chirp.txt"
     write_motion(file, motion)
     batch("wave", tmp_path, WAVE_DURATION="1e-4", WAVE_MOTION=str(file))
