@@ -20,8 +20,9 @@ from modal.solvers.spectrum import (
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools import loops
+from modal.waves import chebyshev
 from modal.waves import integrators as wave
-from modal.waves.chebyshev import Expansion, Recurrence
+from modal.waves.chebyshev import Recurrence, summed
 from modal.waves.propagate import propagate
 
 pytestmark = pytest.mark.two_ways
@@ -62,6 +63,29 @@ class Everything:
     def reach(self) -> np.ndarray:
         """One kind, of unit rows."""
         return np.ones(1)
+
+
+class Moments:
+    """A record of the first moments themselves, one a row."""
+
+    def __init__(self, orders: int) -> None:
+        self.wanted = orders
+
+    def empty(self, count: int) -> np.ndarray:
+        """No row yet."""
+        return np.zeros((self.wanted, count))
+
+    def left(self, orders: int) -> float:
+        """Nothing after the last one."""
+        return float(self.wanted - orders)
+
+    def orders(self, _: float) -> int:
+        """All of them."""
+        return self.wanted
+
+    def add(self, record: np.ndarray, rows: np.ndarray, first: int) -> None:
+        """The rows as they are."""
+        record[first : first + len(rows)] = rows
 
 
 SPECTRA = {
@@ -135,6 +159,28 @@ def test_growth_is_told_from_round_off_at_every_order(orders):
     grown(np.full(4, 1 + 1e-13), 1 / (1 + 1e-13), orders)
     operator, start = Diagonal(np.full(4, 1 + 1e-15)), np.ones(4)
     Recurrence(operator, start, 1.0, Everything(4)).rows(orders)
+
+
+@pytest.mark.parametrize("share", [1.1, 0.9, 0.3])
+def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
+    """Those of an attempt that grew are told as well, and only as many as were made."""
+    square = np.linspace(0, 3, 400)
+    operator, start = Diagonal(square), np.ones(400)
+    monkeypatch.setattr(chebyshev, "top_of_spectrum", lambda _: (share * 3.0, 0))
+    tops = []
+
+    def series_for(top):
+        tops.append(top)
+        return Moments(300)
+
+    _, rows, products, error = summed(
+        operator, start.copy, Everything(400), series_for, lambda *_: np.ones(1), 1e-9
+    )
+    assert products == operator.products and error == 0
+    top = tops[-1]
+    assert top >= 3
+    expected = np.cos(np.arange(300)[:, None] * np.arccos(2 * square / top - 1))
+    assert rows == pytest.approx(expected, abs=300**2 * 1e-15)
 
 
 @pytest.mark.parametrize("share", [0.999, 0.5, 0.1])

@@ -168,10 +168,6 @@ def test_wave_on_the_command_line(tmp_path, capsys):
     assert "2.5e-07" in capsys.readouterr().err
     for wrong in (
         ["--duration", "-1"],
-        ["--duration", "inf"],
-        ["--tolerance", "0"],
-        ["--tolerance", "1"],
-        ["--interval", "2e-4"],
         ["--interval", "0"],
         ["--interval", "-1e-6"],
         ["--interval", "nan"],
@@ -184,6 +180,19 @@ def test_wave_on_the_command_line(tmp_path, capsys):
     ):
         assert main([*base, *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"duration": time} for time in (0.0, -1e-4, np.inf)),
+        *({"interval": time} for time in (0.0, 2e-4)),
+        *({"tolerance": share} for share in (0.0, 1.0)),
+    ],
+)
+def test_waves_that_are_none_are_refused(wrong):
+    with pytest.raises(InputError, match="must be positive"):
+        propagate(gallery.fcc(cells=(1, 1, 4)), **({"duration": 1e-4} | wrong))
 
 
 def test_long_wave_is_refused_before_it_starts(monkeypatch):
