@@ -111,11 +111,6 @@ class Case(CaseFiles):
         return read_z_shapes(self.product("modes")) if self.has("modes") else None
 
     @cached_property
-    def shaped_modes(self) -> ModeSet | None:
-        """Modes with rotations and with their whole shapes."""
-        return self._modes("modes", shapes=True)
-
-    @cached_property
     def translations(self) -> ModeSet | None:
         """Modes without rotations."""
         return self._modes("translations.modes")

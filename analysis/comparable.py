@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from analysis.rows import PERCENT, Row
+from analysis.quantities.records import PERCENT
+from analysis.rows import Row
 
 UNITS = {
     "v_p_first_peaks": "m_per_s",

@@ -28,6 +28,7 @@ from analysis.estimators.source_motion import recorded_motion
 from analysis.estimators.structure_factor import structure_factor
 from analysis.estimators.transfer import Gain, network_gain
 from analysis.estimators.travel_time import cut, first_peaks_of_columns
+from analysis.measures import Measures
 from analysis.prepare import DENSITY_TOLERANCE, line_width, prepare
 from analysis.value import hertz
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
@@ -73,6 +74,20 @@ class Measuring:
         self.sample, self.amplitudes = sample, amplitudes
         self.network, self.records, self.source = network, records, source
         self._case, self._keep = case, keep
+
+    @classmethod
+    def of_case(cls, measures: Measures) -> Measuring:
+        """A case with what has been measured of it."""
+        found = cls(measures.case.network, (), None, measures.case)
+        found.measures = measures
+        return found
+
+    @cached_property
+    def measures(self) -> Measures:
+        """What its files give; InputError where it has none."""
+        if self._case is None:
+            raise InputError("it is read from files of the packing; give these")
+        return Measures(self._case)
 
     @cached_property
     def crystal(self) -> bool:

@@ -7,23 +7,26 @@ into memory, and its cases are measured side by side.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from analysis.case import Case
-from analysis.columns import HIGH, VALUES
-from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import PowerLaw, power_law
 from analysis.measures import Measures
-from analysis.measures.estimate import NOTHING, Estimate
-from modal.tools.errors import InputError
-
-PERCENT = {0.02: "2", 0.01: "1", 0.03: "3"}
-"""Thresholds of the tables, and how their columns call them."""
-MAPS = {"": ("chain", "map"), "own_": ("chain", "own"), "layers_": ("layers", "map")}
-"""Rules of f_low-pass by their part of a column's name: whose motion, relative to which maximum."""
+from analysis.measuring import Measuring
+from analysis.quantities import QUANTITIES
+from analysis.quantities.records import (
+    HIGH,
+    LOW_PASS,
+    OF_CASE,
+    OF_MODULI,
+    PERCENT,
+    SHEAR,
+    column_of,
+)
+from analysis.value import NOTHING, Value, estimate
 
 
 @dataclass
@@ -48,7 +51,7 @@ class Row:
     mu_comp: float
     record: str
     unsettled: str
-    values: dict[str, Estimate] = field(default_factory=dict)
+    values: dict[str, Value] = field(default_factory=dict)
     samples: dict[str, float] = field(default_factory=dict)
     packings: int = 1
     flat: dict[str, bool] = field(default_factory=dict)
@@ -124,15 +127,7 @@ def bare_row(case: Case) -> Row:
 
 def _measured(m: Measures) -> Row:
     case, row = m.case, bare_row(m.case)
-    for name, measure in VALUES.items():
-        try:
-            found = measure(m)
-        except InputError as error:
-            row.notes.append(f"{name}: {error}")
-            continue
-        row.values[name] = Estimate.of(found)
-    row.values["record_passages"] = Estimate(m.passband.common)
-    add_low_pass(row, m, MAPS)
+    add_values(row, m, OF_CASE)
     own = "yade" if row.record == "yade" else "linear"
     row.of_record["v_p_first_peaks_m_per_s"] = "v_p_first_peaks_{}_m_per_s"
     for percent in PERCENT.values():
@@ -153,33 +148,23 @@ def _measured(m: Measures) -> Row:
     return row
 
 
-def add_low_pass(row: Row, m: Measures, rules: Mapping[str, tuple[str, str]]) -> None:
-    """f_low-pass and lambda / D of both producers by some of the rules of `MAPS`, to the row."""
-    band = m.passband
-    for producer, record, plain in (
-        ("yade", m.case.signals, band.of_yade),
-        ("linear", m.case.wave, band.low_pass),
-    ):
-        for rule, (whose, reference) in rules.items():
-            edges = band.edges(record, whose, reference, band.common) if rule else plain
-            of_threshold = dict(zip(THRESHOLDS, edges, strict=True))
-            for threshold, percent in PERCENT.items():
-                edge, name = of_threshold[threshold], f"{percent}_{rule}{producer}"
-                column = f"f_low_pass_{name}_khz"
-                row.values[column] = Estimate(edge.value / 1e3, edge.error / 1e3)
-                row.flat[name] = edge.flat
-                row.values[f"lambda_{name}_over_d"] = _wavelength(m, record, edge.value, edge.error)
-                if edge.why:
-                    row.notes.append(f"{column}: {edge.why}")
-
-
-def _wavelength(m: Measures, record, frequency: float, error: float) -> Estimate:
-    """lambda / D at a frequency, with what the frequency's error makes of it."""
-    if record is None or not np.isfinite(frequency):
-        return NOTHING
-    at = [m.wavelength_at(frequency + sign * error, record) for sign in (0, -1, 1)]
-    here, low, high = (value / m.case.diameter for value in at)
-    return Estimate(here, 0.5 * abs(low - high))
+def add_values(row: Row, m: Measures, names: Iterable[str]) -> None:
+    """Quantities by name, to the row; those of S-waves and moduli where their files are there."""
+    packing = Measuring.of_case(m)
+    keys = {name: key for key, (name, _) in LOW_PASS.items()}
+    recorded = {"", *(wave.record.producer for wave in m.shear)}
+    for name in names:
+        if name in OF_MODULI and not m.case.has("moduli") or SHEAR.get(name, "") not in recorded:
+            continue
+        value = QUANTITIES[name].measured(packing)
+        column, shown = column_of(name, value)
+        row.values[column] = shown
+        if name in keys:
+            row.flat[keys[name]] = value.known and not value.caveats
+        if not value.known:
+            row.notes += [
+                f"{column}: {caveat}" for caveat in value.caveats if caveat != "no plateau"
+            ]
 
 
 def _curves(m: Measures, row: Row) -> None:
@@ -188,7 +173,7 @@ def _curves(m: Measures, row: Row) -> None:
     row.curves["gain"] = (gain.frequency, gain.gain)
     row.curves["gain_orders"] = m.gain_orders
     for k, order in enumerate(m.gain_orders[0][:5]):
-        row.values[f"gain_order_{k + 1}"] = Estimate(float(order))
+        row.values[f"gain_order_{k + 1}"] = estimate(float(order))
     row.curves["free_held"] = (m.free_held,)
     row.curves["first"] = (np.array([m.first_resonance]),)
     row.curves["resonances"] = m.resonances

@@ -112,6 +112,15 @@ def unknown(unit: str, *caveats: str) -> Value:
     return Value(np.nan, unit, {"fit": np.nan}, caveats)
 
 
+def estimate(value: float, error: float = np.nan) -> Value:
+    """A number and its error where that is known, of a case whose columns say the units."""
+    return Value(float(value), "", {"fit": error})
+
+
+NOTHING = estimate(np.nan)
+"""What is not known."""
+
+
 def hertz(frequency: float) -> str:
     """A frequency in a caveat.
 

@@ -17,8 +17,8 @@ ORDER = {
     ),
     "analysis": (
         *("table", "watch", "estimators", "agreement", "case_files", "case"),
-        *("belonging", "prepare", "value", "measuring", "quantities", "measurement"),
-        *("status", "crystal", "measures", "columns", "rows", "comparable", "figures", "study"),
+        *("belonging", "prepare", "value", "measures", "measuring", "quantities", "measurement"),
+        *("status", "crystal", "rows", "comparable", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

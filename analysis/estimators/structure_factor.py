@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import complete, get, open_h5, put
-from modal.formats.provenance import Provenance, new_product
+from modal.formats.product import Column, Product
+from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.solvers.spectrum import bound_of_spectrum
@@ -30,6 +30,16 @@ from modal.waves.signals import DIRECTIONS
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
+FORMAT = Product(
+    SCHEMA,
+    {
+        "frequency": Column("frequency", "f", ("nf",), "Hz"),
+        "order": Column("order", "i", ("R",), "1"),
+        "wavenumber": Column("wavenumber", "f", ("R",), "1/m"),
+        "power": Column("power", "f", ("R", "nf"), "1/Hz"),
+    },
+    {"network_sha256": str, "resolution": float},
+)
 BLOCK = 8
 """Patterns that share one pass over the contacts: bounds the memory."""
 FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
@@ -185,24 +195,12 @@ def write_structure(
     network_sha256: str = "",
     made: Provenance | None = None,
 ) -> None:
-    """Write atomically."""
-    with new_product(path, SCHEMA, VERSION, made) as file:
-        file.attrs["network_sha256"] = network_sha256
-        file.attrs["resolution"] = found.resolution
-        put(file, "frequency", found.frequency, "Hz")
-        put(file, "order", found.order, "1")
-        put(file, "wavenumber", found.wavenumber, "1/m")
-        put(file, "power", found.power, "1/Hz")
+    """Write atomically, of standing waves."""
+    FORMAT.write(path, vars(found) | {"network_sha256": network_sha256}, made)
 
 
 def read_structure(path: str | Path) -> StructureFactor:
     """Read and validate; InputError with one line for anything wrong."""
-    with open_h5(path, SCHEMA, VERSION) as file:
-        frequency = get(file, "frequency", "f", (None,))
-        plane = "order" in file and file["order"].ndim == 2
-        order = get(file, "order", "i", (None, 3) if plane else (None,))
-        wavenumber = get(file, "wavenumber", "f", (len(order),))
-        power = get(file, "power", "f", (len(order), len(frequency)))
-        with complete(path):
-            resolution = float(file.attrs["resolution"])
-    return StructureFactor(frequency, order, wavenumber, power, resolution)
+    found = FORMAT.read(path)
+    del found["network_sha256"]
+    return StructureFactor(**found)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.columns import HIGH, LOW
 from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.measures import Measures
-from analysis.measures.shear_wave import velocities_of
+from analysis.quantities.records import HIGH, LOW
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
 
@@ -98,7 +97,8 @@ def _across(panel: Panel, m: Measures) -> None:
     if m.case.is_crystal:
         return
     width = float(min(m.case.network.cell_size[:2]))
-    shear = velocities_of(m.case.moduli)[1]
+    moduli = m.case.moduli
+    shear = np.nan if moduli is None else moduli.velocities((0, 0, 1))[1:].mean()
     for velocity, text, ls in (
         (shear, "$V_S$ / width", "-."),
         (m.long_wave.value, "$V_P$ / width", ":"),

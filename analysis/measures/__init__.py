@@ -68,11 +68,6 @@ class Measures(Eigenmodes):
         return network_gain(self.case.network, self.case.passage)
 
     @cached_property
-    def gain_place(self) -> float:
-        """Frequency of the gain's first maximum, in f_1 = V_P / 2 L."""
-        return self.gain.first_maximum()[0] * 2 * self.passage
-
-    @cached_property
     def gain_orders(self) -> tuple[np.ndarray, np.ndarray]:
         """The gain's maxima (k,) as orders of two columns: f = r f_1, both walls held, and r - 1/2.
 
@@ -140,13 +135,3 @@ class Measures(Eigenmodes):
         seen = seen[::every][: len(wanted)]
         wanted = wanted[: len(seen)]
         return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
-
-
-def groups(cases: list[Measures]) -> dict[str, list[Measures]]:
-    """Cases by kind and mu_comp, each in order of stress: what the paper joins by lines."""
-    found: dict[str, list[Measures]] = {}
-    for m in sorted(cases, key=lambda m: m.case.stress):
-        friction = f", mu_comp {m.case.mu_comp:g}" if np.isfinite(m.case.mu_comp) else ""
-        name = "FCC" if m.case.is_crystal else f"random{friction}"
-        found.setdefault(name, []).append(m)
-    return found

@@ -35,6 +35,21 @@ class BandEnd(LongWaves):
         """f_low-pass, Hz, by the 2 %, 1 %, ... rule of the paper on the linear wave."""
         return self.passband.low_pass
 
+    def edges(self, producer: str, whose: str, reference: str) -> list[Edge]:
+        """f_low-pass by the thresholds, of `yade` or `linear`: `Passband.edges`, each made once."""
+        band, yade = self.passband, producer == "yade"
+        if (whose, reference) == ("chain", "map"):
+            return band.of_yade if yade else band.low_pass
+        key = producer, whose, reference
+        if key not in self._edges:
+            record = self.case.signals if yade else self.case.wave
+            self._edges[key] = band.edges(record, whose, reference, band.common)
+        return self._edges[key]
+
+    @cached_property
+    def _edges(self) -> dict[tuple[str, str, str], list[Edge]]:
+        return {}
+
     @property
     def band(self) -> float:
         """What figures scale their frequencies by, Hz: f_low-pass, or a guess without one."""
@@ -95,17 +110,3 @@ class BandEnd(LongWaves):
             part=force_bearing(self.case.network)[record.chain_particle],
         )
         return 2 * np.pi / kappa
-
-    def low_pass_wavelength(self, rule: int) -> float:
-        """lambda / D of the linear wave at the frequency of a rule, in the order of `THRESHOLDS`.
-
-        NaN where that frequency lies beyond the band edge of a crystal, as the rule's may.
-        """
-        return self.wavelength_at(self.low_pass[rule].value) / self.case.diameter
-
-    def yade_wavelength(self, rule: int) -> float:
-        """The same of the YADE run, at its own frequency; NaN where there is none."""
-        if self.case.signals is None:
-            return np.nan
-        frequency = self.passband.of_yade[rule].value
-        return self.wavelength_at(frequency, self.case.signals) / self.case.diameter

@@ -13,9 +13,9 @@ from analysis.estimators.resonances import (
     long_wave_velocity,
     standing_modes,
 )
-from analysis.measures.estimate import Estimate
 from analysis.measures.first_peaks import FirstPeaks
 from analysis.measures.long_waves import LOW_ORDER
+from analysis.value import Value, estimate
 from modal.modes.eigenmodes import highest_modes
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle
@@ -65,26 +65,26 @@ class Eigenmodes(FirstPeaks):
         return 2 * self.case.network.length * float(f[0]) if len(f) else np.nan
 
     @cached_property
-    def modal(self) -> Estimate:
+    def modal(self) -> Value:
         """V_P, m/s, of the modes' wave numbers by Eq. 4, from omega = V kappa (1 + b kappa^2)."""
-        return Estimate(*long_wave_velocity(*self.resonances))
+        return estimate(*long_wave_velocity(*self.resonances))
 
     @cached_property
-    def modal_fitted(self) -> Estimate:
+    def modal_fitted(self) -> Value:
         """V_P, m/s, of wave numbers that are fitted to the modes' shapes."""
         modes, network = self.case.modes, self.case.network
         if modes is None:
-            return Estimate(np.nan)
+            return estimate(np.nan)
         if self.case.is_crystal and modes.resonance_shape is not None:
             f, distance = self.resonances[0], self.case.lattice.distance
-            return Estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
+            return estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
         if self.standing is None:
-            return Estimate(np.nan)
+            return estimate(np.nan)
         bearing = force_bearing(network)
         depth = network.position[bearing, 2] - network.wall_position[0]
         rows = self.standing.row[:LOW_ORDER]
         kappa = fitted_wavenumbers(self.case.z_shapes[rows][:, bearing], depth, network.length)
-        return Estimate(*long_wave_velocity(self.standing.frequency[:LOW_ORDER], kappa))
+        return estimate(*long_wave_velocity(self.standing.frequency[:LOW_ORDER], kappa))
 
     @cached_property
     def f_max(self) -> float:
@@ -144,12 +144,12 @@ class Eigenmodes(FirstPeaks):
             return np.nan, ""
         return float(chi.max()), f"{len(f)} modes, {f.min() / 1e3:.2f}-{f.max() / 1e3:.2f} kHz"
 
-    def mean_chi(self, low: float, high: float) -> Estimate:
+    def mean_chi(self, low: float, high: float) -> Value:
         """Mean chi_z of the chain between two Hz, 1/3 where motion has no direction.
 
         Its error is the standard error of as many independent modes.
         """
         chi = self.chi_between(low, high, chain=True)[1]
         if len(chi) < 2:
-            return Estimate(np.nan)
-        return Estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))
+            return estimate(np.nan)
+        return estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))

@@ -12,11 +12,9 @@ from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
 from analysis.estimators.own_wave import coherent_of
 from analysis.estimators.transfer import at_frequency, wall_velocity
-from analysis.measures.estimate import Estimate
-from modal.elasticity.static_velocity import static_velocity
+from analysis.value import Value, estimate
 from modal.packing.contact_law import sphere_volume
 from modal.packing.state import contacts_per_particle, coordination_without_rattlers, void_ratio
-from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 LOW_ORDER = 10
@@ -64,38 +62,27 @@ class LongWaves:
         return LOW_ORDER * self.long_wave.value / (2 * self.case.network.length)
 
     @cached_property
-    def long_wave(self) -> Estimate:
+    def long_wave(self) -> Value:
         """V_P, m/s, of the longest waves of the linear wave: the reference for all else.
 
         For crystals by the damped transform, which is unbiased there.
         """
         if self.case.is_crystal:
-            return Estimate(chain_dispersion(self.case.wave).velocity)
-        return Estimate(*longest_waves(self.coherent))
+            return estimate(chain_dispersion(self.case.wave).velocity)
+        return estimate(*longest_waves(self.coherent))
 
     @cached_property
-    def yade_long_wave(self) -> Estimate:
+    def yade_long_wave(self) -> Value:
         """The same of the YADE run; NaN where there is none."""
         if self.case.is_crystal and self.case.signals is not None:
-            return Estimate(chain_dispersion(self.case.signals).velocity)
+            return estimate(chain_dispersion(self.case.signals).velocity)
         found = self.yade_coherent
-        return Estimate(np.nan) if found is None else Estimate(*longest_waves(found))
+        return estimate(np.nan) if found is None else estimate(*longest_waves(found))
 
     @property
     def passage(self) -> float:
         """Time, s, of the longest waves from wall to wall."""
         return self.case.network.length / self.long_wave.value
-
-    @cached_property
-    def static(self) -> float:
-        """V_P, m/s, of the springs under a steady push, independent of all rules that read waves.
-
-        NaN for samples too short to have a bulk, or whose springs do not hold all of it.
-        """
-        try:
-            return static_velocity(self.case.network)[0]
-        except InputError:
-            return np.nan
 
     @cached_property
     def walls(self) -> tuple[float, float]:

@@ -16,9 +16,8 @@ from analysis.estimators.coherent import Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.low_pass import Edge, Passband
 from analysis.estimators.transfer import Gain, network_gain
-from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
-from analysis.measures.estimate import Estimate
-from modal.elasticity.moduli import ElasticModuli
+from analysis.estimators.travel_time import first_peak_velocity
+from analysis.value import Value, estimate
 from modal.waves.signals import Signals
 
 ORDER = 5
@@ -39,18 +38,11 @@ class ShearWave:
         return "YADE" if self.record.producer == "yade" else "linear wave"
 
     @cached_property
-    def first_peak(self) -> Estimate:
+    def first_peak(self) -> Value:
         """V_S, m/s, of the first peaks along the chain's middle half."""
         network = self.case.network
         wall = float(network.wall_position[0])
-        return Estimate(*first_peak_velocity(self.record, wall, network.length))
-
-    @cached_property
-    def arrival(self) -> Estimate:
-        """V_S, m/s, of the times at which 5 % of each particle's maximum is first exceeded."""
-        network = self.case.network
-        wall = float(network.wall_position[0])
-        return Estimate(*arrival_velocity(self.record, wall, network.length))
+        return estimate(*first_peak_velocity(self.record, wall, network.length))
 
     @cached_property
     def chain(self) -> Dispersion:
@@ -64,11 +56,11 @@ class ShearWave:
         return coherent_wave(self.record, self.case.network.length, highest=longest)
 
     @cached_property
-    def long_wave(self) -> Estimate:
+    def long_wave(self) -> Value:
         """V_S, m/s, of the longest waves."""
         if self.case.is_crystal:
-            return Estimate(self.chain.velocity)
-        return Estimate(*longest_waves(self.coherent))
+            return estimate(self.chain.velocity)
+        return estimate(*longest_waves(self.coherent))
 
     @cached_property
     def low_pass(self) -> Edge:
@@ -82,11 +74,6 @@ class ShearWave:
             crystal=case.is_crystal,
         )
         return band.low_pass[0]
-
-    @cached_property
-    def band_edge(self) -> float:
-        """Where the transverse branch of a crystal ends, Hz; NaN for others."""
-        return self.chain.low_pass_frequency if self.case.is_crystal else np.nan
 
     @property
     def dispersion(self) -> tuple[np.ndarray, np.ndarray]:
@@ -104,11 +91,3 @@ class ShearWave:
         case = self.case
         passage = case.network.length / self.long_wave.value
         return network_gain(case.network, passage, self.record.direction)
-
-
-def velocities_of(moduli: ElasticModuli | None) -> tuple[float, float]:
-    """V_P and V_S, m/s, along z by the moduli, V_S the mean of both; NaN without moduli."""
-    if moduli is None:
-        return np.nan, np.nan
-    v = moduli.velocities((0, 0, 1))
-    return float(v[0]), float(v[1:].mean())

@@ -15,7 +15,7 @@ for _room in (
     "scattering",
     "spectrum",
     "elasticity",
-    "packing",
+    "packing", "records",
     "amplitude",
 ):
     import_module(f"analysis.quantities.{_room}")

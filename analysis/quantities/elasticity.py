@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, without_signal
 from analysis.value import Value
+from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
+from modal.tools.arrays import Floats
 
 
 def _of(packing: Measuring, value: float, unit: str = "1", power: float = 1.0) -> Value:
@@ -17,78 +21,47 @@ def _of(packing: Measuring, value: float, unit: str = "1", power: float = 1.0) -
     return Value(value, unit, {"fit": power * abs(value) * moduli.error}, caveats)
 
 
-@without_signal("bulk_modulus", "Pa", "bulk modulus of the packing, mean over directions")
-def bulk_modulus(packing: Measuring) -> Value:
-    """Of the bulk, where walls bound the packing."""
-    return _of(packing, packing.moduli.bulk_modulus, "Pa")
+def _along_z(moduli: ElasticModuli) -> Floats:
+    return moduli.velocities((0, 0, 1))
 
 
-@without_signal("shear_modulus", "Pa", "shear modulus of the packing, mean over directions")
-def shear_modulus(packing: Measuring) -> Value:
-    """Of the bulk, where walls bound the packing."""
-    return _of(packing, packing.moduli.shear_modulus, "Pa")
-
-
-@on_request("poisson", "1", "Poisson's ratio of the packing")
-def poisson(packing: Measuring) -> Value:
-    """Of the isotropic solid that is nearest."""
-    return _of(packing, packing.moduli.poisson)
-
-
-@on_request(
-    "anisotropy",
-    "1",
-    "how far the stiffness is from an isotropic one, 0 to 1",
+OF_MODULI: tuple[tuple[str, str, float, Callable[[ElasticModuli], float], str], ...] = (
+    ("bulk_modulus", "Pa", 1, lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
+    ("shear_modulus", "Pa", 1, lambda m: m.shear_modulus, "shear modulus, mean over directions"),
+    ("poisson", "1", 1, lambda m: m.poisson, "Poisson's ratio of the isotropic solid nearest"),
+    (
+        "anisotropy",
+        "1",
+        1,
+        lambda m: m.anisotropy,
+        "how far the stiffness is from isotropic, 0 to 1",
+    ),
+    ("v_p_moduli", "m/s", 0.5, lambda m: _along_z(m)[0], "V_P along z by the moduli, from no wave"),
+    ("v_s_moduli", "m/s", 0.5, lambda m: _along_z(m)[1:].mean(), "the same of both S-waves, mean"),
+    (
+        *("bulk_over_affine", "1", 1, lambda m: m.bulk_modulus / isotropic_mean(m.affine)[0]),
+        "bulk modulus over that of spheres that follow the mean strain",
+    ),
+    (
+        *("shear_over_affine", "1", 1, lambda m: m.shear_modulus / isotropic_mean(m.affine)[1]),
+        "shear modulus over that of spheres that follow the mean strain",
+    ),
 )
-def anisotropy(packing: Measuring) -> Value:
-    """Of the whole stiffness tensor, as `modal.elasticity.plane_waves` has it."""
-    return _of(packing, packing.moduli.anisotropy)
+"""Name, unit, the power of the moduli that it goes as, what it is of them, in words.
+
+Of the bulk, where walls bound the packing; anisotropy as `modal.elasticity.plane_waves` has it.
+"""
+for _name, _unit, _power, _number, _definition in OF_MODULI:
+    _register = without_signal if _unit == "Pa" else on_request
+    _register(_name, _unit, _definition)(
+        lambda packing, unit=_unit, power=_power, number=_number: _of(
+            packing, float(number(packing.moduli)), unit, power
+        )
+    )
 
 
 @on_request(
-    "v_p_moduli",
-    "m/s",
-    "velocity of P-waves along z by the elastic moduli",
-)
-def v_p_moduli(packing: Measuring) -> Value:
-    """From no wave."""
-    return _of(packing, float(packing.moduli.velocities((0, 0, 1))[0]), "m/s", 0.5)
-
-
-@on_request(
-    "v_s_moduli",
-    "m/s",
-    "velocity of S-waves along z by the elastic moduli",
-)
-def v_s_moduli(packing: Measuring) -> Value:
-    """Mean of both polarisations."""
-    return _of(packing, float(packing.moduli.velocities((0, 0, 1))[1:].mean()), "m/s", 0.5)
-
-
-@on_request(
-    "bulk_over_affine",
-    "1",
-    "bulk modulus over that of spheres that follow the mean strain",
-)
-def bulk_over_affine(packing: Measuring) -> Value:
-    """What the motion of single spheres leaves of it."""
-    return _of(packing, packing.moduli.bulk_modulus / isotropic_mean(packing.moduli.affine)[0])
-
-
-@on_request(
-    "shear_over_affine",
-    "1",
-    "shear modulus over that of spheres that follow the mean strain",
-)
-def shear_over_affine(packing: Measuring) -> Value:
-    """What the motion of single spheres leaves of it."""
-    return _of(packing, packing.moduli.shear_modulus / isotropic_mean(packing.moduli.affine)[1])
-
-
-@on_request(
-    "shear_over_indeterminacy",
-    "1",
-    "(G D / k) / (h D^3), level in poorly coordinated packings",
+    "shear_over_indeterminacy", "1", "(G D / k) / (h D^3), level in poorly coordinated packings"
 )
 def shear_over_indeterminacy(packing: Measuring) -> Value:
     """Shear modulus in units of mean contact stiffness k over diameter D, over indeterminacy.

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from analysis.estimators.settled import residual_of
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, without_signal
 from analysis.value import Value, unknown
+from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import (
     contacts_per_particle,
@@ -18,22 +22,49 @@ from modal.packing.state import (
     void_ratio,
 )
 from modal.packing.summary import crystalline_shares
+from modal.tools.arrays import Floats
+
+EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
+    "void_ratio": (void_ratio, "volume of voids over that of spheres, from wall to wall"),
+    "coordination": (
+        lambda network: contacts_per_particle(network).mean(),
+        "contacts of a sphere, rattlers and contacts with walls included",
+    ),
+    "coordination_of_bearing": (
+        lambda network: coordination_without_rattlers(network)[0],
+        "contacts among force-bearing spheres, of one",
+    ),
+    "rattlers": (
+        lambda network: 1 - force_bearing(network).mean(),
+        "share of spheres that bear no force",
+    ),
+    "fabric_zz": (
+        lambda network: fabric_tensor(network)[2, 2],
+        "mean n_z^2 of contact normals; 1/3 where none is preferred",
+    ),
+    "force_squared": (
+        lambda network: (_forces(network) ** 2).mean() / _forces(network).mean() ** 2,
+        "mean squared normal force between spheres over squared mean",
+    ),
+    "weak_forces": (
+        lambda network: (_forces(network) < 0.5 * _forces(network).mean()).mean(),
+        "share of normal forces between spheres below half the mean",
+    ),
+    "residual": (residual_of, "mean net force of a sphere over mean contact force"),
+}
+"""Numbers without an error, exact for the packing, and what they are."""
 
 
-@without_signal("void_ratio", "1", "volume of voids over that of spheres, from wall to wall")
-def of_voids(packing: Measuring) -> Value:
-    """Exact for the packing."""
-    return Value(void_ratio(packing.network), "1")
+def _forces(network: Network) -> Floats:
+    """Normal forces (m,), N, between spheres."""
+    return network.require("force_normal", "distribution of forces")[~network.with_wall]
 
 
-@without_signal(
-    "coordination",
-    "1",
-    "contacts of a sphere, rattlers and contacts with walls included",
-)
-def coordination(packing: Measuring) -> Value:
-    """Exact for the packing."""
-    return Value(float(contacts_per_particle(packing.network).mean()), "1")
+for _name, (_number, _definition) in EXACT.items():
+    _register = without_signal if _name in ("void_ratio", "coordination") else on_request
+    _register(_name, "1", _definition)(
+        lambda packing, number=_number: Value(float(number(packing.network)), "1")
+    )
 
 
 @without_signal("crystalline_share", "1", "share of spheres in crystalline surroundings")
@@ -57,67 +88,7 @@ def of_voids_in_bulk(packing: Measuring) -> Value:
     return Value(float(1 / (1 / (1 + layers.void_ratio[layers.bulk])).mean() - 1), "1")
 
 
-@on_request(
-    "coordination_of_bearing",
-    "1",
-    "contacts among force-bearing spheres, of one",
-)
-def coordination_of_bearing(packing: Measuring) -> Value:
-    """Without rattlers and without contacts with them."""
-    return Value(coordination_without_rattlers(packing.network)[0], "1")
-
-
-@on_request("rattlers", "1", "share of spheres that bear no force")
-def rattlers(packing: Measuring) -> Value:
-    """Exact for the packing."""
-    return Value(float(1 - force_bearing(packing.network).mean()), "1")
-
-
-@on_request(
-    "fabric_zz",
-    "1",
-    "mean n_z^2 of contact normals; 1/3 where none is preferred",
-)
-def fabric_zz(packing: Measuring) -> Value:
-    """Exact for the packing."""
-    return Value(float(fabric_tensor(packing.network)[2, 2]), "1")
-
-
-def _forces(packing: Measuring, purpose: str) -> np.ndarray:
-    """Normal forces (m,), N, between spheres."""
-    network = packing.network
-    return np.asarray(network.require("force_normal", purpose)[~network.with_wall])
-
-
-@on_request("force_squared", "1", "mean squared normal force over squared mean")
-def force_squared(packing: Measuring) -> Value:
-    """Between spheres."""
-    force = _forces(packing, "distribution of forces")
-    return Value(float((force**2).mean() / force.mean() ** 2), "1")
-
-
-@on_request("weak_forces", "1", "share of normal forces below half the mean")
-def weak_forces(packing: Measuring) -> Value:
-    """Between spheres."""
-    force = _forces(packing, "distribution of forces")
-    return Value(float((force < 0.5 * force.mean()).mean()), "1")
-
-
-@on_request(
-    "residual",
-    "1",
-    "mean net force of a sphere over mean contact force",
-)
-def residual(packing: Measuring) -> Value:
-    """How far from equilibrium the packing is."""
-    return Value(residual_of(packing.network), "1")
-
-
-@on_request(
-    "stress_error",
-    "1",
-    "largest deviation of a principal stress from its target",
-)
+@on_request("stress_error", "1", "largest deviation of a principal stress from its target")
 def stress_error(packing: Measuring) -> Value:
     """Of the stress that the packing says it was made for."""
     target = float(packing.network.study.get("stress", np.nan))

@@ -63,6 +63,12 @@ def low_pass_unbiased(packing: Measuring) -> Value:
     Disorder has no band edge. What stands for it is the frequency at which the coherent wave fades
     to 2 %, the part of the paper's rule, over 50 D, a length of every packing alike: alpha(f) 50 D
     = ln 50, alpha being free of source, record and length.
+
+    The error is that of one packing: what other windows make of it, how far the crossings lie
+    apart, and that its attenuation is one draw for each `Coherent.resolution`: within a line so
+    wide the crossing may be anywhere, a standard deviation of the width over root 12. Five packings
+    of 4,000 spheres without friction, 69 D long, 7 D wide, gave 20.7 to 26.8 kHz, a scatter of
+    2.2 kHz; a line is 9.3 kHz wide there, the error thus 2.7 kHz.
     """
     if packing.crystal:
         value, other = (
@@ -77,7 +83,8 @@ def low_pass_unbiased(packing: Measuring) -> Value:
         return unknown("Hz", "the coherent wave is lost before it fades as much", *packing.of_waves)
     first, value, last = ends[0]
     caveats = packing.of_frequency(value)
-    parts = {"fit": (last - first) / 2, "resolution": abs(ends[1, 1] - ends[2, 1])}
+    line = packing.coherent.resolution / np.sqrt(12)
+    parts = {"fit": (last - first) / 2, "chain": abs(ends[1, 1] - ends[2, 1]), "resolution": line}
     found = Value(value, "Hz", parts, caveats)
     if not found.error <= SURE * value:
         text = f"no plateau: attenuation rises through it from {hertz(first)} to {hertz(last)}"

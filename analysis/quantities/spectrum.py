@@ -50,11 +50,7 @@ def excess_peak(packing: Measuring) -> Value:
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, packing.of_one_sample)
 
 
-@on_request(
-    "resonances",
-    "Hz",
-    "frequencies of the standing P-waves r = 1, 2, ... among the lowest modes",
-)
+@on_request("resonances", "Hz", "of standing P-waves r = 1, 2, ... among the lowest modes")
 def resonances(packing: Measuring) -> Value:
     """Of a crystal its pure modes, else the modes that bear the largest share of each wave."""
     modes, along_z, lacks = packing.modes
@@ -66,11 +62,7 @@ def resonances(packing: Measuring) -> Value:
     return Value(np.asarray(f), "Hz", {}).with_caveats(*packing.of_waves, *filter(None, [lacks]))
 
 
-@on_request(
-    "chi_z",
-    "1",
-    "share of a mode's motion that is along z, over frequency (Eq. 2)",
-)
+@on_request("chi_z", "1", "share of a mode's motion that is along z, over frequency (Eq. 2)")
 def chi_z(packing: Measuring) -> Value:
     """Of all spheres, of each of the lowest modes."""
     modes, _, lacks = packing.modes

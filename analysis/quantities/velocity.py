@@ -80,11 +80,7 @@ def v_s(packing: Measuring) -> Value:
     return _longest(packing, packing.shear_wave).with_caveats(*packing.of_waves)
 
 
-@without_signal(
-    "v_p_static",
-    "m/s",
-    "velocity of P-waves by the springs' answer to a steady push",
-)
+@without_signal("v_p_static", "m/s", "velocity of P-waves by the springs' answer to a steady push")
 def v_p_static(packing: Measuring) -> Value:
     """Independent of every rule that reads waves."""
     packing.require_walls()

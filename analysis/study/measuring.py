@@ -10,7 +10,6 @@ import numpy as np
 
 from analysis.case import Case
 from analysis.case_files import EXTRA_KINDS, KINDS
-from analysis.columns import VALUES
 from analysis.crystal import compare
 from analysis.estimators.low_pass import Edge
 from analysis.estimators.settled import why_unsettled
@@ -18,11 +17,11 @@ from analysis.figures import compose
 from analysis.figures.picture import write_picture
 from analysis.measurement import measure
 from analysis.measures import Measures
-from analysis.measures.estimate import Estimate
-from analysis.measures.shear_wave import velocities_of
-from analysis.rows import MAPS, Row, add_low_pass, bare_row, row_of
+from analysis.quantities.records import LOW_PASS
+from analysis.rows import Row, add_values, bare_row, row_of
 from analysis.study.results import write_result
 from analysis.table import number
+from analysis.value import estimate
 from modal.exchange.registry import read_packing, read_remarked
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
@@ -33,8 +32,12 @@ from modal.waves.signals import Signals
 
 RESONANCES = 10
 """Rows of the table of resonances."""
-AT_REST = "particles", "length_over_d", "void_ratio", "coordination_number", "f_max_khz"
-"""Columns of another seed's packing that need no wave."""
+SCATTERING = (
+    *("particles", "length_over_d", "void_ratio", "coordination", "f_max"),
+    *("v_p_first_peaks_yade", "v_p_first_peaks_linear"),
+    *(name for key, names in LOW_PASS.items() if key.count("_") == 1 for name in names),
+)
+"""Quantities of another seed's packing: Table 1's."""
 
 
 class OtherSeed(Case):
@@ -66,7 +69,6 @@ def of_case(
     case.check()
     m = Measures(case)
     row = row_of(m)
-    _add_elasticity(row, m)
     _add_tables(row, m)
     row.provenance = _provenance(case)
     for figure in figures:
@@ -88,10 +90,7 @@ def of_seed(name: str, folder: Path, output: Path) -> Row:
     case = OtherSeed(name, folder)
     case.check()
     m, row = Measures(case), bare_row(case)
-    row.values = {column: Estimate.of(VALUES[column](m)) for column in AT_REST}
-    row.values["v_p_first_peaks_yade_m_per_s"] = m.yade_first_peak
-    row.values["v_p_first_peaks_linear_m_per_s"] = m.first_peak
-    add_low_pass(row, m, {"": MAPS[""]})
+    add_values(row, m, SCATTERING)
     write_result(output, row)
     return row
 
@@ -104,7 +103,7 @@ def of_quantities(name: str, files: Sequence[Path], output: Path, quantities: Se
     row = bare_row(case)
     for quantity, value in found.items():
         if value.at is None:
-            row.values[quantity] = Estimate(float(value.value), float(value.error))
+            row.values[quantity] = estimate(float(value.value), float(value.error))
         else:
             row.curves[quantity] = tuple(map(np.asarray, (value.at, value.value, value.error)))
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]
@@ -120,31 +119,10 @@ def of_state(name: str, sample: Path, output: Path) -> Row:
     stress, mu = float(study["stress"]), float(study.get("mu_comp", 0.0))
     why = why_unsettled(network, stress)
     row = Row(None, name, f"random, {stress / 1e3:g} kPa", False, stress, mu, "", why, state=True)
-    row.values["void_ratio"] = Estimate(void_ratio(network))
-    row.values["coordination_number"] = Estimate(float(contacts_per_particle(network).mean()))
+    row.values["void_ratio"] = estimate(void_ratio(network))
+    row.values["coordination_number"] = estimate(float(contacts_per_particle(network).mean()))
     write_result(output, row)
     return row
-
-
-def _add_elasticity(row: Row, m: Measures) -> None:
-    """Moduli and S-waves of a case, as far as their files are there."""
-    moduli = m.case.moduli
-    if moduli is not None:
-        v_p, v_s = velocities_of(moduli)
-        for name, value in (
-            ("bulk_modulus_mpa", moduli.bulk_modulus / 1e6),
-            ("shear_modulus_mpa", moduli.shear_modulus / 1e6),
-            ("poisson", moduli.poisson),
-            ("v_p_moduli_m_per_s", v_p),
-            ("v_s_moduli_m_per_s", v_s),
-        ):
-            row.values[name] = Estimate(value)
-    for wave in m.shear:
-        producer, edge = wave.record.producer, wave.low_pass
-        row.values[f"v_s_long_waves_{producer}_m_per_s"] = wave.long_wave
-        row.values[f"v_s_first_peaks_{producer}_m_per_s"] = wave.first_peak
-        low_pass = Estimate(edge.value / 1e3, edge.error / 1e3)
-        row.values[f"f_low_pass_2_shear_{producer}_khz"] = low_pass
 
 
 def _add_tables(row: Row, m: Measures) -> None:

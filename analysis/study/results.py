@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from analysis.measures.estimate import Estimate
 from analysis.rows import Row
+from analysis.value import estimate
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
@@ -27,7 +27,8 @@ DIGITS, OF_CURVES = 12, 6
 
 def write_result(path: Path, row: Row) -> None:
     """Write the result of a case; numbers that are not known are null."""
-    found = {"schema": SCHEMA, "version": VERSION} | asdict(row)
+    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
+    found["values"] = {n: {"value": v.value, "error": v.error} for n, v in row.values.items()}
     del found["stated"]
     found["curves"] = _plain(found["curves"], OF_CURVES)
     lines = (f"{json.dumps(name)}: {json.dumps(_plain(value))}" for name, value in found.items())
@@ -43,7 +44,7 @@ def read_result(path: str | Path) -> Row:
         known = {field.name for field in fields(Row)}
         row = Row(**{name: _numbers(value) for name, value in found.items() if name in known})
         cells: dict[str, Any] = dict(row.values)
-        row.values = {name: Estimate(**cell) for name, cell in cells.items()}
+        row.values = {name: estimate(**cell) for name, cell in cells.items()}
         row.curves = {
             name: tuple(np.array(values, float) for values in arrays)
             for name, arrays in row.curves.items()

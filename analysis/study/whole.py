@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.measures.estimate import Estimate
 from analysis.rows import Row
 from analysis.study.arrangement import arrange
 from analysis.study.description import Study
@@ -20,6 +19,7 @@ from analysis.study.selection import runs
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Answer, Rules, answers, targets, targets_seen
 from analysis.table import Table, number, read_csv
+from analysis.value import Value, estimate
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
@@ -79,11 +79,11 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     return path, len(away)
 
 
-def _of_state(frame: pd.DataFrame, row: Row) -> dict[str, Estimate]:
+def _of_state(frame: pd.DataFrame, row: Row) -> dict[str, Value]:
     """By which void ratio figures order packings: that of the state before the cases."""
     if "void_ratio_of_state" not in frame or row.name not in frame.index:
         return {}
-    return {"void_ratio_of_state": Estimate(float(frame["void_ratio_of_state"][row.name]))}
+    return {"void_ratio_of_state": estimate(float(frame["void_ratio_of_state"][row.name]))}
 
 
 def _summary(frame: pd.DataFrame, found: list[Answer]) -> list[str]:

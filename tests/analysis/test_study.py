@@ -12,17 +12,18 @@ from packings import frictionless
 
 pytest.importorskip("pandas")
 
+
 from analysis.__main__ import main
-from analysis.columns import natural_frequency
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures import FIGURES
-from analysis.measures.estimate import Estimate
+from analysis.quantities.records import natural_frequency
 from analysis.rows import Row
 from analysis.study.description import Study
 from analysis.study.powers import powers
 from analysis.study.results import frame_of, read_result, read_results, write_result
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Answer, Rules, answers, targets
+from analysis.value import estimate
 from modal.modes.dense import all_modes
 from modal.modes.eigenmodes import highest_modes
 from modal.packing.crystal import fcc
@@ -190,7 +191,7 @@ def test_what_a_study_draws_and_reads_is_known(paper):
 def made_up(number: int, mu: float, stress: float, record="linear", **values: float) -> Row:
     name = f"case{number:02d}"
     row = Row(number, name, name, number < 5, stress, mu, record, "")
-    row.values = {key: Estimate(value) for key, value in values.items()}
+    row.values = {key: estimate(value) for key, value in values.items()}
     row.curves["gain_orders"] = (np.array([0.5]), np.array([0.5]))
     row.of_record = dict(RECORD)
     return row
@@ -246,7 +247,7 @@ def test_powers_over_stress_are_of_one_producer(paper):
     rows = study_of({k: 0.2 for k in range(7)})
     for row in rows[:4]:
         row.record = "yade"
-        row.values["v_p_first_peaks_yade_m_per_s"] = Estimate(500 * (row.stress / 1e4) ** 0.3)
+        row.values["v_p_first_peaks_yade_m_per_s"] = estimate(500 * (row.stress / 1e4) ** 0.3)
     finding = of(paper, rows)["rnd_b"].finding
     assert finding.value == pytest.approx(0.2) and finding.why.startswith("linear: ")
 
@@ -254,7 +255,7 @@ def test_powers_over_stress_are_of_one_producer(paper):
 def test_one_case_outside_fails_a_target_of_all(paper):
     inside = [made_up(n, 0.0, 1e5, length_over_d=143.0) for n in range(5, 33)]
     assert of(paper, inside)["rnd_length"].met == "yes"
-    inside[3].values["length_over_d"] = Estimate(147.0)
+    inside[3].values["length_over_d"] = estimate(147.0)
     found = of(paper, inside)["rnd_length"]
     assert found.met == "no" and "outside: case 8" in found.finding.why
     assert found.finding.value == 147.0
@@ -265,20 +266,20 @@ def test_nothing_is_met_with_a_number_that_is_missing(paper):
     name = "v_p_first_peaks_yade_m_per_s"
     speed = [made_up(n, 0, 10.0 ** (3 + n), "yade", **{name: 10 ** (n / 6)}) for n in range(1, 5)]
     assert of(paper, speed)["fcc_b"].met == "yes"
-    speed[3].values[name] = Estimate(np.nan)
+    speed[3].values[name] = estimate(np.nan)
     found = of(paper, speed)["fcc_b"]
     assert found.finding.value == pytest.approx(1 / 6) and found.met == "no"
     assert "case 4" in found.finding.why
     gains = [made_up(n, 0, 1e5, gain_maximum=3.0) for n in (2, 3, 4, 6, 7, 8)]
     assert of(paper, gains)["gain_peak"].met == "yes"
-    gains[4].values["gain_maximum"] = Estimate(np.nan)
+    gains[4].values["gain_maximum"] = estimate(np.nan)
     assert of(paper, gains)["gain_peak"].met == "no"
     assert of(paper, gains[:4])["gain_peak"].met == "no"
     tops = [made_up(n, 0, 1e5, f_max_khz=200.0 + n / 100) for n in range(1, 33)]
     assert of(paper, tops)["fmax_spread"].met == "yes"
-    tops[29].values["f_max_khz"] = Estimate(np.nan)
+    tops[29].values["f_max_khz"] = estimate(np.nan)
     assert of(paper, tops)["fmax_spread"].met == "no"
-    tops[29].values["f_max_khz"] = Estimate(190.0)
+    tops[29].values["f_max_khz"] = estimate(190.0)
     found = of(paper, tops)["fmax_spread"]
     assert found.finding.value == pytest.approx(100 * (200.06 / 190 - 1)) and found.met == "no"
 
@@ -296,7 +297,7 @@ def test_a_state_that_has_not_settled_or_a_threshold_on_no_plateau_meets_nothing
 
 def test_states_that_are_no_cases_stand_beside_those_of_their_friction(paper):
     state = Row(None, "mu0.4_1000Pa", "", False, 1e3, 0.4, "", "residual 1e-2", state=True)
-    state.values["coordination_number"] = Estimate(3.8)
+    state.values["coordination_number"] = estimate(3.8)
     found = of(paper, [state, made_up(29, 0.4, 1e4)])["rnd_cn_loose"]
     assert found.finding.value == 3.8 and found.met == "no" and "inside" in found.finding.why
     state.unsettled = ""
@@ -312,8 +313,8 @@ def test_a_rule_that_gives_the_papers_numbers_meets_its_statements_and_others_do
         two = 21.9 / 20 / 10**0.25 * row.value("f_low_pass_2_linear_khz")
         of_rule = {"2": two, "1": 1.1 * two, "3": (0.97 - theirs) * two}
         for percent, value in of_rule.items():
-            row.values[f"f_low_pass_{percent}_linear_khz"] = Estimate(value)
-            row.values[f"lambda_{percent}_linear_over_d"] = Estimate(10.0)
+            row.values[f"f_low_pass_{percent}_linear_khz"] = estimate(value)
+            row.values[f"lambda_{percent}_linear_over_d"] = estimate(10.0)
     frame = frame_of(rows, paper.cases)
     spec = [spec for spec in paper.part("tables") if spec["name"] == "statements"]
     (table,) = tables(spec, frame, Rules(frame, paper.stated()), rows)
@@ -330,7 +331,7 @@ def test_scatter_of_seeds_is_the_standard_deviation_by_one_producer(tmp_path):
     """The case has a run, its twin has none: linear waves are compared, whatever YADE says."""
     linear, yade = (f"v_p_first_peaks_{who}_m_per_s" for who in ("linear", "yade"))
     row = made_up(6, 0.0, 1e5, "yade", void_ratio=0.544, **{linear: 540.0, yade: 600.0})
-    row.values["v_p_first_peaks_m_per_s"] = Estimate(600.0)
+    row.values["v_p_first_peaks_m_per_s"] = estimate(600.0)
     twin = made_up(6, 0.0, 1e5, void_ratio=0.546, **{linear: 543.0})
     other = made_up(7, 0.0, 1e6, void_ratio=0.3)
     for place, one in (("", row), ("seed_2/", twin), ("seed_3/", other)):
@@ -348,9 +349,9 @@ def test_errors_of_natural_frequencies_hold_the_exact_ones():
     network = random_network(60, 1e5, seed=3)
     exact = all_modes(LinearSystem.of(network)).frequency[-1]
     found = highest_modes(LinearSystem.of(network), 1, certify=False)
-    estimate = natural_frequency(float(found.frequency[-1]), found)
-    assert np.isfinite(estimate.error)
-    assert abs(estimate.value - exact / 1e3) <= estimate.error + 1e-12 * estimate.value
+    own = natural_frequency(float(found.frequency[-1]), found)
+    assert np.isfinite(own.error)
+    assert abs(own.value - exact) <= own.error + 1e-12 * own.value
 
 
 SWEEP = """
@@ -381,7 +382,7 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
 
 def _of_sweep(name: str, case) -> Row:
     row = Row(None, name, name, False, 1e5, case["mu_comp"], "linear", "")
-    row.values["v_p"] = Estimate(500 + 10 * case["seed"])
+    row.values["v_p"] = estimate(500 + 10 * case["seed"])
     return row
 
 
