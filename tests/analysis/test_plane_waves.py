@@ -14,7 +14,7 @@ from analysis.estimators.plane_waves import (
     wave_vectors,
 )
 from analysis.estimators.scattering import Scattering
-from analysis.estimators.structure_factor import StructureFactor, read_structure, write_structure
+from analysis.estimators.structure_factor import StructureFactor
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
@@ -241,12 +241,7 @@ def test_density_of_states_is_level_at_the_debye_level(crystal):
     assert value == pytest.approx(full[:, 6] / np.array([5e4, 1e5]) ** 2)
 
 
-def test_files_and_refusals(tmp_path, crystal, cell):
-    found = plane_structure_factor(crystal, np.array([(1, 0, 0), (0, 1, 1)]), "T", 2e4)
-    path = tmp_path / "plane.structure.h5"
-    write_structure(path, found)
-    again = read_structure(path)
-    assert (again.order == found.order).all() and (again.power == found.power).all()
+def test_refusals(cell):
     slab = modal.fcc(cells=(2, 2, 6))
     bare = replace(modal.eigenmodes(slab, lowest=1), mode_shape=None)
     for wrong, words in (
