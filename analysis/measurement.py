@@ -13,7 +13,7 @@ from analysis.belonging import WAVES, cases_of_files, kind_of, owner_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
-from analysis.value import Value
+from analysis.value import Value, plain
 from modal.exchange.programs.own import is_sample
 from modal.formats.hdf5 import write_text
 from modal.packing.network import Network
@@ -165,13 +165,7 @@ def _measured(packing: Measuring, quantities: Sequence[str] | None) -> Measureme
     }
     about |= {key: network.study[key] for key in SAME_STATE if key in network.study}
     values = {name: QUANTITIES[name].measured(packing) for name in names}
-    return Measurement(values, {name: _plain(fact) for name, fact in about.items()})
-
-
-def _plain(fact: Any) -> Any:
-    """A fact as JSON has it: numbers of numpy as Python's, NaN as None."""
-    fact = fact.item() if isinstance(fact, np.generic) else fact
-    return None if isinstance(fact, float) and not np.isfinite(fact) else fact
+    return Measurement(values, plain(about))
 
 
 def measure_files(

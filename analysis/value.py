@@ -25,7 +25,7 @@ class Value:
     samples, of a mean over them. `caveats` are whole sentences for people.
     """
 
-    value: float | Floats
+    value: Any
     unit: str
     parts: Mapping[str, Any] = field(default_factory=dict)
     caveats: tuple[str, ...] = ()
@@ -33,7 +33,7 @@ class Value:
     scatter: float | Floats | None = None
 
     @property
-    def error(self) -> float | Floats:
+    def error(self) -> Any:
         """Standard error, in the unit of the value; 0 where the value is exact for its packing.
 
         The root of the squares of `fit`, `chain` and `resolution`; where samples scatter by more,
@@ -62,13 +62,13 @@ class Value:
 
     def as_json(self, *, whole: bool = False) -> dict[str, Any]:
         """value, error, unit, caveats; where they are, `at`, Hz, and `scatter`; `whole`: parts."""
-        told: dict[str, Any] = {"value": _plain(self.value), "error": _plain(self.error)}
+        told: dict[str, Any] = {"value": plain(self.value), "error": plain(self.error)}
         told |= {"unit": self.unit, "caveats": list(self.caveats)}
         for name in ("at", "scatter"):
             if getattr(self, name) is not None:
-                told[name] = _plain(getattr(self, name))
+                told[name] = plain(getattr(self, name))
         if whole:
-            told["parts"] = {name: _plain(part) for name, part in self.parts.items()}
+            told["parts"] = plain(self.parts)
         return told
 
     @staticmethod
@@ -130,11 +130,16 @@ def hertz(frequency: float) -> str:
     return quantity(float(frequency), "Hz", 3)
 
 
-def _plain(number: Any) -> Any:
-    """Lists and numbers as JSON has them, None for what is not finite."""
-    if np.ndim(number):
-        return [_plain(one) for one in number]
-    return float(number) if np.isfinite(number) else None
+def plain(value: Any, digits: int = 17) -> Any:
+    """As JSON has it, to so many digits: arrays as lists; what is not finite is None."""
+    if isinstance(value, Mapping):
+        return {name: plain(cell, digits) for name, cell in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [plain(cell, digits) for cell in value]
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+    return value
 
 
 def _number(told: Any) -> Any:

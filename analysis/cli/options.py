@@ -1,13 +1,10 @@
-"""What the commands share: adding one, adding cases to one, showing and writing a text."""
+"""What the commands share: adding one, adding cases to one."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
 from typing import Any
-
-from modal.cli.terminal import put
-from modal.formats.hdf5 import write_text
 
 CASE = "a case of --products by name, as 2; or files: a NETWORK and what was made from it"
 """Help of what names a case."""
@@ -35,10 +32,3 @@ def add_command(
 def add_products(command: argparse.ArgumentParser) -> None:
     """The option --products of a command that reads cases of a folder."""
     command.add_argument("--products", default="products", metavar="DIR", help="folder to read")
-
-
-def show(text: str, output: str | None) -> None:
-    """Print a text, and write it where a file is given."""
-    put(text, end="")
-    if output:
-        write_text(output, text)

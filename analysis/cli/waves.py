@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
-from analysis.cli.options import add_command, show
+from analysis.cli.options import add_command
 from analysis.watch import watch_page
 from modal.cli.options import add_output
 from modal.cli.terminal import put
+from modal.formats.hdf5 import write_text
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing.network import read_network
 from modal.tools.errors import InputError
@@ -58,8 +59,10 @@ def _agreement(options: argparse.Namespace) -> None:
         if note := require_same_packing(path, packing):
             print(f"note: {note}", file=sys.stderr)
     found = report(Agreement(network, run, within), **others)
-    show("\n".join(table.markdown() for table in found), options.output)
+    text = "\n".join(table.markdown() for table in found)
+    put(text, end="")
     if options.output:
+        write_text(options.output, text)
         found[0].write_csv(Path(options.output).with_suffix(".csv"))
 
 

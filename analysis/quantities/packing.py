@@ -60,11 +60,13 @@ def _forces(network: Network) -> Floats:
     return network.require("force_normal", "distribution of forces")[~network.with_wall]
 
 
+def _exact(number: Callable[[Network], Any]) -> Callable[[Measuring], Value]:
+    return lambda packing: Value(float(number(packing.network)), "1")
+
+
 for _name, (_number, _definition) in EXACT.items():
     _register = without_signal if _name in ("void_ratio", "coordination") else on_request
-    _register(_name, "1", _definition)(
-        lambda packing, number=_number: Value(float(number(packing.network)), "1")
-    )
+    _register(_name, "1", _definition)(_exact(_number))
 
 
 @without_signal("crystalline_share", "1", "share of spheres in crystalline surroundings")

@@ -7,7 +7,7 @@ these files alone, so that a clone of the project makes it in seconds, without a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.rows import Row
-from analysis.value import estimate
+from analysis.value import estimate, plain
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
@@ -30,8 +30,10 @@ def write_result(path: Path, row: Row) -> None:
     found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
     found["values"] = {n: {"value": v.value, "error": v.error} for n, v in row.values.items()}
     del found["stated"]
-    found["curves"] = _plain(found["curves"], OF_CURVES)
-    lines = (f"{json.dumps(name)}: {json.dumps(_plain(value))}" for name, value in found.items())
+    found["curves"] = plain(found["curves"], OF_CURVES)
+    lines = (
+        f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}" for name, value in found.items()
+    )
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
@@ -68,19 +70,8 @@ def read_results(folder: Path) -> list[Row]:
     return rows
 
 
-def _plain(value: Any, digits: int = DIGITS) -> Any:
-    """A value as JSON has it: arrays as lists, rounded; NaN as None."""
-    if isinstance(value, Mapping):
-        return {name: _plain(cell, digits) for name, cell in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(cell, digits) for cell in value]
-    if isinstance(value, float | np.floating):
-        return float(f"{value:.{digits}g}") if np.isfinite(value) else None
-    return value
-
-
 def _numbers(value: Any) -> Any:
-    """What `_plain` has made None is NaN again."""
+    """What `plain` has made None is NaN again."""
     if isinstance(value, dict):
         return {name: _numbers(cell) for name, cell in value.items()}
     if isinstance(value, list):
