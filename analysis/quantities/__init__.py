@@ -15,7 +15,8 @@ for _room in (
     "scattering",
     "spectrum",
     "elasticity",
-    "packing", "records",
+    "packing",
+    "records",
     "amplitude",
 ):
     import_module(f"analysis.quantities.{_room}")

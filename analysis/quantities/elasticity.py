@@ -29,13 +29,7 @@ OF_MODULI: tuple[tuple[str, str, float, Callable[[ElasticModuli], float], str], 
     ("bulk_modulus", "Pa", 1, lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
     ("shear_modulus", "Pa", 1, lambda m: m.shear_modulus, "shear modulus, mean over directions"),
     ("poisson", "1", 1, lambda m: m.poisson, "Poisson's ratio of the isotropic solid nearest"),
-    (
-        "anisotropy",
-        "1",
-        1,
-        lambda m: m.anisotropy,
-        "how far the stiffness is from isotropic, 0 to 1",
-    ),
+    ("anisotropy", "1", 1, lambda m: m.anisotropy, "how far from isotropic it is, 0 to 1"),
     ("v_p_moduli", "m/s", 0.5, lambda m: _along_z(m)[0], "V_P along z by the moduli, from no wave"),
     ("v_s_moduli", "m/s", 0.5, lambda m: _along_z(m)[1:].mean(), "the same of both S-waves, mean"),
     (
@@ -51,13 +45,17 @@ OF_MODULI: tuple[tuple[str, str, float, Callable[[ElasticModuli], float], str], 
 
 Of the bulk, where walls bound the packing; anisotropy as `modal.elasticity.plane_waves` has it.
 """
+
+
+def _measured(
+    unit: str, power: float, number: Callable[[ElasticModuli], float]
+) -> Callable[[Measuring], Value]:
+    return lambda packing: _of(packing, float(number(packing.moduli)), unit, power)
+
+
 for _name, _unit, _power, _number, _definition in OF_MODULI:
     _register = without_signal if _unit == "Pa" else on_request
-    _register(_name, _unit, _definition)(
-        lambda packing, unit=_unit, power=_power, number=_number: _of(
-            packing, float(number(packing.moduli)), unit, power
-        )
-    )
+    _register(_name, _unit, _definition)(_measured(_unit, _power, _number))
 
 
 @on_request(
