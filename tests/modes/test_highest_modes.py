@@ -111,7 +111,7 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     assert "--highest" in capsys.readouterr().err
 
 
-def test_a_long_column_goes_on_about_a_shift(monkeypatch):
+def test_a_long_column_goes_on_about_a_shift():
     """300 layers: the top modes are 1e-5 apart in omega^2, which products alone hardly resolve."""
     system = LinearSystem.of(gallery.fcc(cells=(1, 1, 300)))
     exact = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
