@@ -42,9 +42,9 @@ columns = {LOW_PASS: "f_low_pass_2_linear", PEAK: "excess_peak", IOFFE_REGEL: "i
 value = {name: column(f"{key}_khz") / top for name, key in columns.items()}
 error = {name: column(f"{key}_khz_error") / top for name, key in columns.items()}
 for k, row in enumerate(rows):
-    path = RESULTS / f"isostaticity/{row['name']}.json"
-    if path.exists():
-        measured = json.loads(path.read_text())
+    own = RESULTS / f"isostaticity/{row['name']}.json"
+    if own.exists():
+        measured = json.loads(own.read_text())
         value[PEAK][k] = measured["excess_peak"]["value"] / 1e3 / top[k]
         error[PEAK][k] = measured["excess_peak"]["error"] / 1e3 / top[k]
 
@@ -78,23 +78,23 @@ def shared_zero(x, ys):
     return trials[cost.argmin()]
 
 
-def interval(statistic):
-    """2.5 and 97.5 % of a statistic of some cases, over draws of whole frictions."""
+def interval(statistic, paths=friction):
+    """2.5 and 97.5 % of a statistic of some cases, over draws of whole loading paths."""
     random = np.random.default_rng(1)
-    members = [np.flatnonzero(friction == each) for each in np.unique(friction)]
+    members = [np.flatnonzero(paths == each) for each in np.unique(paths)]
     draws = [random.integers(len(members), size=len(members)) for _ in range(DRAWS)]
     found = [statistic(np.concatenate([members[k] for k in d])) for d in draws if np.ptp(d) > 0]
     return np.percentile(found, (2.5, 97.5), axis=0)
 
 
-fits = {}
-for name, y in value.items():
+def fitted(name, z, y, paths):
+    """The line through a quantity's points with intervals, and what it leaves."""
     known = np.isfinite(y)
     slope, zero = line(z, y)
-    (low_slope, low_zero), (high_slope, high_zero) = interval(lambda k, y=y: line(z[k], y[k]))
-    low_power, high_power = interval(lambda k, y=y: power(z[k], y[k]))
+    (low_slope, low_zero), (high_slope, high_zero) = interval(lambda k: line(z[k], y[k]), paths)
+    low_power, high_power = interval(lambda k: power(z[k], y[k]), paths)
     through_four = (y[known] @ (z[known] - 4)) / ((z[known] - 4) ** 2).sum()
-    fits[name] = {
+    fit = {
         "cases": int(known.sum()),
         "slope": slope,
         "slope_low": low_slope,
@@ -112,9 +112,13 @@ for name, y in value.items():
     }
     print(
         f"{name}: {slope:.4f} ({low_slope:.4f} to {high_slope:.4f}) (z - z_c), z_c {zero:.2f} "
-        f"({low_zero:.2f} to {high_zero:.2f}), R^2 {fits[name]['r_squared']:.3f}; "
+        f"({low_zero:.2f} to {high_zero:.2f}), R^2 {fit['r_squared']:.3f}; "
         f"(z - 4)^{power(z, y):.2f} ({low_power:.2f} to {high_power:.2f})"
     )
+    return fit
+
+
+fits = {name: fitted(name, z, y, friction) for name, y in value.items()}
 straight = [value[LOW_PASS], value[PEAK]]
 common = shared_zero(z, straight)
 low, high = interval(lambda k: shared_zero(z[k], [y[k] for y in straight]))
@@ -161,6 +165,57 @@ for ax, name in zip(axes, value, strict=True):
     ax.set(xlabel="z - 4", xlim=(0, 3.1))
 axes[0].set(ylabel="frequency / highest frequency", ylim=(0, 0.36))
 legend(axes[0], "friction", [(f"{each:g}", colours[each], "o") for each in values])
+legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", markers[p]) for p in pressures])
+axes[2].legend(frameon=False, fontsize=6.5, loc="upper left")
+plt.show()
+
+# %%
+# **Other packings.** The same fits of 76 packings of 6,000 spheres, 9 D wide, of up to three seeds
+# each, made and measured by `studies/isostaticity.yaml`; here whole loading paths are drawn, one of each
+# friction and seed. The dashed lines are the fits of the study's packings.
+
+others = [
+    json.loads(path.read_text()) for path in sorted(RESULTS.glob("isostaticity/seeds/*.json"))
+]
+
+
+def other(name):
+    """A quantity of all other packings; NaN where there is none."""
+    found = [row["values"].get(name, {}).get("value") for row in others]
+    return np.array([np.nan if each is None else each for each in found])
+
+
+NAMES = {LOW_PASS: "low_pass", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
+of_seeds = {name: other(key) / other("highest_frequency") for name, key in NAMES.items()}
+other_z = other("coordination_of_bearing")
+other_friction, other_stress = (np.array([r[k] for r in others]) for k in ("mu_comp", "stress"))
+seed = np.array([row["name"].partition("seed")[2] for row in others])
+path = np.char.add(np.char.mod("%g ", other_friction), seed)
+for name, y in of_seeds.items():
+    fits[f"{name}, seeds"] = fitted(f"{name}, seeds", other_z, y, path)
+over_50 = other("low_pass_unbiased") / other("highest_frequency")
+name = "low-pass frequency over 50 D, seeds"
+fits[name] = fitted(name, other_z, over_50, path)
+among, axes = plt.subplots(1, 3, figsize=(7, 2.7), sharey=True, layout="constrained")
+every = np.unique(other_friction)
+shades = dict(zip(every, plt.get_cmap("viridis")(np.linspace(0, 0.9, len(every))), strict=True))
+for ax, name in zip(axes, of_seeds, strict=True):
+    fit, before = fits[f"{name}, seeds"], fits[name]
+    ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8, label="fit")
+    ax.plot(
+        along, before["slope"] * (along + 4 - before["z_c"]), "k--", lw=0.8, label="the study's fit"
+    )
+    for mu, p in {*zip(other_friction, other_stress, strict=True)}:
+        of = (other_friction == mu) & (other_stress == p) & np.isfinite(of_seeds[name])
+        if of.sum() < 2:
+            continue
+        x, y = other_z[of] - 4, of_seeds[name][of]
+        bar = np.std(y, ddof=1) / np.sqrt(len(y))
+        ax.errorbar(x.mean(), y.mean(), bar, fmt=markers[p], color=shades[mu], ecolor="k", **EDGE)
+    ax.set_title(name, fontsize=8)
+    ax.set(xlabel="z - 4", xlim=(0, 3.1))
+axes[0].set(ylabel="frequency / highest frequency", ylim=(0, 0.36))
+legend(axes[0], "friction", [(f"{each:g}", shades[each], "o") for each in every])
 legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", markers[p]) for p in pressures])
 axes[2].legend(frameon=False, fontsize=6.5, loc="upper left")
 plt.show()
@@ -240,7 +295,7 @@ def with_ends(fit, name, digits):
 if __name__ == "__main__" and len(sys.argv) == 2:
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    for figure, name in ((headline, "headline"), (residuals, "residuals")):
+    for figure, name in ((headline, "headline"), (among, "seeds"), (residuals, "residuals")):
         figure.savefig(folder / f"{name}.png", dpi=200)
         figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
     write_table(folder / "fits.csv", [{"quantity": name} | fit for name, fit in fits.items()])

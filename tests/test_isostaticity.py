@@ -1,6 +1,7 @@
 """The committed fits against z - 4, by scipy from the committed points; these from the table."""
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,22 @@ def test_lines_and_powers(name, points, fits):
     assert float(fit["power_of_z_less_4"]) == pytest.approx(power, rel=1e-3)
     for number in ("slope", "z_c"):
         assert float(fit[f"{number}_low"]) < float(fit[number]) < float(fit[f"{number}_high"])
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [(PEAK, "excess_peak"), (IOFFE_REGEL, "ioffe_regel"), (LOW_PASS, "low_pass")],
+)
+def test_lines_of_the_other_packings(name, quantity, fits):
+    paths = (RESULTS / "isostaticity/seeds").glob("*.json")
+    found = [json.loads(path.read_text())["values"] for path in paths]
+    known = [one for one in found if one.get(quantity, {}).get("value") is not None]
+    z = [one["coordination_of_bearing"]["value"] for one in known]
+    y = [one[quantity]["value"] / one["highest_frequency"]["value"] for one in known]
+    line, fit = linregress(z, y), fits[f"{name}, seeds"]
+    assert int(fit["cases"]) == len(known)
+    assert float(fit["z_c"]) == pytest.approx(-line.intercept / line.slope, rel=1e-3)
+    assert float(fit["slope"]) == pytest.approx(line.slope, rel=1e-3)
 
 
 def test_the_shared_zero(points, fits):
