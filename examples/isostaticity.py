@@ -171,8 +171,8 @@ plt.show()
 
 # %%
 # **Other packings.** The same fits of 76 packings of 6,000 spheres, 9 D wide, of up to three seeds
-# each, made and measured by `studies/isostaticity.yaml`; here whole loading paths are drawn, one of each
-# friction and seed. The dashed lines are the fits of the study's packings.
+# each, made and measured by `studies/isostaticity.yaml`; here whole loading paths are drawn, one of
+# each friction and seed. The dashed lines are the fits of the study's packings.
 
 others = [
     json.loads(path.read_text()) for path in sorted(RESULTS.glob("isostaticity/seeds/*.json"))
