@@ -81,7 +81,7 @@ def run(quick: bool, folder: Path) -> Page:
         command = question.command.replace("8800", "1000") if quick else question.command
         row = {"question": question.text, "goal_s": question.goal}
         rows.append(row | answered(command.split(), folder))
-        for state in (folder / "made").glob("*.sample.h5"):
+        for state in sorted((folder / "made").glob("*.sample.h5")):  # the last is the one asked for
             state.replace(folder / MADE)
     task = "Seconds by the clock on all cores, the start of the command included."
     return Page(TITLE, task, {"questions": rows}, met(rows), {"questions": draw(rows)})

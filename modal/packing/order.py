@@ -24,6 +24,9 @@ AGREEMENT = 0.7
 SOLID_BONDS = 7
 """Solid bonds from which a sphere is crystalline; an inner sphere of a crystal has 12."""
 
+TOGETHER = 1_000_000
+"""Bonds that are looked at together, which bounds the memory."""
+
 
 def crystalline(network: Network) -> Bools:
     """Shape (n,) bool: spheres in crystalline surroundings, in a cell with periods along x and y.
@@ -39,17 +42,24 @@ def _crystalline(network: Network) -> Bools:
     position[:, :2] %= side
     reach = REACH * 2 * float(network.radius.mean())
     i, j, shift = periodic_pairs(position, side, reach)
-    branch = position[j] + shift * np.array([*side, 0.0]) - position[i]
-    x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
-    vector = np.empty((n, 7), complex)
-    for m in range(7):
-        # Y_6m up to a common factor; those of negative m are conjugates and enter as a factor 2.
-        scale = np.sqrt((2 if m else 1) * factorial(6 - m) / factorial(6 + m))
-        value = scale * Legendre.basis(6).deriv(m)(z) * (x + 1j * y) ** m
-        for part, parts in ((value.real, vector.real), (value.imag, vector.imag)):
-            # Degree 6 is even: a bond looks the same from both ends.
-            parts[:, m] = np.bincount(i, part, n) + np.bincount(j, part, n)
+    parts = [slice(first, first + TOGETHER) for first in range(0, len(i), TOGETHER)]
+    vector = np.zeros((n, 7), complex)
+    for part in parts:
+        here, there = i[part], j[part]
+        branch = position[there] + shift[part] * np.array([*side, 0.0]) - position[here]
+        x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
+        for m in range(7):
+            # Y_6m up to a common factor; those of negative m are conjugates: a factor 2.
+            scale = np.sqrt((2 if m else 1) * factorial(6 - m) / factorial(6 + m))
+            value = scale * Legendre.basis(6).deriv(m)(z) * (x + 1j * y) ** m
+            for end in (here, there):  # degree 6 is even: a bond looks the same from both ends
+                vector.real[:, m] += np.bincount(end, value.real, n)
+                vector.imag[:, m] += np.bincount(end, value.imag, n)
     size = np.linalg.norm(vector, axis=1)
     vector /= np.where(size > 0, size, 1)[:, None]
-    solid = (vector[i] * vector[j].conj()).sum(axis=1).real > AGREEMENT
-    return np.bincount(i[solid], minlength=n) + np.bincount(j[solid], minlength=n) >= SOLID_BONDS
+    bonds = np.zeros(n, int)
+    for part in parts:
+        here, there = i[part], j[part]
+        solid = (vector[here] * vector[there].conj()).sum(axis=1).real > AGREEMENT
+        bonds += np.bincount(here[solid], minlength=n) + np.bincount(there[solid], minlength=n)
+    return bonds >= SOLID_BONDS

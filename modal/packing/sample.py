@@ -205,13 +205,13 @@ def shear_along(network: Network, contact: ContactList) -> tuple[Floats, Ints]:
     """
     rows, i, j, shift, sign = _canonical(network)
     force = sign[:, None] * network.require("force_tangential", "sample with its history")[rows]
-    theirs = np.column_stack([i, j, shift])
-    ours = np.column_stack([contact.particle_i, contact.particle_j, contact.cell_shift])
-    if theirs.shape != ours.shape or (theirs != ours).any():
+    theirs = contact.particle_i, contact.particle_j, contact.cell_shift
+    if not all(map(np.array_equal, (i, j, shift), theirs)):
         raise InputError(
             "the network's contacts are not those of spheres that overlap in a lateral cell: by "
             "round-off, or from another program; take the network itself"
         )
+    del i, j, shift, theirs
     shear = [(force * along).sum(axis=1) for along in tangents(contact.normal)]
     return np.column_stack(shear), rows
 
@@ -229,7 +229,7 @@ def _canonical(network: Network) -> tuple[Ints, Ints, Ints, Ints, Ints]:
     The lower-numbered end comes first, and a sphere meets its own image on one side only.
     """
     i, j = network.particle_i.astype(int), network.particle_j.astype(int)
-    shift = network.require("cell_shift", "sample with its contacts in order").astype(int)
+    shift = network.require("cell_shift", "sample with its contacts in order")
     # The first period that is not 0 decides; no sphere reaches a hundred images.
     own = (i == j) & (shift @ [10000, 100, 1] < 0)
     turned = (j >= 0) & ((i > j) | own)
