@@ -154,6 +154,17 @@ def legend(ax, title, entries):
     ax.legend(handles=handles, title=title, frameon=False, fontsize=6.5, title_fontsize=7)
 
 
+def framed(axes, colours):
+    """Titles, axes and legends of the three frequencies over z - 4."""
+    for ax, name in zip(axes, value, strict=True):
+        ax.set_title(name, fontsize=8)
+        ax.set(xlabel="z - 4", xlim=(0, 3.1))
+    axes[0].set(ylabel="frequency / highest frequency", ylim=(0, 0.36))
+    legend(axes[0], "friction", [(f"{mu:g}", colour, "o") for mu, colour in colours.items()])
+    legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", markers[p]) for p in pressures])
+    axes[2].legend(frameon=False, fontsize=6.5, loc="upper left")
+
+
 headline, axes = plt.subplots(1, 3, figsize=(7, 2.7), sharey=True, layout="constrained")
 along = np.linspace(0, 3.1, 50)
 for ax, name in zip(axes, value, strict=True):
@@ -161,12 +172,7 @@ for ax, name in zip(axes, value, strict=True):
     ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8, label="fit")
     ax.plot(along, fit["slope_with_z_c_4"] * along, "k--", lw=0.8, label="fit with $z_c = 4$")
     points(ax, z - 4, value[name], error[name])
-    ax.set_title(name, fontsize=8)
-    ax.set(xlabel="z - 4", xlim=(0, 3.1))
-axes[0].set(ylabel="frequency / highest frequency", ylim=(0, 0.36))
-legend(axes[0], "friction", [(f"{each:g}", colours[each], "o") for each in values])
-legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", markers[p]) for p in pressures])
-axes[2].legend(frameon=False, fontsize=6.5, loc="upper left")
+framed(axes, colours)
 plt.show()
 
 # %%
@@ -212,12 +218,7 @@ for ax, name in zip(axes, of_seeds, strict=True):
         x, y = other_z[of] - 4, of_seeds[name][of]
         bar = np.std(y, ddof=1) / np.sqrt(len(y))
         ax.errorbar(x.mean(), y.mean(), bar, fmt=markers[p], color=shades[mu], ecolor="k", **EDGE)
-    ax.set_title(name, fontsize=8)
-    ax.set(xlabel="z - 4", xlim=(0, 3.1))
-axes[0].set(ylabel="frequency / highest frequency", ylim=(0, 0.36))
-legend(axes[0], "friction", [(f"{each:g}", shades[each], "o") for each in every])
-legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", markers[p]) for p in pressures])
-axes[2].legend(frameon=False, fontsize=6.5, loc="upper left")
+framed(axes, shades)
 plt.show()
 
 # %%

@@ -1,0 +1,71 @@
+"""A study's YAML: factors make cases, settings follow them, and what means nothing is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("pandas")
+
+from analysis.__main__ import main
+from analysis.rows import Row
+from analysis.study.description import Study
+from analysis.study.results import frame_of
+from analysis.study.tables import tables
+from analysis.study.targets import Rules
+from analysis.value import estimate
+
+SWEEP = """
+name: sweep
+groups:
+  - kind: random
+    factors: {friction: [0, 0.4], width: [4, 5], seed: [1, 2, 3]}
+    stress: 1e5
+    wave_friction: friction + 0.1
+    input_frequency: {by: friction, 0.4: 2e5, else: 1e5}
+measure: [v_p]
+"""
+
+
+def test_factors_make_cases_and_settings_follow_them(tmp_path):
+    path = tmp_path / "sweep.yaml"
+    path.write_text(SWEEP)
+    cases = Study(path).cases
+    assert len(cases) == 12 and cases.index[-1] == "friction0.4_width5_seed3"
+    assert cases["mu_wave"].tolist() == [0.1] * 6 + [0.5] * 6
+    assert cases["input_frequency"].tolist() == [1e5] * 6 + [2e5] * 6
+    frame = frame_of([_of_sweep(k, row) for k, row in cases.iterrows()], cases)
+    spec = {"name": "means", "title": "", "means": ["mu_comp", "width"], "columns": {"V": "v_p"}}
+    (table,) = tables([spec], frame, Rules(frame, Study(path).stated()), [])
+    # 500 + 10 times the seed: mean 520, standard error 10 / sqrt 3.
+    assert table.rows[0] == ["0", "4", "520 ± 6", "3"] and len(table.rows) == 4
+
+
+def _of_sweep(name: str, case) -> Row:
+    row = Row(None, name, name, False, 1e5, case["mu_comp"], "linear", "")
+    row.values["v_p"] = estimate(500 + 10 * case["seed"])
+    return row
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("name: sweep", "nam: sweep", "setting nam is unknown"),
+        ("kind: random", "kind: cubic", "kind cubic is none of"),
+        ("stress: 1e5", "", "has no stress"),
+        ("stress: 1e5", "stress: high", "stress high is no number"),
+        ("stress: 1e5", "stress: 0", "above 0"),
+        ("width: [4, 5]", "breadth: [4, 5]", "factor breadth is unknown"),
+        ("width: [4, 5]", "width: [4, 4]", "two cases of one name"),
+        ("friction + 0.1", "friction + mu", "is no sum"),
+        ("by: friction", "by: colour", "by colour is no factor"),
+        ("groups:", "group:", "setting group is unknown"),
+        ("measure: [v_p]", "measure: [v_p", "not YAML"),
+    ],
+)
+def test_a_study_that_means_none_is_refused_in_one_line(old, new, said, tmp_path, capsys):
+    path = tmp_path / "sweep.yaml"
+    assert old in SWEEP
+    path.write_text(SWEEP.replace(old, new, 1))
+    assert main(["study", str(path), "--results", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
