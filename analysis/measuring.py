@@ -308,6 +308,22 @@ class Measuring:
         return modes, along_z, lacks
 
     @cached_property
+    def first_wave(self) -> float:
+        """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
+        if not self.network.cell_periodic.all():
+            raise InputError("between walls waves have other frequencies: take a periodic cell")
+        axes = zip(np.eye(3), self.network.cell_size, strict=True)
+        return float(min(self.moduli.velocities(axis)[-1] / side for axis, side in axes))
+
+    @cached_property
+    def soft_modes(self) -> ModeSet:
+        """All modes below the first wave, certified; zero modes are not among them."""
+        modes = eigenmodes(self.network, below=self.first_wave)
+        if modes.missing or not len(modes.frequency):
+            raise InputError(f"below the first wave {modes.missing} modes are missing of some")
+        return modes
+
+    @cached_property
     def of_one_sample(self) -> tuple[str, ...]:
         """What to know of every quantity of this one packing."""
         if self.crystal:

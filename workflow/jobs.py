@@ -172,8 +172,18 @@ class Jobs:
             return f"{write_line(line, own)} && {job} {folder} {log} {last}"
         given = " ".join(f"{option_of(n)} {cell}" for n, cell in line.items() if n != "mu_comp")
         given += " --stress " + " ".join(f"{stress:g}" for stress in self.stresses)
+        given += " --periodic" if row.get("periodic") else ""
         friction = f"{PYTHON} -m modal pack --friction {row['mu_comp']}"
         return f"{friction} {given} -o {folder}/compression_{walk}"
+
+    @property
+    def forgotten(self) -> list[str]:
+        """Cases whose packings are removed as soon as they are measured."""
+        if not self.study.settings["forget"]:
+            return []
+        if len(self.stresses) > 1 or not all(row["mu_comp"] > 0 for row in self.rows.values()):
+            raise InputError("forget: is for one stress, and with friction; leave it out")
+        return list(self.rows)
 
     def noted_of(self, walk: str) -> str:
         """What each state of a compression notes of it, as link_states.py takes it."""

@@ -14,6 +14,7 @@ for _room in (
     "passband",
     "scattering",
     "spectrum",
+    "soft_modes",
     "elasticity",
     "packing",
     "records",

@@ -31,13 +31,13 @@ OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave"}
 OF_STUDY = {
     *("name", "title", "names", "groups", "cases", "make", "measure", "prepare", "spheres"),
     *("layers", "seed", "states", "amplitude", "band", "bands", "lowest_modes", "samples"),
-    *("tables", "figures", "headlines", "quick"),
+    *("tables", "figures", "headlines", "quick", "forget"),
 }
 OF_CASE = {
     *("kind", "factors", "stress", "friction", "wave_friction", "width", "seed", "spheres"),
     *("input_frequency", "fraction", "passage", "amplitude", "duration", "interval", "particles"),
     *("direction", "layers", "sizes", "densities", "approach_rate", "agitated_damping"),
-    *("inertial_number", "hot_stress", "damping", "residual"),
+    *("inertial_number", "hot_stress", "damping", "residual", "periodic"),
 }
 NUMBERS = OF_CASE - {"kind", "factors", "direction", "sizes", "densities"}
 DEFAULTS: dict[str, Any] = {
@@ -58,6 +58,7 @@ DEFAULTS: dict[str, Any] = {
     "cases": {},
     "headlines": [],
     "figures": [],
+    "forget": False,
 }
 
 

@@ -1,0 +1,46 @@
+"""Modes of a packing below its first wave: in a small cell these are no waves.
+
+The longest wave that fits into a cell has the frequency V_S over the cell's side; what lies below
+it is soft by the disorder of the packing alone. E. Lerner, G. During and E. Bouchbinder, Phys. Rev.
+Lett. 117, 035501 (2016) took small cells for that reason.
+"""
+
+from __future__ import annotations
+
+from analysis.measuring import Measuring
+from analysis.quantities.registry import on_request
+from analysis.value import Value
+from modal.packing.state import contacts_per_particle
+from modal.tools.arrays import Floats
+
+
+@on_request("first_wave", "Hz", "slowest V_S along an axis over the side of a periodic cell")
+def first_wave(packing: Measuring) -> Value:
+    """By the moduli."""
+    return Value(packing.first_wave, "Hz")
+
+
+def _over_modes(packing: Measuring, value: Floats) -> Value:
+    """A number of each mode below the first wave, over their frequencies."""
+    return Value(value, "1", {}, packing.of_one_sample, packing.soft_modes.frequency)
+
+
+@on_request("soft_participation", "1", "spheres that take part in each mode below the first wave")
+def soft_participation(packing: Measuring) -> Value:
+    """(sum e)^2 / sum e^2, e the kinetic energy of each, rotations included."""
+    share = packing.soft_modes.participation(packing.network)
+    return _over_modes(packing, share * packing.network.n_particles)
+
+
+@on_request("soft_rotation", "1", "part of the kinetic energy in rotations, of the same modes")
+def soft_rotation(packing: Measuring) -> Value:
+    """Of all spheres."""
+    return _over_modes(packing, packing.soft_modes.rotation_share)
+
+
+@on_request("soft_contacts", "1", "contacts of the sphere that moves most, of the same modes")
+def soft_contacts(packing: Measuring) -> Value:
+    """One with two or three is held loosely, whatever its surroundings."""
+    square = (packing.soft_modes.shapes()[:, :, :3] ** 2).sum(axis=2)
+    contacts = contacts_per_particle(packing.network)
+    return _over_modes(packing, contacts[square.argmax(axis=1)].astype(float))
