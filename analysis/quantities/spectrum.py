@@ -9,9 +9,13 @@ from analysis.estimators.resonances import standing_modes
 from analysis.measuring import Measuring
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
 from analysis.value import Value, hertz, unknown
+from modal.modes.eigenmodes import eigenmodes
 
 FEWEST = 30
 """Modes below a peak of D(f) / f^2: from fewer each single one is a peak."""
+
+HIGHEST_BRANCH = 0.15
+"""Of the highest frequency: the modes of a narrow cell are not listed beyond."""
 
 
 @without_signal("highest_frequency", "Hz", "highest natural frequency")
@@ -68,6 +72,17 @@ def chi_z(packing: Measuring) -> Value:
     modes, _, lacks = packing.modes
     caveats = packing.of_one_sample + tuple(filter(None, [lacks]))
     return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
+
+
+@on_request("chi_z_of_branches", "1", "chi_z of every mode up to 1.5 V_P / W, W the cell's width")
+def chi_z_of_branches(packing: Measuring) -> Value:
+    """Of all spheres. V_S / W and V_P / W are where further waves set in along a cell W wide."""
+    width = packing.width * packing.diameter
+    limit = 1.5 * float(packing.moduli.velocities((0, 0, 1))[0]) / width
+    highest = min(limit, HIGHEST_BRANCH * packing.highest.frequency[-1])
+    modes = eigenmodes(packing.network, below=highest, shapes=False)
+    lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
+    return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)
 
 
 @quantity(
