@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
 HEADER = ("id", "value", "error", "target", "rule", "met", "why")
+RULES = "near", "rounds", "inside", "power", "apart"
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,17 @@ class Finding:
 
 @dataclass(frozen=True)
 class Answer:
-    """A target and what was found of it."""
+    """A target and what was found of it.
+
+    `second` is the finding of another rule, `second_rule`, by which an open question was settled.
+    """
 
     id: str
     stated: str
     rule: str
     finding: Finding
+    second: Finding | None = None
+    second_rule: str = ""
 
     @property
     def met(self) -> str:
@@ -65,13 +71,11 @@ class Rules:
 
     def find(self, spec: Spec) -> Finding:
         """What the one rule that a target names finds."""
-        kinds = {"near": self.near, "rounds": self.rounds, "inside": self.inside}
-        kinds |= {"power": self.power, "apart": self.apart}
-        named = spec.keys() & kinds.keys()
+        named = [kind for kind in RULES if kind in spec]
         if len(named) != 1:
-            raise InputError(f"target {spec.get('id')}: give it one of {', '.join(kinds)}")
-        (kind,) = named
-        return kinds[kind](spec[kind])
+            raise InputError(f"target {spec.get('id')}: give it one of {', '.join(RULES)}")
+        found: Finding = getattr(self, named[0])(spec[named[0]])
+        return found
 
     def stated(self, quantity: str, cases: pd.DataFrame) -> pd.Series | None:
         """What is stated of a quantity for any of these cases; None where nothing is."""
@@ -200,7 +204,7 @@ class Rules:
         """Quantity `y` as a power of `x` within each group, all inside the stated bounds.
 
         With `within` the power of all cases is that near to the stated one. `grows`: with the void
-        ratio, beyond twice its standard error.
+        ratio, beyond twice its standard error. `errors`: how many of its own one may be outside.
         """
         cases = select(self.frame, spec.get("select", ""))
         producer, x, y = of_one_producer(cases, spec["x"], spec["y"])
@@ -216,7 +220,9 @@ class Rules:
             met = abs(value - wanted) <= spec["within"] and found.whole
             return Finding(value, error, met, why, f"{value - wanted:+.4f}")
         low, high = self._bounds(spec, cases)
-        inside = (found.power > low) & (found.power <= high)
+        # An error that is not known, as of two stresses, excuses nothing.
+        room = np.nan_to_num(spec.get("errors", 0) * found.error)
+        inside = (found.power + room > low) & (found.power - room <= high)
         aim = 0.5 * (low + high)
         far = abs(found.power - aim) if np.isfinite(aim) else -found.power
         worst = int(np.argmax(far))
@@ -240,13 +246,17 @@ class Rules:
         return Finding(float(found.power[worst]), float(found.error[worst]), met, why, "", short)
 
     def apart(self, spec: Spec) -> Finding:
-        """Largest over smallest number of some cases at each stress, less one, in per cent."""
+        """Largest over smallest number of some cases at each stress, less one, in per cent.
+
+        `errors`: how many of its own, by the scatter of samples, it may be above the stated one.
+        """
         cases, _, name = self._of(spec)
         found, expected = apart(cases, name), cases["stress"].nunique()
         if found.empty:
             return _absent(missing(cases, name))
         _, high = self._bounds({"stated": spec["stated"]}, self.frame)
         worst = float(found.max())
+        error = _error_apart(cases[cases["stress"] == found.idxmax()], name)
         why = "in %: " + ", ".join(f"{v:.2f} at {s / 1e3:g} kPa" for s, v in found.items())
         if len(found) < expected:
             why += "; " + missing(cases, name)
@@ -258,7 +268,8 @@ class Rules:
             laws = ((g, power_law(m["stress"], m[name])) for g, m in cases.groupby("group"))
             why += "; powers over stress: " + ", ".join(f"{g} {b.exponent:.4f}" for g, b in laws)
         why += f"; of all packings at most {apart(self.frame, name).max():.2f}"
-        return Finding(worst, np.nan, worst < high and len(found) == expected, why)
+        met = worst - np.nan_to_num(spec.get("errors", 0) * error) < high
+        return Finding(worst, error, met and len(found) == expected, why)
 
 
 def apart(frame: pd.DataFrame, name: str) -> pd.Series:
@@ -269,6 +280,13 @@ def apart(frame: pd.DataFrame, name: str) -> pd.Series:
     by = frame.assign(value=numbers(frame, name)).dropna(subset="value").groupby("stress")["value"]
     found = 100 * (by.max() / by.min() - 1)
     return found[(by.count() > 1) & (by.count() == by.count().max())]
+
+
+def _error_apart(cases: pd.DataFrame, name: str) -> float:
+    """Of the largest over the smallest, %, by the scatter of samples; NaN where none is known."""
+    values, scatter = numbers(cases, name), spreads(cases, name)
+    shares = (100 * scatter / values)[[values.idxmin(), values.idxmax()]]
+    return float(np.sqrt((shares**2).sum())) if shares.notna().any() else np.nan
 
 
 def _near(value: float, wanted: float, within: str | float) -> tuple[bool, str]:
@@ -310,11 +328,15 @@ def _outside(
 
 def answers(study: Study, frame: pd.DataFrame) -> list[Answer]:
     """Of every target of a study."""
-    rules = Rules(frame, study.stated())
-    return [
-        Answer(spec["id"], spec["stated"], spec["rule"], rules.find(spec))
-        for spec in study.part("targets")
-    ]
+    rules, found = Rules(frame, study.stated()), []
+    for spec in study.part("targets"):
+        first, other = rules.find(spec), spec.get("second")
+        if spec.get("calibrated"):
+            first = replace(first, why=f"{first.why}; no test: {spec['calibrated']}")
+        second = rules.find({"id": spec["id"]} | other) if other else None
+        told = first, second, other["rule"] if other else ""
+        found.append(Answer(spec["id"], spec["stated"], spec["rule"], *told))
+    return found
 
 
 def targets(found: list[Answer]) -> Table:
@@ -330,6 +352,18 @@ def targets_seen(found: list[Answer]) -> Table:
         [a.id, *_value(a), a.stated, a.finding.off, a.rule, a.met, a.finding.why] for a in found
     ]
     return Table("Targets", header, cells, "targets")
+
+
+def second_verdicts(found: list[Answer]) -> Table:
+    """Of the targets that have a second rule: both verdicts side by side."""
+    header = ["target", "stated", "met by the rule", "second rule", "here", "±", "met by it", "why"]
+    cells = []
+    for a in found:
+        if a.second is not None:
+            numbers_ = _text(a.second.value), _text(a.second.error, 2)
+            met = "yes" if a.second.met else "no"
+            cells.append([a.id, a.stated, a.met, a.second_rule, *numbers_, met, a.second.why])
+    return Table("Targets by a second rule", header, cells, "second_verdicts")
 
 
 def _value(answer: Answer) -> tuple[str, str]:

@@ -17,7 +17,7 @@ from analysis.study.page import PLAIN, page
 from analysis.study.results import frame_of, read_results
 from analysis.study.selection import runs
 from analysis.study.tables import tables, whole
-from analysis.study.targets import Answer, Rules, answers, targets, targets_seen
+from analysis.study.targets import Answer, Rules, answers, second_verdicts, targets, targets_seen
 from analysis.table import Table, number, read_csv
 from analysis.value import Value, estimate
 from modal.formats.hdf5 import write_text
@@ -38,7 +38,8 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     output.mkdir(parents=True, exist_ok=True)
     wanted = study.settings["tables"] or study.part("tables")
     pages = {spec["name"] for spec in wanted if spec.get("page")}
-    shown = tables(wanted, frame, rules, rows)
+    shown = [second_verdicts(found), *tables(wanted, frame, rules, rows)]
+    shown, pages = [table for table in shown if table.rows], {*pages, "second_verdicts"}
     for path in sorted(results.glob("*.agreement.csv")):
         case = path.name.split(".")[0]
         shown.append(read_csv(path, f"YADE against the linear wave by cause, {case}"))
