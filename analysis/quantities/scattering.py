@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
+from analysis.estimators.plane_waves import plane_structure_factor
 from analysis.measuring import Measuring
-from analysis.quantities.registry import DISORDER, quantity
+from analysis.quantities.registry import DISORDER, on_request, quantity
 from analysis.value import Value, hertz, unknown
 
 MOST = 8.0
 """Nepers over the part of the length that is read: beyond them what is left of the wave is less
 than what the window leaves of the record's cut."""
+SHORTEST = 4.0
+"""Wavelength, mean diameters, of the shortest plane waves whose lines are read."""
 FAINT = 0.02
 """Of the source's largest amplitude: less is not sent."""
 
@@ -101,3 +106,41 @@ def ioffe_regel(packing: Measuring) -> Value:
     if found.velocity / found.limit > packing.width * packing.diameter:
         caveats = packing.of_frequency(found.limit)
     return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
+
+
+def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
+    """Full width of the line of plane waves along the three axes of a periodic cell, Hz.
+
+    The waves of one number of periods along x, y and z are one line. The error is how its widths
+    along the axes scatter, and how far its places along them are apart, which widens it.
+    """
+    network = packing.network
+    if not network.cell_periodic.all():
+        return unknown("Hz", "walls: plane waves need a cell that is periodic all round")
+    most = int(network.cell_size.min() / (SHORTEST * packing.diameter))
+    if most < 1:
+        return unknown("Hz", "the cell is narrower than the shortest waves that are read")
+    orders = np.concatenate([n * np.eye(3, dtype=int) for n in range(1, most + 1)])
+    highest = 1.5 * packing.velocity / (SHORTEST * packing.diameter)
+    found = plane_structure_factor(network, orders, polarisation, packing.line, highest)
+    places, widths = (each.reshape(most, 3) for each in found.ridge())
+    power = found.power.reshape(most, 3, -1).mean(axis=1)
+    peak, width = replace(found, order=orders[::3], power=power).ridge()
+    told = np.isfinite(peak) & np.isfinite(width)
+    if not told.any():
+        return unknown("Hz", "no line of a plane wave stands out")
+    scatter, apart = np.nanstd(widths, axis=1) / np.sqrt(3), np.nanstd(places, axis=1)
+    error = np.hypot(np.hypot(scatter, apart), packing.line / 10)[told]
+    return Value(width[told], "Hz", {"fit": error}, packing.of_one_sample, peak[told])
+
+
+@on_request("scattering_of_p", "Hz", "full width of the line of plane P-waves, over its frequency")
+def scattering_of_p(packing: Measuring) -> Value:
+    """2 pi times it is the rate at which disorder takes the energy of a plane wave."""
+    return _width_of_lines(packing, "L")
+
+
+@on_request("scattering_of_s", "Hz", "full width of the line of plane S-waves, over its frequency")
+def scattering_of_s(packing: Measuring) -> Value:
+    """The same of both directions across."""
+    return _width_of_lines(packing, "T")
