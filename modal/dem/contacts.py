@@ -81,7 +81,8 @@ class MovingContacts:
         self._normal = network.normal.copy()
         self._shear = network.require("force_tangential", "history of contacts").copy()
         self._first = _numbers(self._ends[:, 0], self._ends[:, 1], self._shift)
-        self.work, self._gone = np.zeros((network.n_contacts if books else 0, 2)), 0.0
+        self.work = np.zeros((network.n_contacts if books else 0, 2))
+        self._left = [(self._first[:0], self._ends[:0], np.zeros(0))]
         if books:
             self.work[:, 0] = (self._shear**2).sum(axis=1) / (2 * network.stiffness_tangential)
         self.seek()
@@ -102,17 +103,18 @@ class MovingContacts:
         before_ends, before_shift = self._ends, self._shift
         self._ends, self._shift = ends, shift
         touched = self._normal.any(axis=1)
-        old = _numbers(before_ends[touched, 0], before_ends[touched, 1], before_shift[touched])
+        old = _numbers(before_ends[:, 0], before_ends[:, 1], before_shift)
         new = _numbers(ends[:, 0], ends[:, 1], shift)
-        before, after = _matching(old, new)
+        before, after = _matching(old[touched], new)
         normal, shear = self._normal[touched], self._shear[touched]
         self._normal, self._shear = np.zeros((2, len(ends), 3))
         self._normal[after], self._shear[after] = normal[before], shear[before]
         if len(self.work):
             work, self.work = self.work, np.zeros((len(ends), 2))
             self.work[after] = work[touched][before]
-            # A contact that is open has nothing stored; what it has dissipated stays in the sum.
-            self._gone += float(work.sum() - self.work.sum())
+            # A contact that is open has nothing stored; what it has dissipated stays in the books.
+            gone = ~touched & (work[:, 1] != 0)
+            self._left.append((old[gone], before_ends[gone], work[gone, 1]))
         self._slabs = slabs_of(self._ends, len(self.position))
         self._sought_at = self.position.copy()
 
@@ -186,22 +188,35 @@ class MovingContacts:
         rows, here = _matching(self._first, _numbers(ends[:, 0], ends[:, 1], shift))
         return rows, touching[here]
 
-    def slip_work(self) -> np.ndarray:
-        """Shape (m,), J: what slip has dissipated in each contact of the start, in their order.
+    def slip_book(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ends (k, 2) of all contacts that have slid, and J (k,) that slip has dissipated in each.
 
-        Of those that have opened and gone apart beyond the list it is only in `slipped`.
+        In no order; those that have come and gone since the start are among them.
         """
+        _, ends, lost = self._slips()
+        return ends, lost
+
+    def slip_work(self) -> np.ndarray:
+        """Shape (m,), J: what slip has dissipated in each contact of the start, in their order."""
+        number, _, energy = self._slips()
         lost = np.zeros(len(self._first))
-        rows, here = _matching(
-            self._first, _numbers(self._ends[:, 0], self._ends[:, 1], self._shift)
-        )
-        lost[rows] = self.work[here, 1]
+        rows, here = _matching(self._first, number)
+        lost[rows] = energy[here]
         return lost
+
+    def _slips(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Numbers (k,), ends (k, 2) and energies (k,), J, of all contacts that have slid."""
+        slid = self.work[:, 1] != 0
+        ends, shift = self._ends[slid], self._shift[slid]
+        here = _numbers(ends[:, 0], ends[:, 1], shift), ends, self.work[slid, 1]
+        numbers, ends, energy = map(np.concatenate, zip(*self._left, here, strict=True))
+        number, first, which = np.unique(numbers, return_index=True, return_inverse=True)
+        return number, ends[first], np.bincount(which, energy, len(number))
 
     @property
     def slipped(self) -> float:
         """What slip has dissipated so far, J, if `books` are kept."""
-        return float(self._gone + self.work[:, 1].sum())
+        return float(self.work[:, 1].sum() + sum(energy.sum() for _, _, energy in self._left))
 
     def pairs(self) -> np.ndarray:
         """Shape (k, 2): the two spheres of each contact that there is, or that may soon be."""

@@ -28,7 +28,7 @@ from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.operator import ContactOperator
-from modal.tools.arrays import Bools, Floats
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
@@ -62,7 +62,8 @@ class NonlinearWave:
     `noise`: largest displacement without any motion of the wall, over the same. `energy` (nt, 4),
     J, at the times of the signals: work of the source, kinetic energy, what the contacts have
     stored beyond the state at rest, what slip has dissipated. Of each contact of the sample's
-    network (m,): `dissipated` by its slip, J, and whether it was seen `opened`.
+    network (m,): `dissipated` by its slip, J, and whether it was seen `opened`; the signals have
+    the slip of all contacts, those that the wave has closed among them.
     """
 
     signals: Signals
@@ -87,7 +88,8 @@ class _Run:
     """What one run has recorded.
 
     Displacements (nt, count), m, of the chain, of layers and, where asked, of all; what holds the
-    source and what pushes the receiver wall (nt, 2), N; and the rest as in `NonlinearWave`.
+    source and what pushes the receiver wall (nt, 2), N; ends and energies of all contacts that
+    slid; and the rest as in `NonlinearWave`.
     """
 
     moved: Floats
@@ -95,6 +97,7 @@ class _Run:
     energy: Floats
     dissipated: Floats
     opened: Bools
+    slips: tuple[Ints, Floats]
     seconds: float
 
 
@@ -249,7 +252,7 @@ class _Wave:
         given = given if driven else np.zeros(steps + 1)
         run = _Run(
             np.empty((nt, count)), np.empty((nt, 2)), np.empty((nt, 4)), np.zeros(contact_count),
-            np.zeros(contact_count, bool), 0.0,
+            np.zeros(contact_count, bool), (np.empty((0, 2), int), np.empty(0)), 0.0,
         )  # fmt: skip
         work = force = rest = 0.0
         for k in progress(steps + 1, "wave" if driven else "noise"):
@@ -283,7 +286,7 @@ class _Wave:
                     closed = np.zeros(contact_count, bool)
                     closed[contacts.kept()[0]] = True
                     run.opened |= ~closed
-        run.dissipated[:] = contacts.slip_work()
+        run.dissipated[:], run.slips = contacts.slip_work(), contacts.slip_book()
         run.seconds = clock.perf_counter() - started
         if not np.isfinite(run.moved).all():
             raise InputError("the wave is not finite: take a smaller amplitude")
@@ -307,6 +310,8 @@ class _Wave:
             run_time=run.seconds,
             network_sha256=network_sha256,
             balance=self._balance(run, dt),
+            slip_ends=run.slips[0],
+            slip_energy=run.slips[1],
         )
 
     def _balance(self, run: _Run, dt: float) -> EnergyBalance | None:

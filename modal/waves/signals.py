@@ -50,6 +50,8 @@ OF_TIME = {
     "source_displacement": Column("source/displacement", "f", ("n",), "m"),
     "particle_displacement": Column("particles/displacement", "f", ("n", "np"), "m", optional=True),
     "chain_position": Column("chain/position", "f", ("nc",), "m", optional=True),
+    "slip_ends": Column("slip/ends", "i", ("ns", 2), "1", optional=True),
+    "slip_energy": Column("slip/energy", "f", ("ns",), "J", optional=True),
     **(_PLACES | _RECORDED),
 }
 """Of a recording over time."""
@@ -160,7 +162,9 @@ class Signals:
     displacements are turns about z, rad, and stresses torques over the area, N/m. Optional, None
     where not recorded: layer_position (nl,) and layer_displacement (nt, nl), means over slabs as in
     `modal.packing.layers`, m; and particle_displacement (nt, n) of every particle of the network,
-    m; balance is the energy of a DEM run.
+    m; balance is the energy of a DEM run. Of a non-linear wave slip_ends (ns, 2) are the two
+    particles, or a particle and a wall (as in a network), of each contact that slid, and
+    slip_energy (ns,), J, what its slip dissipated: their sum is all that slip dissipated.
     """
 
     time: Floats
@@ -184,6 +188,8 @@ class Signals:
     layer_displacement: Floats | None = None
     particle_displacement: Floats | None = None
     balance: EnergyBalance | None = None
+    slip_ends: Ints | None = None
+    slip_energy: Floats | None = None
 
     def __repr__(self) -> str:
         return (
