@@ -19,7 +19,7 @@ from typing import Any
 import h5py
 import pandas as pd
 
-from analysis.study.description import KINDS, Study
+from analysis.study.description import KINDS, Study, part_of_name
 from modal.cli.pack import option_of
 from modal.tools.errors import InputError
 
@@ -46,6 +46,10 @@ OF_WALK = (
     *("agitated_damping", "inertial_number", "damping", "residual"),
 )
 """Columns that shape a compression, by YADE or its twin."""
+OF_PACK = "contact_model", "periodic", "stress_ratio", "oedometric"
+"""Those that only the twin, `modal pack`, knows; none says of its states what was asked for."""
+VARIED = "width", "seed", *OF_PACK
+"""Columns that the names of compressions tell apart, where a study has several values of them."""
 STAGES = {
     "sample": ["sample"],
     "highest": ["highest.modes"],
@@ -105,9 +109,9 @@ class Jobs:
     def walk_of(self, case: str) -> str:
         """Name of the compression that a random case's state is of."""
         row = self.rows[case]
-        kinds = {n: {other.get(n) for other in self.rows.values()} for n in ("width", "seed")}
+        kinds = {n: {other.get(n) for other in self.rows.values()} for n in VARIED}
         varied = [n for n in kinds if len(kinds[n]) > 1 and self.study.settings["names"] == ""]
-        return f"mu{row['mu_comp']:g}" + "".join(f"_{n}{row[n]:g}" for n in varied)
+        return "_".join([f"mu{row['mu_comp']:g}", *(part_of_name(n, row[n]) for n in varied)])
 
     @property
     def walks(self) -> dict[str, list[str]]:
@@ -161,8 +165,12 @@ class Jobs:
     def walk_command(self, walk: str) -> str:
         """Command of a compression, which keeps its states in walks/."""
         row = self.rows[self.walks[walk][0]]
+        own = {name: row[name] for name in OF_PACK if row.get(name)}
+        if own and self.prepare == "yade":
+            raise InputError(f"{', '.join(own)}: not in YADE's compressions; write prepare: modal")
+        only = " ".join(option_of(n) + ("" if x is True else f" {x}") for n, x in own.items())
         if row["mu_comp"] == 0:
-            return self.frictionless_command(walk)
+            return self.frictionless_command(walk, only)
         line = {name: row[name] for name in OF_WALK if row.get(name) is not None}
         folder, log = f"{self.folder}/walks", f"{self.folder}/log/states/{walk}.yade.log"
         if self.prepare == "yade":
@@ -171,8 +179,7 @@ class Jobs:
             job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
             return f"{write_line(line, own)} && {job} {folder} {log} {last}"
         given = " ".join(f"{option_of(n)} {cell}" for n, cell in line.items() if n != "mu_comp")
-        given += " --stress " + " ".join(f"{stress:g}" for stress in self.stresses)
-        given += " --periodic" if row.get("periodic") else ""
+        given += f" {only} --stress " + " ".join(f"{stress:g}" for stress in self.stresses)
         friction = f"{PYTHON} -m modal pack --friction {row['mu_comp']}"
         return f"{friction} {given} -o {folder}/compression_{walk}"
 
@@ -192,10 +199,10 @@ class Jobs:
         noted = {name: row[name] for name in names if row.get(name) is not None}
         return " ".join(f"{name}={quote(str(cell))}" for name, cell in noted.items())
 
-    def frictionless_command(self, walk: str) -> str:
-        """Command of a compression without friction; states below 100 kPa branch off there."""
+    def frictionless_command(self, walk: str, only: str) -> str:
+        """The same without friction; states below 100 kPa branch off there. `only`: `OF_PACK`."""
         row, folder = self.rows[self.walks[walk][0]], f"{self.folder}/walks/compression_{walk}"
-        pack = f"{PYTHON} -m modal pack --spheres {row['spheres']} --seed {row['seed']}"
+        pack = f"{PYTHON} -m modal pack --spheres {row['spheres']} --seed {row['seed']} {only}"
         if row.get("width"):
             pack += f" --aspect {row['spheres'] * pi / 6 / 0.6 / row['width'] ** 3:.4f}"
         low = [s for s in self.stresses if s < 1e5]

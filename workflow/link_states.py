@@ -1,7 +1,7 @@
 """Link a walk's states to their names: link_states.py FOLDER [NAME=VALUE ...] OUTPUT ...
 
 Each OUTPUT is named STRESSPa.sample.h5; it becomes a link to the last state in FOLDER, or in a
-folder of it, that was made for this stress. Exit status 1 where one is missing, or where the study
+folder of it, that was made for this stress, which of unequal stresses is the loaded one. Exit status 1 where one is missing, or where the study
 of one says another value by a NAME.
 """
 
@@ -25,7 +25,7 @@ def cell(value: object) -> object:
 def main(folder: Path, wanted: dict[str, str], outputs: list[Path]) -> int:
     """Link all; the exit status."""
     states = {}
-    for path in sorted(folder.rglob("*Pa.sample.h5")):
+    for path in sorted(folder.rglob("*Pa*.sample.h5")):
         study = read_sample(path).study
         for name, own in wanted.items():
             if name in study and cell(study[name]) != cell(own):

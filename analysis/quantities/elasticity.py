@@ -30,6 +30,16 @@ OF_MODULI: tuple[tuple[str, str, float, Callable[[ElasticModuli], float], str], 
     ("shear_modulus", "Pa", 1, lambda m: m.shear_modulus, "shear modulus, mean over directions"),
     ("poisson", "1", 1, lambda m: m.poisson, "Poisson's ratio of the isotropic solid nearest"),
     ("anisotropy", "1", 1, lambda m: m.anisotropy, "how far from isotropic it is, 0 to 1"),
+    ("c_axial", "Pa", 1, lambda m: m.stiffness[2, 2], "stiffness of strain along z alone, C_zz"),
+    (
+        *("c_lateral", "Pa", 1, lambda m: m.stiffness.diagonal()[:2].mean()),
+        "the same along x and y, mean",
+    ),
+    (
+        *("g_axial", "Pa", 1, lambda m: m.stiffness.diagonal()[3:5].mean()),
+        "shear modulus in planes along z, mean of yz and zx",
+    ),
+    ("g_lateral", "Pa", 1, lambda m: m.stiffness[5, 5], "shear modulus in the plane across z, xy"),
     ("v_p_moduli", "m/s", 0.5, lambda m: _along_z(m)[0], "V_P along z by the moduli, from no wave"),
     ("v_s_moduli", "m/s", 0.5, lambda m: _along_z(m)[1:].mean(), "the same of both S-waves, mean"),
     (
@@ -54,7 +64,7 @@ def _measured(
 
 
 for _name, _unit, _power, _number, _definition in OF_MODULI:
-    _register = without_signal if _unit == "Pa" else on_request
+    _register = without_signal if _name in ("bulk_modulus", "shear_modulus") else on_request
     _register(_name, _unit, _definition)(_measured(_unit, _power, _number))
 
 

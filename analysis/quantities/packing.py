@@ -42,6 +42,12 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
         lambda network: fabric_tensor(network)[2, 2],
         "mean n_z^2 of contact normals; 1/3 where none is preferred",
     ),
+    "lateral_stress": (
+        lambda network: (
+            np.diag(stress_tensor(network))[:2].mean() / stress_tensor(network)[2, 2]
+        ),
+        "mean lateral stress over that along z",
+    ),
     "force_squared": (
         lambda network: (_forces(network) ** 2).mean() / _forces(network).mean() ** 2,
         "mean squared normal force between spheres over squared mean",

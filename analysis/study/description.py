@@ -37,9 +37,10 @@ OF_CASE = {
     *("kind", "factors", "stress", "friction", "wave_friction", "width", "seed", "spheres"),
     *("input_frequency", "fraction", "passage", "amplitude", "duration", "interval", "particles"),
     *("direction", "layers", "sizes", "densities", "approach_rate", "agitated_damping"),
-    *("inertial_number", "hot_stress", "damping", "residual", "periodic"),
+    *("inertial_number", "hot_stress", "damping", "residual", "contact_model", "periodic"),
+    *("stress_ratio", "oedometric"),
 }
-NUMBERS = OF_CASE - {"kind", "factors", "direction", "sizes", "densities"}
+NUMBERS = OF_CASE - {"kind", "factors", "direction", "sizes", "densities", "contact_model"}
 DEFAULTS: dict[str, Any] = {
     "names": "",
     "prepare": "modal",
@@ -183,7 +184,18 @@ class Study:
 
 def _name(factors: Mapping[str, Any]) -> str:
     """A case's name from its factors, as friction0.1_width10."""
-    return "_".join(f"{name}{value:g}" for name, value in factors.items()) or "case"
+    return "_".join(itertools.starmap(part_of_name, factors.items())) or "case"
+
+
+def part_of_name(factor: str, value: Any) -> str:
+    """What a factor's value adds to the name of its files.
+
+    >>> part_of_name("width", 10.0), part_of_name("contact_model", "rough 1e-6")
+    ('width10', 'contact_model-rough-1e-6')
+    """
+    if isinstance(value, str):
+        return "-".join([factor, *value.split()])
+    return f"{factor}{value:g}"
 
 
 def _numbers(value: Any) -> Any:

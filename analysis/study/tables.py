@@ -117,7 +117,7 @@ def means(spec: Spec, cases: pd.DataFrame) -> Table:
     """Mean of each column over the cases that `means` does not tell apart, with standard error."""
     by, lines = spec["means"], []
     for key, members in cases.groupby(by):
-        cells = [f"{value:g}" for value in key]
+        cells = [_cell(value) for value in key]
         for text in spec["columns"].values():
             values = numbers(members, text).dropna()
             cells.append(number(values.mean(), values.std() / np.sqrt(len(values))))
