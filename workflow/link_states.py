@@ -1,8 +1,8 @@
 """Link a walk's states to their names: link_states.py FOLDER [NAME=VALUE ...] OUTPUT ...
 
 Each OUTPUT is named STRESSPa.sample.h5; it becomes a link to the last state in FOLDER, or in a
-folder of it, that was made for this stress, which of unequal stresses is the loaded one. Exit status 1 where one is missing, or where the study
-of one says another value by a NAME.
+folder of it, that was made for this stress, of unequal stresses to the loaded one. Exit status 1
+where one is missing, or where the study of one says another value by a NAME.
 """
 
 from __future__ import annotations

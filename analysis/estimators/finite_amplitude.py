@@ -29,7 +29,9 @@ class FiniteAmplitude:
     of that; `even`: largest even part over the largest odd one; `harmonic`: root mean square over
     the chain of the even part at twice the frequency of the pulse, over that of the odd part at it;
     `slipping`, `opening`: shares of contacts that slid, or were seen to open, in one of both waves;
-    `error`: of the time steps, and of what the packing does without a wave.
+    `loss`: what slip dissipated over the most that the source has given, mean of both waves;
+    `sharing`: number of contacts that would dissipate as much if all did alike, (sum e)^2 over
+    sum e^2; `error`: of the time steps, and of what the packing does without a wave.
     """
 
     odd: Floats
@@ -37,6 +39,8 @@ class FiniteAmplitude:
     harmonic: Floats
     slipping: Floats
     opening: Floats
+    loss: Floats
+    sharing: Floats
     error: Floats
 
 
@@ -68,7 +72,16 @@ def finite_amplitude(
                 second / first,
                 np.mean((ahead.dissipated > 0) | (back.dissipated > 0)),
                 np.mean(ahead.opened | back.opened),
+                np.mean([one.energy[-1, 3] / one.energy[:, 0].max() for one in (ahead, back)]),
+                np.mean([_sharing(one.signals.slip_energy) for one in (ahead, back)]),
                 np.hypot(ahead.error, ahead.noise),
             )
         )
     return FiniteAmplitude(*np.array(rows, float).T)
+
+
+def _sharing(energy: Floats | None) -> float:
+    """How many contacts share what slip dissipated; none where nothing slid."""
+    if energy is None or not energy.any():
+        return 0.0
+    return float(energy.sum() ** 2 / (energy**2).sum())

@@ -49,5 +49,20 @@ def opening_share(packing: Measuring) -> Value:
     return _over_amplitudes(packing, "opening", counted=True)
 
 
-AMPLITUDE = ("odd_part", "even_part", "second_harmonic", "slipping_share", "opening_share")
+@on_request("slip_loss", "1", "share of the source's work that slip dissipates")
+def slip_loss(packing: Measuring) -> Value:
+    """Mean of both waves; by contact it is in the file of `wave --nonlinear`."""
+    return _over_amplitudes(packing, "loss")
+
+
+@on_request("slip_sharing", "1", "number of contacts that share what slip dissipates")
+def slip_sharing(packing: Measuring) -> Value:
+    """Squared sum over the sum of squares: one where a single contact dissipates all."""
+    return _over_amplitudes(packing, "sharing", counted=True)
+
+
+AMPLITUDE = (
+    *("odd_part", "even_part", "second_harmonic", "slipping_share", "opening_share"),
+    *("slip_loss", "slip_sharing"),
+)
 """Names of these."""

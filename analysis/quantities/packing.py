@@ -43,9 +43,7 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
         "mean n_z^2 of contact normals; 1/3 where none is preferred",
     ),
     "lateral_stress": (
-        lambda network: (
-            np.diag(stress_tensor(network))[:2].mean() / stress_tensor(network)[2, 2]
-        ),
+        lambda network: np.diag(stress_tensor(network))[:2].mean() / stress_tensor(network)[2, 2],
         "mean lateral stress over that along z",
     ),
     "force_squared": (

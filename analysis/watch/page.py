@@ -38,7 +38,10 @@ SHOWN_SIGNALS = 16
 PRODUCERS = {
     "yade": "a wave simulated by YADE",
     "linear": "the linear wave of its contacts' springs",
+    "nonlinear": "a wave whose contacts slide and open",
 }
+DECADES = 4
+"""Of what slip dissipated, below its largest: contacts differ by more than eyes tell apart."""
 SPECTRUM = 2.5
 """Highest frequency of the spectra over that of the pulse."""
 
@@ -66,7 +69,8 @@ def watch_page(
     if schema == SIGNALS:
         if chosen:
             raise InputError("--modes: the file has a wave; give *.modes.h5")
-        shown = _of_wave(network, read_signals(product), str(product), frames)
+        signals = read_signals(product)
+        shown = _of_wave(network, signals, str(product), frames) | _of_slip(network, signals)
     else:
         if frames is not None:
             raise InputError("--frames: a mode's period needs none; leave it out")
@@ -191,6 +195,37 @@ def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) 
             for k in place
         ],
     }
+
+
+def _of_slip(network: Network, signals: Signals) -> dict[str, Any]:
+    """What slip has dissipated in the contacts of each sphere, on a logarithmic scale."""
+    if signals.slip_ends is None or signals.slip_energy is None:
+        return {}
+    lost = slip_of_spheres(network.n_particles, signals.slip_ends, signals.slip_energy)
+    top = float(lost.max())
+    if not top > 0:
+        return {}
+    deep = np.log10(np.maximum(lost, 10.0**-DECADES * top) / top) / DECADES + 1
+    return {
+        "slip": coded(np.round(255 * deep), "u1"),
+        "slip_ends": [f"{10.0**-DECADES:g} of it or less", quantity(top, "J", 3)],
+        "slip_decades": DECADES,
+        "slip_told": (
+            f"Slip dissipated {quantity(float(signals.slip_energy.sum()), 'J', 3)} in "
+            f"{len(signals.slip_energy)} contacts."
+        ),
+    }
+
+
+def slip_of_spheres(count: int, ends: np.ndarray, energy: np.ndarray) -> np.ndarray:
+    """Shape (count,), J: half of what each contact (k, 2) dissipated to each of its two spheres.
+
+    A contact with a wall gives all to its sphere, so that the sum is that over contacts.
+    """
+    first, second = ends.T
+    pair = second >= 0
+    own: np.ndarray = np.bincount(first, np.where(pair, 0.5, 1.0) * energy, count)
+    return own + np.bincount(second[pair], 0.5 * energy[pair], count)
 
 
 def _of_modes(

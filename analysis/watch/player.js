@@ -6,11 +6,14 @@ const PERIOD = 90; // drawn frames of a mode's period at normal speed
 const moved = decoded(data.displacement, Int16Array);
 const isWave = data.kind === "wave";
 const pushed = isWave ? turned("xyz".indexOf(data.along)) : 0; // where the source wall moves to
-const pressure = data.pressure ? decoded(data.pressure, Uint8Array) : null;
+// Fields that stay as they are while spheres move, 0 to 255: their name, and what 255 is.
+const still = {};
+if (data.pressure) still["pressure of contacts"] = [decoded(data.pressure, Uint8Array), data.pressure_ends];
+if (data.slip) still["dissipated by slip"] = [decoded(data.slip, Uint8Array), data.slip_ends];
 const fields = isWave ? ["displacement"] : ["displacement z", "displacement x", "displacement y", "displacement size"];
-if (pressure) fields.push("pressure of contacts");
+fields.push(...Object.keys(still));
 for (const name of fields) by("colour").add(new Option(name, name));
-by("told").textContent = data.told;
+by("told").textContent = [data.told, data.slip_told].filter(Boolean).join(" ");
 by("lines").hidden = !data.contacts;
 by("forces").checked = Boolean(data.contacts) && location.hash === "#forces";
 
@@ -28,7 +31,7 @@ function choose() { // a mode is coloured by its own direction
 
 function layOut() {
   const shape = isWave ? null : moved.subarray(3 * n * which, 3 * n * (which + 1));
-  const colour = by("colour").value;
+  const colour = by("colour").value, [fixed, ends] = still[colour] || [];
   const part = { "displacement z": 2, "displacement x": 0, "displacement y": 1 }[colour];
   const before = Math.min(Math.floor(now), count - 1), after = Math.min(before + 1, count - 1);
   const share = now - before, phase = Math.cos((2 * Math.PI * now) / count);
@@ -43,14 +46,14 @@ function layOut() {
         ? Math.hypot(motion[at], motion[at + 1], motion[at + 2])
         : motion[at + turned(part)];
     }
-    if (colour === "pressure of contacts") motion[at + 3] = pressure[s] / 127.5 - 1;
+    if (fixed) motion[at + 3] = fixed[s] / 127.5 - 1;
   }
   texture.needsUpdate = true;
   const factor = 10 ** by("amplify").value;
   shared.factor.value = factor * data.visible;
-  material.uniforms.contrast.value = colour === "pressure of contacts" ? 1 : 10 ** by("contrast").value;
+  material.uniforms.contrast.value = fixed ? 1 : 10 ** by("contrast").value;
   by("factor").textContent = data.real ? `${(factor * data.visible / data.real).toPrecision(2)} x` : `${factor.toPrecision(2)} x`;
-  const edges = colour === "pressure of contacts" ? data.pressure_ends
+  const edges = ends ? ends
     : isWave ? [-1, 1].map((sign) => `${sign < 0 ? "-" : ""}${(data.largest_nm / 10 ** by("contrast").value).toPrecision(2)} nm`)
     : ["-", "+"];
   by("low").textContent = edges[0]; by("high").textContent = edges[1];
@@ -105,7 +108,9 @@ function tell() {
   by("under").hidden = s < 0;
   if (s < 0) return;
   const z = 1e3 * (position[3 * s] - low.x), value = motion[4 * s + 3], colour = by("colour").value;
-  const shown = colour === "pressure of contacts" ? `pressure ${(50 * (value + 1)).toFixed(0)} % of ${data.pressure_ends[1]}`
+  const share = (value + 1) / 2; // of what does not move
+  const shown = colour === "pressure of contacts" ? `pressure ${(100 * share).toFixed(0)} % of ${data.pressure_ends[1]}`
+    : colour === "dissipated by slip" ? `slip dissipated ${share ? (10 ** (data.slip_decades * (share - 1))).toPrecision(2) : "no more than " + 10 ** -data.slip_decades} of ${data.slip_ends[1]}`
     : isWave ? `u_${data.along} = ${(value * data.largest_nm).toPrecision(3)} nm`
     : `${colour.replace("displacement ", "u_")} = ${value.toFixed(3)} of the largest`;
   by("under").textContent = `sphere ${s}, z = ${z.toFixed(2)} mm: ${shown}`;

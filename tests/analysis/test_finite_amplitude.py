@@ -27,6 +27,7 @@ def test_orders_of_a_column_of_hertz_spheres():
         low, high = found[name].value
         assert np.log2(high / low) == pytest.approx(order, abs=0.05), name
         assert 0 < high < 0.1
+    assert not found["slip_loss"].value.any() and not found["slip_sharing"].value.any()
     assert not found["slipping_share"].value.any() and not found["opening_share"].value.any()
 
 
@@ -34,9 +35,12 @@ def test_more_contacts_slide_and_open_the_larger_the_wave(tmp_path, capsys):
     packed = modal.random_packing(300, seed=2, aspect=6)
     sample, _ = relax(sample_of_network(packed, 0.3))
     found = analysis.measure(sample, amplitudes=[1e-9, 1e-7])
-    for name in ("slipping_share", "opening_share", "even_part", "odd_part"):
+    for name in ("slipping_share", "opening_share", "even_part", "odd_part", "slip_loss"):
         low, high = found[name].value
         assert 0 <= low < high < 1, name
+    # Contacts that share the loss: more than one, fewer than slid.
+    slid = found["slipping_share"].value[1] * sample.network().n_contacts
+    assert 1 < found["slip_sharing"].value[1] < slid
     write_sample(tmp_path / "a.sample.h5", sample)
     command = ["measure", tmp_path / "a.sample.h5", "--quantities", "even_part", "--json"]
     assert main([str(word) for word in command]) == 3

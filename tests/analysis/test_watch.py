@@ -9,13 +9,18 @@ import subprocess
 import numpy as np
 import pytest
 from PIL import Image
+from places import SHEARED
 
 import modal
 from analysis.__main__ import main
+from analysis.watch.page import slip_of_spheres
 from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
+from modal.packing.sample import read_sample, write_sample
+from modal.preparation.relax import relax
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
+from modal.waves.source import Pulse
 
 DURATION = 4e-5
 
@@ -34,6 +39,22 @@ def folder(tmp_path_factory):
         files = [str(path / f"fcc.{kind}.h5") for kind in (product, "network")]
         assert main(["watch", *files, "-o", str(path / f"{product}.html")]) == 0
     return path, network, wave.signals, modes
+
+
+@pytest.fixture(scope="module")
+def slid(tmp_path_factory):
+    """The page of a wave of a third of an overlap, the wave, and its packing."""
+    path = tmp_path_factory.mktemp("slid")
+    sample, _ = relax(read_sample(SHEARED))
+    write_sample(path / "one.sample.h5", sample)
+    wave = modal.propagate(
+        sample, DURATION, nonlinear=True, motion=Pulse(2.5e-7, 1e5), time_step=5e-8, particles=True
+    )  # fmt: skip
+    write_signals(path / "one.signals.h5", wave.signals)
+    page = path / "one.html"
+    files = [str(path / f"one.{kind}.h5") for kind in ("signals", "sample")]
+    assert main(["watch", *files, "-o", str(page)]) == 0
+    return page, wave, sample.network()
 
 
 def data_of(page):
@@ -99,6 +120,43 @@ def test_the_page_holds_the_contacts_and_their_forces(folder):
     assert np.isclose(ends[:, None], network.wall_position, atol=contacts["step"]).any(axis=1).all()
     force = network.force_normal / np.percentile(network.force_normal, 99)
     assert abs(decoded(contacts["force"], "u1") / 255 - np.minimum(force, 1)).max() <= 1 / 255
+
+
+def test_the_page_holds_what_slip_dissipated(slid):
+    """By sphere, on a logarithmic scale; over all spheres it is the slip of the energy book."""
+    page, wave, network = slid
+    lost = slip_of_spheres(network.n_particles, wave.signals.slip_ends, wave.signals.slip_energy)
+    assert lost.sum() == pytest.approx(wave.energy[-1, 3], rel=1e-12)
+    # A contact between spheres gives half to each, one with a wall all to its sphere.
+    pair = wave.signals.slip_ends.min(axis=1) >= 0
+    assert pair.any() and not pair.all()
+    held = np.isin(
+        np.arange(network.n_particles), wave.signals.slip_ends[wave.signals.slip_ends >= 0]
+    )
+    assert (lost[held] > 0).all() and not lost[~held].any()
+    data = data_of(page.read_text())
+    deep = decoded(data["slip"], "u1") / 255
+    seen = deep > 0
+    shown = 10 ** (data["slip_decades"] * (deep - 1)) * lost.max()
+    # Half a step of 255 over four decades.
+    step = 10 ** (data["slip_decades"] / 255 / 2)
+    assert seen.sum() > 20
+    assert abs(np.log(shown[seen] / lost[seen])).max() <= np.log(step) * 1.001
+    assert (lost[~seen] <= 1e-4 * step * lost.max()).all()
+    assert f"in {len(wave.signals.slip_energy)} contacts" in data["slip_told"]
+
+
+def test_a_browser_shows_what_slip_dissipated(slid, tmp_path):
+    """Spheres without slip are blue, the one that dissipated most is red."""
+    page, wave, network = slid
+    chosen = """<script>by("colour").value = "dissipated by slip"; draw();</script></body>"""
+    (tmp_path / "slip.html").write_text(page.read_text().replace("</body>", chosen))
+    dom, picture = seen_by_a_browser((tmp_path / "slip.html").as_uri(), tmp_path)
+    view = np.asarray(Image.open(picture).convert("RGB"), float)[90:380]
+    red, _, blue = view.transpose(2, 0, 1)
+    assert ((blue > 1.5 * red) & (blue > 60)).sum() > 200
+    assert ((red > 1.5 * blue) & (red > 60)).sum() > 20
+    assert ">dissipated by slip</option>" in dom and "0.0001 of it or less" in dom
 
 
 def test_a_full_size_page_stays_below_15_megabytes(folder):

@@ -184,11 +184,12 @@ def test_energy_adds_up_where_contacts_slide_and_open(rested, direction):
         assert energy.sum() == pytest.approx(lost[-1], rel=1e-12)
         # Those of the start are the network's, one by one; the wave has closed the others.
         network = rested.network()
-        number = {(i, j): c for c, (i, j) in enumerate(zip(network.particle_i, network.particle_j, strict=True))}
+        pairs = zip(network.particle_i, network.particle_j, strict=True)
+        number = {pair: c for c, pair in enumerate(pairs)}
         of_start = np.zeros(network.n_contacts)
-        for (i, j), lost_there in zip(ends, energy, strict=True):
-            if (i, j) in number:
-                of_start[number[i, j]] += lost_there
+        for pair, lost_there in zip(map(tuple, ends), energy, strict=True):
+            if pair in number:
+                of_start[number[pair]] += lost_there
         assert np.allclose(of_start, wave.dissipated, rtol=1e-12, atol=0)
         assert 0.95 * lost[-1] < wave.dissipated.sum() < lost[-1]
         assert (np.diff(lost) >= 0).all()
