@@ -12,16 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.exchange.law import ProgramLaw
-from modal.exchange.laws import Laws
-from modal.exchange.particles_and_contacts import (
-    Cell,
-    Contacts,
-    LawOf,
-    Spheres,
-    branches,
-    check_spheres,
-    touching_pairs,
-)
+from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
 from modal.exchange.precision_checks import (
     digits_of_table,
     refuse_apart,
@@ -60,133 +51,132 @@ class ImportResult:
 
 
 def network_of(
-    spheres: Spheres,
-    cell: Cell,
-    contacts: Contacts | None,
-    law_of: LawOf | None,
-    name: str,
-    bodies: Bodies | None = None,
+    packing: Packing, contacts: Contacts | None, law_of: LawOf | None, bodies: Bodies | None = None
 ) -> ImportResult:
     """The contact network of a packing; InputError where the digits do not tell the overlaps.
 
-    `name` is the file of the spheres, for messages; no law is needed where stiffnesses are told.
-    `bodies` are what is told of the rigid ones, if there are any and their members do not tell it.
+    Without `contacts` these are sought; no law is needed where stiffnesses are told. `bodies` are
+    what is told of the rigid ones, if there are any and their members do not tell it.
     """
-    check_spheres(spheres, cell, name)
-    size = cell.high - cell.low
-    inside = cell.low + (spheres.position - cell.low) % np.where(size > 0, size, 1.0)
-    outside = (spheres.position < cell.low) | (spheres.position > cell.high)
-    position = np.where(cell.periodic & outside, inside, spheres.position)
-    ends = zip(cell.walls, (cell.low[2], cell.high[2]), strict=True)
-    walls = np.array([bound if np.isnan(wall) else wall for wall, bound in ends])
-    told: dict[str, Any] = {}
     remarks: list[str] = []
-
-    listed = contacts or touching_pairs(spheres, cell)
-    branch, shift = branches(position, cell, walls.tolist(), listed.i, listed.j)
+    listed = contacts or packing.touching()
+    branch, shift = packing.branches(listed.i, listed.j)
     distance = np.linalg.norm(branch, axis=1)
-    refuse_one_place(listed, spheres, distance, name)
-    kept = _kept(listed, spheres, distance, name, remarks)
-    touch, branch, shift = listed.some(kept), branch[kept], shift[kept]
-    reach, effective = _radii(spheres, touch)
-    overlap = reach - distance[kept]
-    laws = Laws.of(touch, spheres, law_of if touch.stiffness is None else None)
-
-    error = spheres.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
-    if contacts is not None and laws.kinds:
-        remarks += unlisted(listed, spheres, cell)
+    refuse_one_place(listed, packing, distance)
+    kept = _kept(listed, packing, distance, remarks)
+    touch, branch, shift, distance = listed.some(kept), branch[kept], shift[kept], distance[kept]
+    reach, effective = packing.reach(touch.i, touch.j)
+    overlap = reach - distance
+    error = packing.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
     how, force = "positions", touch.force
-    if not laws.kinds:
-        remarks += digits_of_table(spheres, error, overlap, distance[kept], name)
-    elif force is None:
-        refuse_drowned(spheres, error, overlap, name)
-        (force,) = laws.each(ProgramLaw.force, overlap, effective)
+    stiffness, turning, columns = touch.stiffness, touch.turning, dict[str, Any]()
+    kinds, which = _kinds(touch, packing, law_of if stiffness is None else None)
+    if not kinds:
+        remarks += digits_of_table(packing, error, overlap, distance)
     else:
-        (by_law,) = laws.each(ProgramLaw.force, overlap, effective)
-        force = np.where(np.isnan(force), by_law, force)
-        (pushed,) = laws.each(ProgramLaw.overlap, force, effective)
-        factor = float(pushed.mean() / max(overlap.mean(), 1e-300))
-        if not 1 / UNLIKE < factor < UNLIKE:
-            raise InputError(
-                f"{name}: the law makes overlaps of {pushed.mean():.3g} m of the forces that are "
-                f"told, positions and radii {overlap.mean():.3g} m; give stiffnesses, forces and "
-                "lengths in one system of units (--scales)"
-            )
-        if error > BLURRED * np.median(pushed):
-            how, overlap = "forces", np.where(force > 0, pushed, overlap)
-            _turn_to_lines(branch, touch.line)
+        law = ProgramLaw.of_contacts(kinds, which)
+        if contacts is not None:
+            remarks += unlisted(listed, packing)
+        by_law = law.force(overlap, effective)
+        if force is None:
+            refuse_drowned(packing, error, overlap)
+            force = by_law
         else:
-            _compare_forces(touch, force, by_law, remarks)
-    told["overlap_over_error_of_digits"] = float(np.median(overlap) / max(error, 1e-300))
-    told["overlaps_from"] = how
-    stiffness, turning = touch.stiffness, touch.turning
-    if laws.kinds:
-        stiffness = laws.each(ProgramLaw.stiffnesses, overlap, effective)
-        if any(law.resists_turning for law in laws.kinds):
-            turning = laws.each(ProgramLaw.turning_stiffnesses, overlap, effective)
+            force = np.where(np.isnan(force), by_law, force)
+            pushed = law.overlap(force, effective)
+            _refuse_other_units(pushed, overlap, packing.name)
+            if error > BLURRED * np.median(pushed):
+                how, overlap = "forces", np.where(force > 0, pushed, overlap)
+                _turn_to_lines(branch, touch.line)
+            else:
+                _compare_forces(touch, force, by_law, remarks)
+        stiffness = law.stiffnesses(overlap, effective)
+        if law.resists_turning:
+            turning = law.turning_stiffnesses(overlap, effective)
             remarks.append("rolling and twisting: contacts stick, their limits are not looked at")
+        columns |= law.beyond_springs(overlap)
+        if touch.shear is not None:
+            columns["sliding"] = law.slides(force, touch.shear)
     assert stiffness is not None
-    columns: dict[str, Any] = {} if turning is None else dict(zip(TURNING, turning, strict=True))
-    columns |= {"force_normal": force, "force_tangential": touch.shear, "overlap": overlap}
-    columns |= laws.columns(overlap) | {"sliding": laws.sliding(force, touch.shear)}
-    wall = touch.j < 0
-    radius_i, radius_j = spheres.radius[touch.i], spheres.radius[np.maximum(touch.j, 0)]
+    columns |= {} if turning is None else dict(zip(TURNING, turning, strict=True))
+    frictions = {law.friction for law in kinds}
+    told = {
+        "overlap_over_error_of_digits": float(np.median(overlap) / max(error, 1e-300)),
+        "overlaps_from": how,
+    }
     normal = branch / np.linalg.norm(branch, axis=1)[:, None]
-    with named(name):
+    radius_i, radius_j = packing.radius[touch.i], packing.radius[np.maximum(touch.j, 0)]
+    with named(packing.name):
         network = Network(
-            position=position,
-            radius=spheres.radius,
-            mass=spheres.mass,
-            inertia=0.4 * spheres.mass * spheres.radius**2,
+            position=packing.position,
+            radius=packing.radius,
+            mass=packing.mass,
+            inertia=0.4 * packing.mass * packing.radius**2,
             particle_i=touch.i,
             particle_j=touch.j,
             normal=normal,
             # To the middle of the overlap.
             lever_i=(radius_i - overlap / 2)[:, None] * normal,
-            lever_j=np.where(wall, 0.0, overlap / 2 - radius_j)[:, None] * normal,
+            lever_j=np.where(touch.j < 0, 0.0, overlap / 2 - radius_j)[:, None] * normal,
             stiffness_normal=stiffness[0],
             stiffness_tangential=stiffness[1],
+            force_normal=force,
+            force_tangential=touch.shear,
+            overlap=overlap,
             cell_shift=shift,
-            cell_size=size,
-            cell_periodic=cell.periodic,
-            wall_position=walls,
-            study=laws.notes(),
+            cell_size=packing.cell.high - packing.cell.low,
+            cell_periodic=packing.cell.periodic,
+            wall_position=np.array(packing.cell.planes),
+            study={"mu_wave": float(frictions.pop())} if len(frictions) == 1 else {},
             **columns,
         )
-        if spheres.body is not None:
-            network = joined(network, spheres.body, bodies)
-            told["spheres_of_bodies"] = len(spheres.body)
-    return ImportResult(network, laws.kinds, laws.of_each, told, remarks, bool(laws.kinds))
+        if packing.body is not None:
+            network = joined(network, packing.body, bodies)
+            told["spheres_of_bodies"] = len(packing.body)
+    return ImportResult(network, kinds, which, told, remarks, bool(kinds))
 
 
-def _radii(spheres: Spheres, contacts: Contacts) -> tuple[Floats, Floats]:
-    """Sum of radii and effective radius (m,), m; at a wall both are the sphere's own."""
-    a, b = spheres.radius[contacts.i], spheres.radius[np.maximum(contacts.j, 0)]
-    wall = contacts.j < 0
-    return np.where(wall, a, a + b), np.where(wall, a, a * b / (a + b))
+def _kinds(
+    contacts: Contacts, packing: Packing, law_of: LawOf | None
+) -> tuple[list[ProgramLaw], Ints]:
+    """The different laws, none of a table with stiffnesses, and which of them each contact has."""
+    if law_of is None:
+        return [], np.zeros(len(contacts.i), int)
+    kind, j = packing.kind, contacts.j
+    ends = np.sort(np.column_stack([kind[contacts.i], np.where(j < 0, j, kind[j])]), axis=1)
+    pairs, which = np.unique(ends, axis=0, return_inverse=True)
+    return [law_of(int(a), int(b)) for a, b in pairs], which.reshape(-1)
 
 
-def _kept(
-    listed: Contacts, spheres: Spheres, distance: Floats, name: str, remarks: list[str]
-) -> Bools:
+def _kept(listed: Contacts, packing: Packing, distance: Floats, remarks: list[str]) -> Bools:
     """Shape (m,): contacts of spheres that touch, and not inside a body; InputError for others.
 
     What a table lists with a stiffness is a contact.
     """
-    reach, _ = _radii(spheres, listed)
+    reach, _ = packing.reach(listed.i, listed.j)
     overlap = reach - distance
     kept = np.ones(len(overlap), bool)
     if listed.stiffness is None:
         kept = overlap > 0 if listed.force is None else listed.force != 0
-    own = spheres.inside(listed.i, listed.j)
-    refuse_apart(listed, spheres, kept & (overlap < -WIDEST * reach), -overlap, name)
+    own = packing.inside_body(listed.i, listed.j)
+    refuse_apart(listed, packing, kept & (overlap < -WIDEST * reach), -overlap)
     for left, why in ((~kept & ~own, "do not touch"), (own, "are inside rigid bodies")):
         if listed.listed is not None and left.any():
             remarks.append(f"{int(left.sum())} of {len(left)} listed contacts {why}: left out")
     kept = kept & ~own
     if not kept.any():
-        raise InputError(f"{name}: no two spheres touch; dump a packing under stress")
+        raise InputError(f"{packing.name}: no two spheres touch; dump a packing under stress")
     return kept
+
+
+def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
+    """InputError where forces and positions tell overlaps that lie far from each other."""
+    if not 1 / UNLIKE < float(pushed.mean() / max(overlap.mean(), 1e-300)) < UNLIKE:
+        raise InputError(
+            f"{name}: the law makes overlaps of {pushed.mean():.3g} m of the forces that are "
+            f"told, positions and radii {overlap.mean():.3g} m; give stiffnesses, forces and "
+            "lengths in one system of units (--scales)"
+        )
 
 
 def _turn_to_lines(branch: Floats, line: Floats | None) -> None:

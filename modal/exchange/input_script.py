@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from modal.exchange.rows import fault, read_lines
+from modal.exchange.words import Words
 from modal.tools.errors import InputError
 
 VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
@@ -124,10 +125,8 @@ def _command(script: Script, words: list[str], where: str) -> None:
             script.pair.append(tuple(rest))
         case ["fix", _, _, "property/global", name, kind, *rest] if name in PROPERTIES:
             listed = rest[1:] if kind == "peratomtypepair" else rest
-            try:
-                script.properties[name] = [float(word) for word in listed]
-            except ValueError as error:
-                raise InputError(f"{where}: {name}: {error}; write numbers there") from None
+            said = Words(words, where, "write numbers there")
+            script.properties[name] = said.converted(name, listed)
         case ["fix", name, group, style, *rest] if _is(style, "wall/gran"):
             script.walls[name], script.groups[name] = tuple(rest), group
         case ["fix", name, group, style, *rest] if _is(style, "rigid"):

@@ -9,19 +9,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.exchange.dump import Frame
-from modal.exchange.dump_contacts import CODES, Words, planes_said, require, told_contacts
+from modal.exchange.dump_contacts import DO, Meanings, planes_said, told_contacts
 from modal.exchange.input_script import Script
 from modal.exchange.lammps_law import coefficients
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.particles_and_contacts import Contacts, Spheres
-from modal.exchange.rows import fault
+from modal.exchange.particles_and_contacts import WALLS, Contacts, Packing
+from modal.exchange.words import Words
 from modal.tools.arrays import Floats, Ints
-from modal.tools.errors import InputError
 
 RECIPE = {
     4: ("patom1", "patom2", "ptype1", "ptype2"),
@@ -53,9 +52,9 @@ Walls = Mapping[int, Wall]
 
 def contacts_of(
     frame: Frame,
-    spheres: Spheres,
+    packing: Packing,
     path: str | Path | None,
-    computes: Words,
+    computes: Meanings,
     units: Units,
     walls: Walls,
     fixes: Sequence[str],
@@ -66,15 +65,15 @@ def contacts_of(
     """
     if path is None:
         return None, []
-    told = told_contacts(path, frame, spheres, computes, RECIPE, QUANTITIES)
-    require(told.rows, told.values, ("force",))
+    told = told_contacts(path, frame, packing, computes, RECIPE, QUANTITIES)
+    told.rows.require(("force",), DO, told.values)
     force, shear = units.force * told.values["force"][:, 0], told.values.get("shear")
     shear = None if shear is None else units.force * shear
-    line = told.values.get("line")
-    contacts = Contacts(told.i, told.j, force, shear, line=line, listed=told.rows)
+    contacts = Contacts(
+        told.i, told.j, force, shear, line=told.values.get("line"), listed=told.rows
+    )
     if walls:
-        at_walls = contacts_with_walls(frame, spheres, units, walls, fixes)
-        contacts = contacts.with_walls(*at_walls)
+        contacts = contacts.with_walls(*at_walls(frame, packing, units, walls, fixes))
     return contacts, told.assumed
 
 
@@ -82,37 +81,31 @@ def walls_of(script: Script, units: Units) -> Walls:
     """The walls of each fix; InputError for others than one at low and one at high z."""
     found: dict[int, Wall] = {}
     for name, words in script.walls.items():
-        for code, wall in _walls(name, words, units).items():
+        where = name if name == TYPED else f"fix {name} wall/gran"
+        said = Words(words, where, f"give its law before it, or type it with {TYPED}")
+        other = next((word for word in words if word in ("xplane", "yplane", "zcylinder")), None)
+        if other:
+            do = "turn the packing, or make the other axes periodic"
+            said.refuse(f"{other} is not known, a network has walls at low and high z", do)
+        planes, at = planes_said(said, units), words.index("zplane")
+        if "wiggle" in words[at:]:
+            said.refuse(
+                "it wiggles, and where it was at a step is not told", f"type where ({TYPED})"
+            )
+        law = coefficients(words[0], words[1:at], where, units, wall=True).law
+        for code, z in planes.items():
             if code in found:
-                raise InputError(
-                    f"fix {name} wall/gran: a second wall at {('low', 'high')[CODES.index(code)]} "
-                    f"z, beside that of fix {found[code].name}; a network has one there: type "
-                    f"them with {TYPED}"
+                said.refuse(
+                    f"a second wall at {('low', 'high')[WALLS.index(code)]} z, beside that of fix "
+                    f"{found[code].name}, where a network has one",
+                    f"type them with {TYPED}",
                 )
-            found[code] = wall
+            found[code] = Wall(name, law, z)
     return found
 
 
-def _walls(name: str, words: Sequence[str], units: Units) -> dict[int, Wall]:
-    where = name if name == TYPED else f"fix {name} wall/gran"
-    kinds = [k for k, word in enumerate(words) if word in ("xplane", "yplane", "zcylinder")]
-    if kinds:
-        raise InputError(
-            f"{where}: {words[kinds[0]]} is not known; a network has walls at low and high z: "
-            "turn the packing, or make the other axes periodic"
-        )
-    planes = planes_said(words, units, where, f"give its law before it, or type it with {TYPED}")
-    at = words.index("zplane")
-    if "wiggle" in words[at:]:
-        raise InputError(
-            f"{where}: it wiggles, and where it was at a step is not told; type where ({TYPED})"
-        )
-    law = coefficients(words[0], words[1:at], where, units, wall=True).law
-    return {code: Wall(name, law, z) for code, z in planes.items()}
-
-
-def contacts_with_walls(
-    frame: Frame, spheres: Spheres, units: Units, walls: Walls, fixes: Sequence[str]
+def at_walls(
+    frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
 ) -> tuple[Ints, Ints, Floats, Floats]:
     """Spheres at walls, codes (k,), normal force (k,) and shear force (k, 3) on the sphere, N.
 
@@ -120,19 +113,17 @@ def contacts_with_walls(
     end, or their IDs are not known: then all columns f_ID[1] to f_ID[4] count.
     """
     rows = frame.rows
-    names = [name for name in fixes if rows.has(*_columns(name))]
-    absent = [name for name in fixes if name not in names]
-    if names and absent:
-        _no_forces(frame, f"fix {absent[0]}", absent[0])
-    if not names:
+    names = list(fixes)
+    if not any(rows.has(*_columns(name)) for name in fixes):
         first = [column[2:-3] for column in rows.columns if re.fullmatch(r"f_\w+\[1\]", column)]
-        names = [name for name in first if rows.has(*_columns(name))]
-    if not names:
-        _no_forces(frame, "the walls", "ID")
+        names = [name for name in first if rows.has(*_columns(name))] or ["ID"]
+    for name in names:
+        do = f"write fix {name} ... wall/gran ... contacts and dump {' '.join(_columns(name))}"
+        rows.require(_columns(name), do)
     parts = []
     for name in names:
         own = {code: wall for code, wall in walls.items() if wall.name == name}
-        parts.append(_of_fix(frame, spheres, units, name, own or walls))
+        parts.append(_of_fix(frame, packing, units, name, own or walls))
     at, code, push, rub = (np.concatenate(part) for part in zip(*parts, strict=True))
     return at.astype(np.int32), code.astype(np.int32), push, rub
 
@@ -141,33 +132,24 @@ def _columns(name: str) -> list[str]:
     return [f"f_{name}[{k}]" for k in (1, 2, 3, 4)]
 
 
-def _no_forces(frame: Frame, whose: str, name: str) -> NoReturn:
-    do = f"write fix {name} ... wall/gran ... contacts and dump {' '.join(_columns(name))}"
-    fault(frame.rows.path, f"no forces of {whose}", do, frame.rows.line - 1, f"f_{name}[1..4]")
-
-
 def _of_fix(
-    frame: Frame, spheres: Spheres, units: Units, name: str, walls: Walls
+    frame: Frame, packing: Packing, units: Units, name: str, walls: Walls
 ) -> tuple[Ints, Ints, Floats, Floats]:
-    """What `contacts_with_walls` gives, of one fix with these walls."""
+    """What `at_walls` gives, of one fix with these walls."""
     rows = frame.rows
     order = np.argsort(rows.read("id")[:, 0], kind="stable")
-    table = rows.read(*_columns(name))[order]
-    flag = table[:, 0]
-    if ((flag != 0) & (flag != 1)).any():
-        do = "leave columns of other fixes out, or give the log that names the walls (--log)"
-        fault(rows.path, "not 1 at a wall and 0 elsewhere", do, rows.line - 1, f"f_{name}[1]")
-    (at,) = np.nonzero(flag)
+    table = rows.read(*_columns(name))
+    do = "leave columns of other fixes out, or give the log that names the walls (--log)"
+    wrong = ~np.isin(table[:, 0], (0, 1))
+    rows.refuse(wrong, "not 1 at a wall and 0 elsewhere", do, f"f_{name}[1]")
+    table = table[order]
+    (at,) = np.nonzero(table[:, 0])
     force = units.force * table[at, 1:4]
     # The wall that pushes; a sphere between two walls of one fix would need two rows.
-    code = np.where(force[:, 2] > 0, *CODES)
-    absent = ~np.isin(code, list(walls))
-    if absent.any():
-        which = spheres.number[at[int(np.argmax(absent))]]
-        raise InputError(
-            f"{rows.path}: sphere {which} is pushed in f_{name} by a wall that is NULL in its "
-            f"zplane LOW HIGH; mend {TYPED}, or bring the packing to rest"
-        )
+    code = np.where(force[:, 2] > 0, *WALLS)
+    what = f"is pushed in f_{name} by a wall that is NULL in its zplane LOW HIGH"
+    absent = np.isin(np.arange(len(order)), at[~np.isin(code, list(walls))])
+    packing.refuse(absent, what, f"mend {TYPED}, or bring the packing to rest")
     push = abs(force[:, 2])
     force[:, 2] = 0
     return at, code, push, force

@@ -14,13 +14,14 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NoReturn
+from typing import Any
 
 from modal.exchange.input_script import Script
 from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import LawOf
+from modal.exchange.words import Words
 from modal.packing.contact_law import YOUNG, Elasticity
 from modal.tools.errors import InputError
 
@@ -58,34 +59,6 @@ class Coefficients:
     own_tangential: bool = True
 
 
-class Words:
-    """The words of a law, one after the other; `where` says in a message whose they are."""
-
-    def __init__(self, words: Sequence[str], where: str) -> None:
-        self.left, self.where = list(words), where
-
-    def refuse(self, what: str) -> NoReturn:
-        """InputError about these words."""
-        raise InputError(f"{self.where}: {what}")
-
-    def next(self, what: str, known: Iterable[str] = ()) -> str:
-        """The next word, which is `what`, one of those that are `known`."""
-        if not self.left:
-            self.refuse(f"ends where {what} should stand; give the whole line")
-        word = self.left.pop(0)
-        if known and word not in known:
-            self.refuse(f"{what} {word!r} is not known; give {', '.join(known)}")
-        return word
-
-    def numbers(self, what: str, count: int) -> list[float]:
-        """The next `count` words as numbers; NULL is NaN."""
-        words = [self.next(f"a coefficient of {what}") for _ in range(count)]
-        try:
-            return [math.nan if word.upper() == "NULL" else float(word) for word in words]
-        except ValueError as error:
-            self.refuse(f"{error}, as a coefficient of {what} is one; put its value there")
-
-
 def granular(
     words: Sequence[str], where: str, arms: tuple[str, str], units: Units = SI
 ) -> Coefficients:
@@ -93,12 +66,12 @@ def granular(
 
     `where` says in a message whose words these are; `arms` of motion and torque.
     """
-    said = Words(words, where)
+    said = Words(words, where, "give the whole line, with values")
     model = said.next("the normal model", (*NORMAL, *COHESIVE))
     if model in COHESIVE:
-        said.refuse(f"{model} is cohesive; only {', '.join(NORMAL)} are read")
+        said.refuse(f"{model} is cohesive", f"only {', '.join(NORMAL)} are read")
     unit = units.stiffness if model == "hooke" else units.pressure
-    normal, *_, poisson = said.numbers(model, NORMAL[model])
+    normal, *_, poisson = said.in_turn(model, NORMAL[model], null=True)
     stiff, material = unit * normal, None
     if model == "hertz/material":
         material = material_of(stiff, poisson, where)
@@ -109,19 +82,19 @@ def granular(
         option = said.next("an option", OPTIONS)
         if option == "tangential":
             count, grows, keeps = TANGENTIAL[said.next("tangential", TANGENTIAL)]
-            across, *_, friction = said.numbers(option, count)
+            across, *_, friction = said.in_turn(option, count, null=True)
             across = across if count == 3 else 0.0
         elif option in resists:
             name = said.next(option, ("none", "sds", "marshall")[: 2 + (option == "twisting")])
             marshall = marshall or name == "marshall"
             if name == "sds":
-                stiffness, _, limit = said.numbers(f"{option} sds", 3)
+                stiffness, _, limit = said.in_turn(f"{option} sds", 3, null=True)
                 resists[option] = stiffness if limit > 0 else min(stiffness, 0.0)
         elif option != "limit_damping":
             said.next(f"the word of {option}")
     own = not math.isnan(across)
     if not own and material is None:
-        said.refuse("tangential NULL needs hertz/material; give its stiffness")
+        said.refuse("tangential NULL needs hertz/material", "give its stiffness")
     across *= units.pressure if grows else units.stiffness
     if material and not own:
         across = 8 * material.effective_shear
@@ -131,7 +104,8 @@ def granular(
     if not (stiff > 0 and all(each >= 0 for each in (across, friction, rolling, twisting))):
         said.refuse(
             f"stiffness {stiff:g} must be positive, tangential {across:g}, friction {friction:g}, "
-            "rolling and twisting not negative; mend the line"
+            "rolling and twisting not negative",
+            "mend the line",
         )
     turning = (rolling, twisting, half)
     law = ProgramLaw(stiff, model != "hooke", across, grows, friction, keeps, *arms, *turning)
@@ -147,7 +121,9 @@ def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coe
         raise InputError(f"{where}: {style} is not known; {', '.join(GRAN)} are")
     if len(words) < 5:
         raise InputError(f"{where}: {style} needs Kn Kt gamma_n gamma_t xmu dampflag; give all six")
-    kn, kt, _, _, friction = Words(words, where).numbers(style, 5)
+    kn, kt, _, _, friction = Words(words, where, "give the whole line, with values").in_turn(
+        style, 5, null=True
+    )
     model, tangential = GRAN[style]
     kt = 2 / 7 * kn if math.isnan(kt) else kt
     own = [] if tangential == "linear_nohistory" else [repr(kt)]

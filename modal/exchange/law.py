@@ -12,18 +12,20 @@ by half the tangential coefficient times a^2.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 FORCE, DISPLACEMENT, ONE_SIDED = "force", "displacement", "displacement, shrunk on unloading"
 """What a contact keeps of its shear."""
 MIDDLE, RADIUS = "radius less half the overlap", "radius"
 """Lever arms."""
+AT_LIMIT = 1e-6
+"""Relative: a shear force so near to friction times normal force slides."""
 
 
 class Units(NamedTuple):
@@ -73,7 +75,7 @@ SI = Units()
 
 @dataclass(frozen=True)
 class ProgramLaw:
-    """One kind of contact.
+    """One kind of contact; or, as `of_contacts` makes it, that of each contact, fields (m,).
 
     `normal` in N/m, or in Pa with `hertz`; `tangential` in N/m, or in Pa where it grows
     (`grows`); 0 where `friction`, the coefficient, is: the limit of a shear force is 0 then, and
@@ -95,33 +97,40 @@ class ProgramLaw:
     marshall: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.friction == 0:
-            object.__setattr__(self, "tangential", 0.0)
+        object.__setattr__(self, "tangential", self.tangential * (self.friction != 0))
+
+    @classmethod
+    def of_contacts(cls, kinds: Sequence[ProgramLaw], which: Ints) -> ProgramLaw:
+        """The law of each contact, of these `kinds` the one with the number in `which` (m,)."""
+        columns: dict[str, Any] = {
+            each.name: np.array([getattr(law, each.name) for law in kinds])[which]
+            for each in fields(cls)
+        }
+        return cls(**columns)
 
     def force(self, overlap: Floats, effective_radius: Floats) -> Floats:
         """Shape (m,), N: the elastic normal force; 0 where nothing touches."""
         deep = np.maximum(overlap, 0)
-        root = np.sqrt(effective_radius * deep) if self.hertz else 1.0
+        root = np.where(self.hertz, np.sqrt(effective_radius * deep), 1.0)
         force: Floats = self.normal * root * deep
         return force
 
     def overlap(self, force: Floats, effective_radius: Floats) -> Floats:
         """Shape (m,), m: the inverse of `force`."""
         push = np.maximum(force, 0) / self.normal
-        overlap: Floats = (push / np.sqrt(effective_radius)) ** (2 / 3) if self.hertz else push
-        return overlap
+        return np.where(self.hertz, (push / np.sqrt(effective_radius)) ** (2 / 3), push)
 
     def stiffnesses(self, overlap: Floats, effective_radius: Floats) -> tuple[Floats, Floats]:
         """Normal and tangential tangent stiffnesses (m,), N/m."""
         radius = np.sqrt(effective_radius * np.maximum(overlap, 0))
-        along = 1.5 * self.normal * radius if self.hertz else np.full(len(radius), self.normal)
-        across = self.tangential * (radius if self.grows else np.ones(len(radius)))
-        return along, across
+        along = np.where(self.hertz, 1.5 * self.normal * radius, self.normal)
+        return along, self.tangential * np.where(self.grows, radius, 1.0)
 
     @property
     def resists_turning(self) -> bool:
         """Whether a contact resists rolling or twisting."""
-        return self.rolling > 0 or self.twisting > 0 or self.marshall * self.tangential > 0
+        stiffest = np.maximum(self.rolling, self.twisting), self.marshall * self.tangential
+        return bool(np.any(np.maximum(*stiffest) > 0))
 
     def turning_stiffnesses(
         self, overlap: Floats, effective_radius: Floats
@@ -130,3 +139,22 @@ class ProgramLaw:
         circle = effective_radius * np.maximum(overlap, 0)
         twisting = self.twisting + self.marshall * self.tangential * circle
         return self.rolling * effective_radius**2, twisting
+
+    @property
+    def shear_grows(self) -> Bools:
+        """Whether a shear force grows with the circle of contact, of the same displacement."""
+        return self.grows & np.isin(self.keeps, (DISPLACEMENT, ONE_SIDED))
+
+    def beyond_springs(self, overlap: Floats) -> dict[str, Floats]:
+        """What it does otherwise than springs, as a network tells it of each contact (m,)."""
+        return {
+            "shear_growth": np.where(self.shear_grows, 0.5 / overlap, 0.0),
+            "motion_shortening": 0.5 * (np.asarray(self.moves) == MIDDLE),
+            "torque_shortening": 0.5 * (np.asarray(self.turns) == MIDDLE),
+        }
+
+    def slides(self, force: Floats, shear: Floats) -> Bools:
+        """Shape (m,): contacts at their limit; without friction there is no spring to slip."""
+        limit = self.friction * force
+        slides: Bools = np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)
+        return slides & (limit > 0)

@@ -5,20 +5,23 @@ Files of `restart_version 2`, which list numbers in a fixed order, are refused b
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
-from modal.exchange.law import DISPLACEMENT, ProgramLaw
+from modal.exchange.law import DISPLACEMENT, ProgramLaw, Units
+from modal.exchange.particles_and_contacts import Cell
 from modal.exchange.rows import Rows, fault, read_lines
-from modal.tools.arrays import Bools, Floats
+from modal.exchange.words import Words
+from modal.tools.arrays import Floats
 
 SPHERES = ("BaseParticle", "SphericalParticle", "ThermalParticle")
-COUNTED = "Walls", "Particles", "Interactions"
-"""Sections that have as many lines as they announce."""
+SECTIONS = ("Species", "Walls", "Boundaries", "Particles", "Interactions")
+COUNTED = {"Walls": "id", "Particles": "radius", "Interactions": "contactPoint"}
+"""Sections that have as many lines as they announce, and a word that each of these has."""
+WHOLE = "write the restart file whole"
 REFUSED = {
     "Plastic": "is hysteretic: its stiffness depends on the way there",
     "Adhesive": "is cohesive",
@@ -37,7 +40,7 @@ STRAIGHT = 1e-6
 
 
 class Wall(NamedTuple):
-    """A wall: its outward normal (3,), its place along that, its species, its kind."""
+    """A wall: its outward normal (3,), its place along that, m, its species, its kind."""
 
     normal: Floats
     place: float
@@ -51,161 +54,87 @@ class Wall(NamedTuple):
         return int(self.normal[2] > 0) if flat else None
 
 
-class Interaction(NamedTuple):
-    """A contact: a particle, another one or a wall, the force on the first, its line."""
-
-    first: float
-    second: float
-    wall: bool
-    force: list[float]
-    line: Line
-
-
-@dataclass
+@dataclass(frozen=True)
 class Restart:
-    """What a file says, in its own units; `starts` are the lines of its sections.
-
-    Each row of `particles` has number, species, radius and mass; `positions` as they are written.
-    """
+    """The lines of each section of a file, those before the first in "", and where it starts."""
 
     path: Path
-    low: Floats = field(default_factory=lambda: np.zeros(3))
-    high: Floats = field(default_factory=lambda: np.zeros(3))
-    periodic: Bools = field(default_factory=lambda: np.zeros(3, bool))
-    laws: dict[tuple[int, int], ProgramLaw] = field(default_factory=dict)
-    walls: dict[int, Wall] = field(default_factory=dict)
-    particles: list[list[float]] = field(default_factory=list)
-    positions: list[list[str]] = field(default_factory=list)
-    interactions: list[Interaction] = field(default_factory=list)
-    starts: dict[str, int] = field(default_factory=dict)
+    sections: dict[str, list[Words]]
+    starts: dict[str, int]
 
     def rows(self, section: str) -> Rows:
         """Where the lines of a section stand, for messages."""
-        count = len(getattr(self, section.lower()))
+        count = len(self.sections[section])
         return Rows(self.path, (), 0, self.starts.get(section, 0) + 1, count)
 
-
-class Line(NamedTuple):
-    """A line of a file: its number, from 1, and its words."""
-
-    path: Path
-    at: int
-    words: list[str]
-
-    def blame(self, what: str, do: str) -> NoReturn:
-        """InputError for this line."""
-        fault(self.path, what, do, self.at)
-
-    def numbers(self, name: str, count: int) -> list[float]:
-        """The numbers behind a name."""
-        if name not in self.words:
-            self.blame(f"no {name} in it", "write the restart file whole")
-        words = self.texts(name, count)
-        try:
-            numbers = [float(word) for word in words]
-        except ValueError:
-            self.blame(f"{name} {' '.join(words)} is no number", "mend the file")
-        if len(numbers) < count:
-            self.blame(f"{name} lacks numbers", "write the restart file whole")
-        if not np.isfinite(numbers).all():
-            self.blame(f"{name} is no finite number", "write the file anew")
-        return numbers
-
-    def texts(self, name: str, count: int) -> list[str]:
-        """The same as they are written."""
-        at = self.words.index(name) + 1
-        return self.words[at : at + count]
-
-    def number(self, name: str) -> float:
-        """The number behind a name."""
-        return self.numbers(name, 1)[0]
-
-    def first(self, *names: str) -> float:
-        """The number behind the first of these names that is there, or 0."""
-        found = [name for name in names if name in self.words]
-        return self.number(found[0]) if found else 0.0
+    def numbers(self, section: str, *names: tuple[str, int]) -> list[Floats]:
+        """Shape (n, k) of each name: the k numbers behind it in each line of a section."""
+        lines = self.sections[section]
+        return [np.array([line.numbers(*name) for line in lines]) for name in names]
 
 
 def read_restart(path: Path) -> Restart:
-    """What a restart file says; InputError, with its line, for what no network has."""
-    file, lines = Restart(path), read_lines(path)
-    if lines and lines[0].startswith("restart_version"):
+    """The sections of a restart file, whole, of spheres that move in space; else InputError."""
+    texts = read_lines(path)
+    if texts and texts[0].startswith("restart_version"):
         do = "write it anew with a MercuryDPM of today, whose files begin with its name"
-        fault(path, f"{lines[0].strip()} is an old format that is not read", do, 1)
-    section, said, there = "", dict[str, int](), Counter[str]()
-    for number, text in enumerate(lines, 1):
-        line = Line(path, number, text.split())
-        if not line.words:
-            continue
-        there[section] += 1
-        kind = line.words[0]
-        if kind in ("Species", "Walls", "Boundaries", "Particles", "Interactions"):
-            section, file.starts[kind], said[kind] = kind, number, int(line.number(kind))
-        elif kind == "xMin":
-            file.low[:] = [line.number(f"{axis}Min") for axis in "xyz"]
-            file.high[:] = [line.number(f"{axis}Max") for axis in "xyz"]
-        elif kind == "systemDimensions":
-            for name in (kind, "particleDimensions"):
-                if (dimensions := line.number(name)) != 3:
-                    what = f"{name} {dimensions:g}: discs, or motion in a plane"
-                    line.blame(what, "a network has spheres that move in space (3)")
-        elif section == "Species" and kind.endswith("Species"):
-            _species(file, line)
-        elif section == "Walls" and "id" in line.words:
-            _wall(file, line)
-        elif section == "Boundaries" and kind.endswith("Boundary"):
-            _boundary(file, line)
-        elif section == "Particles" and "radius" in line.words:
-            _particle(file, line)
-        elif section == "Interactions" and "contactPoint" in line.words:
-            wall = "particleWallIds" in line.words
-            i, j = line.numbers("particleWallIds" if wall else "particleIds", 2)
-            file.interactions.append(Interaction(i, j, wall, line.numbers("force", 3), line))
+        fault(path, f"{texts[0].strip()} is an old format that is not read", do, 1)
+    section, announced = "", dict[str, float]()
+    file = Restart(path, {name: [] for name in ("", *SECTIONS)}, {})
+    for number, text in enumerate(texts, 1):
+        line = Words(text.split(), f"{path}, line {number}", WHOLE)
+        kind = line.left[0] if line.left else ""
+        if kind in SECTIONS:
+            section, file.starts[kind], announced[kind] = kind, number, line.number(kind)
+        elif kind and COUNTED.get(section, kind) in line:
+            file.sections[section].append(line)
+        for name in ("systemDimensions", "particleDimensions"):
+            if kind == "systemDimensions" and (dimensions := line.number(name)) != 3:
+                what = f"{name} {dimensions:g}: discs, or motion in a plane"
+                line.refuse(what, "a network has spheres that move in space (3)")
     for name in COUNTED:
-        if there[name] < said.get(name, 0):
-            what = f"{there[name]} {name} of {said[name]}: the file ends early"
-            fault(path, what, "write it whole", len(lines))
-    if not file.particles:
-        fault(path, "no particles", "write the restart file of a packing")
+        there = len(file.sections[name])
+        if there < announced.get(name, 0):
+            what = f"{there} {name} of {announced[name]:.0f}: the file ends early"
+            fault(path, what, "write it whole", len(texts))
+    for line in file.sections["Particles"]:
+        if line.left[0] not in SPHERES:
+            line.refuse(f"{line.left[0]} is no sphere", "only single spheres are known")
+        if not line.number("invMass") > 0:
+            line.refuse("a fixed particle (invMass 0)", "make it a wall, or free")
     return file
 
 
-def _particle(file: Restart, line: Line) -> None:
-    if line.words[0] not in SPHERES:
-        line.blame(f"{line.words[0]} is no sphere", "only single spheres are known")
-    row = [line.number(name) for name in ("id", "indSpecies", "radius", "invMass")]
-    if not row[3] > 0:
-        line.blame("a fixed particle (invMass 0)", "make it a wall, or free")
-    line.numbers("position", 3)
-    file.particles.append([*row[:3], 1 / row[3]])
-    file.positions.append(line.texts("position", 3))
+def laws_of(file: Restart, units: Units) -> dict[tuple[int, int], ProgramLaw]:
+    """The law of two species, by their numbers in rising order."""
+    lines = [line for line in file.sections["Species"] if line.left[0].endswith("Species")]
+    return dict(_law(line, units) for line in lines)
 
 
-def _species(file: Restart, line: Line) -> None:
+def _law(line: Words, units: Units) -> tuple[tuple[int, int], ProgramLaw]:
     """The law of a species, or of two (`...MixedSpecies`)."""
-    said = line.words[0]
+    said = line.left[0]
     mixed = said.endswith("MixedSpecies")
     name = said.removesuffix("Species").removesuffix("Mixed")
     for part, why in REFUSED.items():
         if part in name:
-            line.blame(f"{said} {why}", "only elastic contacts with friction are known")
+            line.refuse(f"{said} {why}", "only elastic contacts with friction are known")
     normal_law = next((each for each in NORMAL if name.startswith(each)), "")
     friction_law = name.removeprefix(normal_law)
     if not normal_law or friction_law not in FRICTION:
         do = f"{' and '.join(NORMAL)} with {', '.join(FRICTION[1:])} or nothing behind are"
-        line.blame(f"{said} is not known", do)
+        line.refuse(f"{said} is not known", do)
     hertz, mindlin = normal_law == "HertzianViscoelastic", friction_law.startswith("Mindlin")
     for resisting in ("rolling", "torsion"):
         # Mindlin's own stiffness resists there, whatever the file says of another one.
         stiff, limit = f"{resisting}Stiffness", f"{resisting}FrictionCoefficient"
         if line.first(limit) > 0 and (mindlin or line.first(stiff) > 0):
-            line.blame(
-                f"{resisting} friction is resisted by no spring here", f"set its {limit} to 0"
-            )
+            what = f"{resisting} friction is resisted by no spring here"
+            line.refuse(what, f"set its {limit} to 0")
     names = ("effectiveElasticModulus", "elasticModulus") if hertz else ("stiffness",)
     normal = line.first(*names) * (4 / 3 if hertz else 1)
     if not normal > 0:
-        line.blame(f"{said} has no stiffness", "write the restart file whole")
+        line.refuse(f"{said} has no stiffness")
     friction = line.first("slidingFrictionCoefficient")
     if mindlin:
         # Ft = 2/3 (8 G a) s, the displacement s kept, with the circle's radius a of the moment.
@@ -214,19 +143,25 @@ def _species(file: Restart, line: Line) -> None:
         tangential = line.first("slidingStiffness")
         if friction > 0:  # else there is no shear at all; contacts stick up to the static one
             friction = line.first("slidingFrictionCoefficientStatic", "slidingFrictionCoefficient")
-    if mixed and "idA" in line.words:
+    if mixed and "idA" in line:
         ids = [line.number(key) for key in ("idA", "idB")]
     else:
-        ids = line.numbers("idMixed" if "idMixed" in line.words else "id", 2 if mixed else 1)
-    pair = int(min(ids)), int(max(ids))
-    file.laws[pair] = ProgramLaw(normal, hertz, tangential, mindlin, friction, DISPLACEMENT)
+        ids = line.numbers("idMixed" if "idMixed" in line else "id", 2 if mixed else 1)
+    normal *= units.pressure if hertz else units.stiffness
+    tangential *= units.pressure if mindlin else units.stiffness
+    law = ProgramLaw(normal, hertz, tangential, mindlin, friction, DISPLACEMENT)
+    return (int(min(ids)), int(max(ids))), law
 
 
-def _wall(file: Restart, line: Line) -> None:
-    """An infinite wall: its outward normal, its place along that, its species, its kind."""
+def walls_of(file: Restart, units: Units) -> dict[int, Wall]:
+    """The walls by their numbers."""
+    return {int(line.number("id")): _wall(line, units) for line in file.sections["Walls"]}
+
+
+def _wall(line: Words, units: Units) -> Wall:
     normal = np.array([1.0, 0.0, 0.0])
-    if line.words[0] == "InfiniteWall":
-        if "orientation" in line.words:
+    if line.left[0] == "InfiniteWall":
+        if "orientation" in line:
             a, b, c, d = line.numbers("orientation", 4)
             # The x axis turned by the quaternion (a, b, c, d).
             turned = [a * a + b * b - c * c - d * d, 2 * (b * c + a * d), 2 * (b * d - a * c)]
@@ -234,24 +169,32 @@ def _wall(file: Restart, line: Line) -> None:
         else:
             normal = np.array(line.numbers("normal", 3))
         if not normal.any():
-            line.blame("a wall without a direction", "write the restart file whole")
+            line.refuse("a wall without a direction")
         normal /= np.linalg.norm(normal)
-    place = float(normal @ np.array(line.numbers("position", 3)))
-    species = int(line.number("indSpecies"))
-    file.walls[int(line.number("id"))] = Wall(normal, place, species, line.words[0])
+    place = units.length * float(normal @ np.array(line.numbers("position", 3)))
+    return Wall(normal, place, int(line.number("indSpecies")), line.left[0])
 
 
-def _boundary(file: Restart, line: Line) -> None:
-    if line.words[0] == "PeriodicBoundary":
-        normal, shift = (np.array(line.numbers(name, 3)) for name in ("normal", "shift"))
-        if not (normal.any() and shift.any()):
-            line.blame("a period without a direction", "write the restart file whole")
-        axis = int(np.argmax(abs(normal)))
-        along = np.delete(np.vstack([normal, shift / np.linalg.norm(shift)]), axis, axis=1)
-        if abs(along).max() > STRAIGHT:
-            line.blame("the period is angled", "only periods along x, y, z are known")
-        file.periodic[axis] = True
-        file.low[axis], file.high[axis] = line.number("distanceLeft"), line.number("distanceRight")
-    elif "Periodic" in line.words[0] or "LeesEdwards" in line.words[0]:
-        do = "only periods along x, y, z are known"
-        line.blame(f"{line.words[0]}: the period is angled or moves", do)
+def cell_of(file: Restart, units: Units, planes: tuple[float, float]) -> Cell:
+    """The cell of the bounds, and of the periods along x, y and z; walls at these `planes`, m."""
+    bounds, periodic = np.zeros((3, 2)), np.zeros(3, bool)
+    for line in file.sections[""]:
+        if line.left[0] == "xMin":
+            bounds[:] = [[line.number(f"{axis}{end}") for end in ("Min", "Max")] for axis in "xyz"]
+    for line in file.sections["Boundaries"]:
+        kind = line.left[0]
+        if kind == "PeriodicBoundary":
+            normal, shift = (np.array(line.numbers(name, 3)) for name in ("normal", "shift"))
+            if not (normal.any() and shift.any()):
+                line.refuse("a period without a direction")
+            axis = int(np.argmax(abs(normal)))
+            along = np.delete(np.vstack([normal, shift / np.linalg.norm(shift)]), axis, axis=1)
+            if abs(along).max() > STRAIGHT:
+                line.refuse("the period is angled", "only periods along x, y, z are known")
+            periodic[axis] = True
+            bounds[axis] = line.number("distanceLeft"), line.number("distanceRight")
+        elif "Periodic" in kind or "LeesEdwards" in kind:
+            do = "only periods along x, y, z are known"
+            line.refuse(f"{kind}: the period is angled or moves", do)
+    low, high = units.length * bounds.T
+    return Cell(low, high, periodic, planes)

@@ -8,45 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.law import ProgramLaw
-from modal.exchange.rows import Rows, fault
+from modal.exchange.law import ProgramLaw, Units
+from modal.exchange.rows import Rows, fault, last_step
+from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 NARROW = 2.0
 """A period must exceed this many of the largest diameters, or images are not told apart."""
+WALLS = (SOURCE_WALL, RECEIVER_WALL)
 COLUMNS = ("i", "j", "force", "shear", "stiffness", "turning", "line")
 """What is told of each contact."""
 FAR = 1e9
 """Radii from the origin, beyond which no digit is left for an overlap."""
-
-
-@dataclass(frozen=True)
-class Spheres:
-    """n spheres: numbers (n,) of the program, position (n, 3), radius, mass (n,), kind (n,).
-
-    `kind` is the type that chooses the law; `digits` of the positions as they were written, and
-    `step` the unit of the last of them, m. Spheres of the same number in `body` (n,) are one rigid
-    body; below 1 a sphere is its own.
-    """
-
-    number: Ints
-    position: Floats
-    radius: Floats
-    mass: Floats
-    kind: Ints
-    digits: int
-    step: float
-    body: Ints | None = None
-
-    def inside(self, i: Ints, j: Ints) -> Bools:
-        """Shape (m,): contacts between two spheres of one body, which are none."""
-        if self.body is None:
-            return np.zeros(len(i), bool)
-        one, other = self.body[i], self.body[np.maximum(j, 0)]
-        same: Bools = (j >= 0) & (one > 0) & (one == other)
-        return same
 
 
 @dataclass(frozen=True)
@@ -57,6 +32,172 @@ class Cell:
     high: Floats
     periodic: Bools
     walls: tuple[float, float] = (np.nan, np.nan)
+
+    @property
+    def periods(self) -> Floats:
+        """Shape (3,), m; 0 along an axis without a period."""
+        return np.where(self.periodic, self.high - self.low, 0.0)
+
+    @property
+    def planes(self) -> tuple[float, float]:
+        """z of the walls; where there is none, of the end of the cell."""
+        low, high = np.where(np.isnan(self.walls), (self.low[2], self.high[2]), self.walls)
+        return float(low), float(high)
+
+    def nearest(self, branch: Floats) -> tuple[Floats, Ints]:
+        """A branch (m, 3) through the nearest images, and the periods (m, 3) that are added."""
+        shift = -np.round(branch / np.where(self.periodic, self.periods, np.inf)).astype(np.int32)
+        return branch + shift * self.periods, shift
+
+
+@dataclass(frozen=True)
+class Packing:
+    """n spheres in a cell: numbers (n,) of the program, position (n, 3), radius, mass (n,).
+
+    `name` of their file, for messages; `kind` (n,) is the type that chooses the law; `digits` of
+    the positions as they were written, and `step` the unit of the last of them, m. Spheres of the
+    same number in `body` (n,) are one rigid body; below 1 a sphere is its own.
+    """
+
+    name: str
+    cell: Cell
+    number: Ints
+    position: Floats
+    radius: Floats
+    mass: Floats
+    kind: Ints
+    digits: int
+    step: float
+    body: Ints | None = None
+
+    @classmethod
+    def of(
+        cls,
+        rows: Rows,
+        cell: Cell,
+        units: Units,
+        columns: tuple[Floats, Floats, Floats, Floats],
+        digits: int,
+        *,
+        step: float | None = None,
+        kind: Ints | None = None,
+        body: Ints | None = None,
+    ) -> Packing:
+        """The spheres of these rows in the order of their numbers.
+
+        `columns` are number, position, radius and mass, and `step` that of the last digit, in the
+        file's units; `kind` and `body` are in the order of the rows, too. InputError for spheres
+        that no cell can have, and for a number that stands twice.
+        """
+        ids, position, radius, mass = columns
+        number = rows.whole(ids, "id")
+        order = rows.rising(
+            number,
+            lambda row: f"sphere {number[row]} again (line {rows.line + row})",
+            "write each once, without ghosts or images",
+            "id",
+        )
+        step = last_step(position, digits) if step is None else step
+        found = cls(
+            str(rows.path),
+            cell,
+            number[order],
+            units.length * position[order],
+            units.length * radius[order],
+            units.mass * mass[order],
+            np.zeros(len(order), int) if kind is None else kind[order],
+            digits,
+            units.length * step,
+            None if body is None else body[order],
+        )
+        found._check()
+        return replace(found, position=found._inside())
+
+    def _inside(self) -> Floats:
+        """Positions, those outside of a period moved into it."""
+        low, high = self.cell.low, self.cell.high
+        inside = low + (self.position - low) % np.where(high > low, high - low, 1.0)
+        outside = (self.position < low) | (self.position > high)
+        return np.where(self.cell.periodic & outside, inside, self.position)
+
+    def _check(self) -> None:
+        """InputError for spheres that no cell can have."""
+        position, radius, cell = self.position, self.radius, self.cell
+        self.refuse(
+            ~(abs(position) < FAR * radius.max(initial=0.0)).all(axis=1),
+            f"lies {FAR:g} radii away",
+            "mend the export",
+        )
+        if len(position) == 0:
+            raise InputError(f"{self.name}: no spheres; dump those of the packing")
+        for what in ("radius", "mass"):
+            self.refuse(getattr(self, what) <= 0, f"has {what} <= 0", "dump spheres alone")
+        reach, slack = NARROW * 2 * float(radius.max()), 1e-3 * float(radius.max())
+        for axis, low, high in zip(range(3), cell.low, cell.high, strict=True):
+            if not cell.periodic[axis]:
+                out = (position[:, axis] < low - slack) | (position[:, axis] > high + slack)
+                do = "leave lost spheres out, or mend the bounds"
+                self.refuse(out, f"lies outside the cell along {'xyz'[axis]}", do)
+            elif not high - low > reach:
+                raise InputError(
+                    f"{self.name}: the period along {'xyz'[axis]}, {high - low:.4g} m, is less "
+                    f"than two of the largest diameters, {reach:.4g} m: images cannot be told "
+                    "apart; take a wider cell"
+                )
+
+    def refuse(self, wrong: Bools, what: str, do: str) -> None:
+        """InputError for the first sphere that is `wrong` (n,)."""
+        if wrong.any():
+            raise InputError(f"{self.name}: sphere {self.number[np.argmax(wrong)]} {what}; {do}")
+
+    def inside_body(self, i: Ints, j: Ints) -> Bools:
+        """Shape (m,): contacts between two spheres of one body, which are none."""
+        if self.body is None:
+            return np.zeros(len(i), bool)
+        one, other = self.body[i], self.body[np.maximum(j, 0)]
+        same: Bools = (j >= 0) & (one > 0) & (one == other)
+        return same
+
+    def branches(self, i: Ints, j: Ints) -> tuple[Floats, Ints]:
+        """From the centre of i to that of j, or straight to the wall, (m, 3), m, and periods."""
+        wall, start = j < 0, self.position[i]
+        branch, shift = self.cell.nearest(self.position[np.maximum(j, 0)] - start)
+        branch[wall], shift[wall] = 0, 0
+        plane = np.where(j == SOURCE_WALL, *self.cell.planes)
+        branch[wall, 2] = (plane - start[:, 2])[wall]
+        return branch, shift
+
+    def pushes(self, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
+        """Of forces (m, 3), N, on i: the part along the normal, compression positive, the rest."""
+        branch, _ = self.branches(i, j)
+        normal = branch / np.linalg.norm(branch, axis=1)[:, None]
+        push = -(force * normal).sum(axis=1)
+        return push, force + push[:, None] * normal
+
+    def reach(self, i: Ints, j: Ints) -> tuple[Floats, Floats]:
+        """Sum of radii and effective radius (m,), m; at a wall both are the sphere's own."""
+        a, b = self.radius[i], self.radius[np.maximum(j, 0)]
+        return np.where(j < 0, a, a + b), np.where(j < 0, a, a * b / (a + b))
+
+    def touching(self, least: float = 0.0) -> Contacts:
+        """Contacts by overlap of more than `least`, m, alone, through all periods, and at walls."""
+        cell, widest = self.cell, 2 * float(self.radius.max())
+        # Along an axis without a period images lie beyond the reach of any sphere.
+        room = np.where(cell.periodic, cell.periods, np.ptp(self.position, axis=0) + 3 * widest)
+        origin = np.where(cell.periodic, cell.low, self.position.min(axis=0))
+        sides = room if cell.periodic[2] else room[:2]
+        i, j, _ = periodic_pairs(self.position - origin, sides, widest)
+        branch, _ = cell.nearest(self.position[j] - self.position[i])
+        near = (branch**2).sum(axis=1) < (self.radius[i] + self.radius[j] - least) ** 2
+        near &= ~self.inside_body(i, j)
+        ends = [(i[near], j[near])]
+        for code, wall, side in zip(WALLS, cell.walls, (1, -1), strict=True):
+            depth = self.radius - side * (self.position[:, 2] - wall)
+            (at,) = np.nonzero(depth > least)  # NaN: no wall, none
+            ends.append((at, np.full(len(at), code)))
+        i, j = (np.concatenate(column) for column in zip(*ends, strict=True))
+        order = np.lexsort((j, i))
+        return Contacts(i[order], j[order])
 
 
 @dataclass(frozen=True)
@@ -98,142 +239,52 @@ class Contacts:
             whole[name] = None if own is None or data is None else np.concatenate([own, data])
         return replace(self, **whole)
 
+    def refuse(self, wrong: Bools, what: Callable[[int], str], do: str, name: str) -> None:
+        """InputError for the first contact that is `wrong` (m,), with its line if it is listed.
+
+        Else with the `name` of the file of the spheres.
+        """
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            if self.listed is not None and row < self.listed.count:
+                fault(self.listed.path, what(row), do, self.listed.line + row)
+            fault(name, what(row), do)
+
 
 LawOf = Callable[[int, int], ProgramLaw]
 """The law between two kinds of spheres; between a kind and a wall, whose code is negative."""
 
 
-def in_order(rows: Rows, ids: Floats, column: str = "id") -> tuple[Ints, Ints]:
-    """Numbers of spheres in rising order, and the rows (n,) in which they stand.
-
-    InputError, with both lines, where a number stands twice, or is none.
-    """
-    number = rows.whole(ids, column)
-    order = np.argsort(number, kind="stable")
-    again = np.flatnonzero(np.diff(number[order]) == 0)
-    if len(again):
-        first, second = order[again[0]], order[again[0] + 1]
-        what = f"sphere {number[first]} again (line {rows.line + first})"
-        do = "write each once, without ghosts or images"
-        fault(rows.path, what, do, rows.line + second, column)
-    return number[order], order
+def pair_keys(i: Ints, j: Ints, n: int) -> Ints:
+    """Shape (m,): one number for each pair of n spheres, and for each sphere with a wall."""
+    low, high = np.minimum(i, j).astype(np.int64), np.maximum(i, j)
+    return (low - min(WALLS)) * (n - min(WALLS)) + high
 
 
 def ends_of(
-    rows: Rows,
-    number: Ints,
-    ids: Sequence[Floats] | Floats,
-    columns: Sequence[str],
-    walls: Sequence[int] = (),
+    rows: Rows, number: Ints, ids: Sequence[Floats] | Floats, columns: Sequence[str], walls: bool
 ) -> tuple[Ints, Ints]:
-    """Indices (m,) of the two spheres of each row by their numbers; the second may be a wall's.
+    """Indices (m,) of the two spheres of each row by their numbers; with `walls` codes in j, too.
 
     InputError, with its line, for a number that no sphere has, and for a pair that stands twice.
     """
-    ends = []
-    for end, (given, column) in enumerate(zip(ids, columns, strict=True)):
+    do = "write both files at the same step, of the same spheres"
+
+    def end(column: str, given: Floats, codes: Sequence[int]) -> Ints:
         whole = rows.whole(given, column)
         place = np.clip(np.searchsorted(number, whole), 0, len(number) - 1)
-        wall = np.isin(whole, walls) & (end == 1)
+        wall = np.isin(whole, codes)
         lost = (number[place] != whole) & ~wall
-        if lost.any():
-            row = int(np.argmax(lost))
-            do = "write both files at the same step, of the same spheres"
-            what = f"sphere {whole[row]} is not among the spheres"
-            fault(rows.path, what, do, rows.line + row, column)
-        ends.append(np.where(wall, whole, place).astype(np.int32))
-    i, j = ends
+        rows.refuse(lost, lambda k: f"sphere {whole[k]} is not among the spheres", do, column)
+        return np.where(wall, whole, place).astype(np.int32)
+
+    i, j = map(end, columns, ids, ((), WALLS if walls else ()))
     if len(i) == 0:
         do = "dump a packing under stress"
         fault(rows.path, "no two spheres touch in it", do, rows.line)
-    # Codes of walls are negative, below all indices.
-    key = (np.minimum(i, j) + 2).astype(np.int64) * (len(number) + 2) + np.maximum(i, j)
-    order = np.argsort(key, kind="stable")
-    again = np.flatnonzero(np.diff(key[order]) == 0)
-    if len(again):
-        first, second = order[again[0]], order[again[0] + 1]
-        what = f"the contact of line {rows.line + first} again"
-        fault(rows.path, what, "list each contact once", rows.line + second)
+    rows.rising(
+        pair_keys(i, j, len(number)),
+        lambda row: f"the contact of line {rows.line + row} again",
+        "list each contact once",
+    )
     return i, j
-
-
-def check_spheres(spheres: Spheres, cell: Cell, name: str) -> None:
-    """InputError for spheres that no cell can have."""
-
-    def refuse(wrong: Bools, what: str, do: str) -> None:
-        if wrong.any():
-            which = spheres.number[int(np.argmax(wrong))]
-            raise InputError(f"{name}: sphere {which} {what}; {do}")
-
-    position, radius = spheres.position, spheres.radius
-    far = ~(abs(position) < FAR * radius.max(initial=0.0)).all(axis=1)
-    refuse(far, f"lies {FAR:g} radii away", "mend the export")
-    if len(position) == 0:
-        raise InputError(f"{name}: no spheres; dump those of the packing")
-    for what in ("radius", "mass"):
-        refuse(getattr(spheres, what) <= 0, f"has {what} <= 0", "dump spheres alone")
-    reach, slack = NARROW * 2 * float(radius.max()), 1e-3 * float(radius.max())
-    for axis in range(3):
-        low, high = cell.low[axis], cell.high[axis]
-        if cell.periodic[axis] and not high - low > reach:
-            raise InputError(
-                f"{name}: the period along {'xyz'[axis]}, {high - low:.4g} m, is less than two of "
-                f"the largest diameters, {reach:.4g} m: images cannot be told apart; take a wider "
-                "cell"
-            )
-        if not cell.periodic[axis]:
-            out = (position[:, axis] < low - slack) | (position[:, axis] > high + slack)
-            do = "leave lost spheres out, or mend the bounds"
-            refuse(out, f"lies outside the cell along {'xyz'[axis]}", do)
-
-
-def nearest(branch: Floats, cell: Cell) -> tuple[Floats, Ints]:
-    """A branch (m, 3) through the nearest images, and the periods (m, 3) that are added to j."""
-    size = np.where(cell.periodic, cell.high - cell.low, np.inf)
-    shift = -np.round(branch / size).astype(np.int32)
-    period = np.where(cell.periodic, cell.high - cell.low, 0.0)
-    return branch + shift * period, shift
-
-
-def branches(
-    position: Floats, cell: Cell, walls: Sequence[float], i: Ints, j: Ints
-) -> tuple[Floats, Ints]:
-    """From the centre of i to that of j, or straight to the wall, (m, 3), m, and the periods."""
-    wall = j < 0
-    branch, shift = nearest(position[np.where(wall, 0, j)] - position[i], cell)
-    branch[wall], shift[wall] = 0, 0
-    plane = np.asarray(walls)[np.where(j == SOURCE_WALL, 0, 1)]
-    branch[wall, 2] = (plane - position[i, 2])[wall]
-    return branch, shift
-
-
-def pushes(spheres: Spheres, cell: Cell, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
-    """Of forces (m, 3), N, on i: the part along the normal, compression positive, and the rest."""
-    branch, _ = branches(spheres.position, cell, cell.walls, i, j)
-    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
-    push = -(force * normal).sum(axis=1)
-    return push, force + push[:, None] * normal
-
-
-def touching_pairs(spheres: Spheres, cell: Cell, least: float = 0.0) -> Contacts:
-    """Contacts by overlap of more than `least`, m, alone, through all periods, and with walls."""
-    from scipy.spatial import cKDTree  # half a second, and not needed where contacts are listed
-
-    size = cell.high - cell.low
-    inside = np.where(cell.periodic, (spheres.position - cell.low) % size, spheres.position)
-    # A position just below a period comes out as the period itself.
-    inside = np.where(cell.periodic & (inside >= size), 0.0, inside)
-    tree = cKDTree(inside, boxsize=np.where(cell.periodic, size, 0.0))
-    pairs = tree.query_pairs(2 * float(spheres.radius.max()), output_type="ndarray")
-    i, j = pairs.T
-    branch, _ = nearest(spheres.position[j] - spheres.position[i], cell)
-    reach = spheres.radius[i] + spheres.radius[j] - least
-    near = ((branch**2).sum(axis=1) < reach**2) & ~spheres.inside(i, j)
-    ends = [(i[near], j[near])]
-    z = spheres.position[:, 2]
-    for code, wall, side in ((SOURCE_WALL, cell.walls[0], 1), (RECEIVER_WALL, cell.walls[1], -1)):
-        (at,) = np.nonzero(side * (z - wall) < spheres.radius - least)  # NaN: no wall, none
-        ends.append((at, np.full(len(at), code)))
-    i, j = (np.concatenate(column) for column in zip(*ends, strict=True))
-    order = np.lexsort((j, i))
-    return Contacts(i[order], j[order])

@@ -8,15 +8,15 @@ import itertools
 import math
 import warnings
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NoReturn, cast
+from typing import IO, Any, NoReturn, cast
 
 import numpy as np
 
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 SHOWN = 60
@@ -76,44 +76,68 @@ class Rows:
         """Whether all these columns are there."""
         return set(names) <= set(self.columns)
 
+    def require(self, names: Iterable[str], do: str, had: Iterable[str] = ()) -> None:
+        """InputError for the first of these columns that is not among those that it `had`.
+
+        By default its own; the line is that of the header.
+        """
+        columns, by = tuple(had) or self.columns, self.separator or " "
+        for name in names:
+            if name not in columns:
+                what = f"no column {name} among {shown(by.join(columns))}"
+                fault(self.path, what, do, self.line - 1, name)
+
+    def refuse(
+        self, wrong: Bools, what: str | Callable[[int], str], do: str, column: str = ""
+    ) -> None:
+        """InputError, with its line, for the first row that is `wrong` (count,)."""
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            text = what if isinstance(what, str) else what(row)
+            fault(self.path, text, do, self.line + row, column)
+
+    def rising(self, keys: Ints, what: Callable[[int], str], do: str, column: str = "") -> Ints:
+        """The order (count,) in which the keys rise; InputError where one stands twice.
+
+        `what` says which it is, of the row where it stands first.
+        """
+        order = np.argsort(keys, kind="stable")
+        again = np.flatnonzero(np.diff(keys[order]) == 0)
+        if len(again):
+            first, second = order[again[0]], order[again[0] + 1]
+            fault(self.path, what(first), do, self.line + second, column)
+        return order
+
     def read(self, *names: str) -> Floats:
         """Shape (count, k): the columns of these names as numbers; InputError says which is not."""
         at = [self.columns.index(name) for name in names]
+        if self.count == 0:
+            return np.empty((0, len(at)))
         with open_bytes(self.path) as file:
             file.seek(self.offset)
             text = io.TextIOWrapper(file, encoding="utf-8", errors="replace")
-            if self.count == 0:
-                return np.empty((0, len(at)))
+            how: dict[str, Any] = {"comments": None, "delimiter": self.separator, "ndmin": 2}
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("error")  # of an empty line, which shifts all rows
-                    table = np.loadtxt(
-                        text,
-                        usecols=at,
-                        max_rows=self.count,
-                        ndmin=2,
-                        comments=None,
-                        delimiter=self.separator,
-                    )
+                    table = np.loadtxt(text, usecols=at, max_rows=self.count, **how)
             except (ValueError, IndexError, UserWarning):
                 self._blame(names, at)
         if len(table) < self.count:
             what = f"{len(table)} rows of {self.count}: the file ends in the middle"
             fault(self.path, what, "let the program finish writing it", self.line + len(table))
-        bad = ~np.isfinite(table)
-        if bad.any():
-            row, column = (int(k) for k in np.argwhere(bad)[0])
+        bad = np.argwhere(~np.isfinite(table))
+        if len(bad):
+            row, column = (int(k) for k in bad[0])
             what = f"{table[row, column]} is no finite number"
             fault(self.path, what, "mend the export", self.line + row, names[column])
         return table
 
     def whole(self, numbers: Floats, column: str) -> Ints:
         """These numbers (count,) of a column as integers; InputError says which is none."""
-        bad = (numbers != np.round(numbers)) | (abs(numbers) > 2**53)
-        if bad.any():
-            row = int(np.argmax(bad))
-            what = f"{numbers[row]:.17g} is no whole number"
-            fault(self.path, what, "write ids and types as they are", self.line + row, column)
+        wrong = (numbers != np.round(numbers)) | (abs(numbers) > 2**53)
+        do = "write ids and types as they are"
+        self.refuse(wrong, lambda k: f"{numbers[k]:.17g} is no whole number", do, column)
         return numbers.astype(np.int64)
 
     def digits(self, *names: str) -> int:

@@ -235,15 +235,15 @@ ENDS = "0 0 -1 position 0\n0 0 1 position 1.996\n"
 @pytest.mark.parametrize(
     ("walls", "said"),
     [
-        ("-1 0 0 position -0.005\n1 0 0 position 0.995\n", "particle 0: a contact with wall 2, w"),
-        ("-2 0 0 position -0.005\n", "particle 0: a contact with wall 2, which is not flat at low"),
+        ("-1 0 0 position -0.005\n1 0 0 position 0.995\n", "sphere 0 has a contact with wall 2, w"),
+        ("-2 0 0 position -0.005\n", "sphere 0 has a contact with wall 2, which is not flat at low"),
         (
             "0 1 0 position 2.9\n",
             "a contact with wall 2, .*; a network knows these two walls alone",
         ),
         ("0 0.6 0.8 position 1.5\n", "a contact with wall 2, which is not flat"),
-        ("0 0 -1 position -0.0005\n", "particle 0: .* wall 0, beside wall 2, both at low z; "),
-        ("0 0 1 position 1.9965\n", "particle 1: .* wall 2, beside wall 1, both at high z; "),
+        ("0 0 -1 position -0.0005\n", "sphere 0 has .* wall 0, beside wall 2, both at low z; "),
+        ("0 0 1 position 1.9965\n", "sphere 1 has .* wall 2, beside wall 1, both at high z; "),
         ("0 0 0 position 0\n", "line 9: a wall without a direction"),
     ],
 )

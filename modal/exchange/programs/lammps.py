@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.dump import frame_of, of_liggghts, spheres_of, units_of
+from modal.exchange.dump import of_liggghts, opened, packing_of
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import Script, read_log
 from modal.exchange.lammps_contacts import TYPED, contacts_of, walls_of
@@ -19,6 +19,7 @@ from modal.exchange.lammps_law import law_of_pairs
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.registry import File, Option
 from modal.exchange.rows import fault, read_lines
+from modal.exchange.words import Words
 from modal.packing.rigid_bodies import Bodies
 from modal.tools.errors import InputError
 
@@ -33,8 +34,8 @@ OPTIONS = {
     "bodies": Option("masses and tensors of fix rigid, as write_restart writes them (*.rigid)"),
 }
 STRESS = ("pxx", "pyy", "pzz")
-OF_A_BODY = 11
-"""Numbers of a row of fix rigid that count: its number, mass, centre, and tensor of inertia."""
+BODY, OF_A_BODY = "a rigid body (number, mass, centre, ixx iyy izz ixy ixz iyz ...)", 11
+"""What a row of fix rigid tells, and how many of its numbers count."""
 
 
 def sniff(file: File) -> bool:
@@ -59,8 +60,7 @@ def read(path: Path, **given: Any) -> ImportResult:
             f"{path}: no law of contact is known; `import` it with the log (--log log.lammps) or "
             'the line (--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3")'
         )
-    frame = frame_of(path, "ATOMS", given.get("step"))
-    units, assumed = units_of(frame, given.get("scales"), script)
+    frame, units, assumed = opened(path, given, script)
     of_pairs, walls = law_of_pairs(script, units), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:
@@ -72,8 +72,8 @@ def read(path: Path, **given: Any) -> ImportResult:
         do = "give the log (--log), which says so, or leave mol out of the dump"
         raise InputError(f"{path}: spheres of one mol may be one rigid body or bonded; {do}")
     planes = {code: each.z for code, each in walls.items()}
-    spheres, cell = spheres_of(frame, units, planes, typed=len(models) > 1, body=body)
-    if whole and spheres.body is not None and (spheres.body < 1).any():
+    packing = packing_of(frame, units, planes, typed=len(models) > 1, body=body)
+    if whole and packing.body is not None and (packing.body < 1).any():
         do = "make single spheres no part of its group"
         raise InputError(f"{path}: a {body} of 0, which is one more body to fix rigid; {do}")
     for name in script.walls:
@@ -82,14 +82,13 @@ def read(path: Path, **given: Any) -> ImportResult:
             do = "give the contacts that it has (--contacts), or type the walls (--wall)"
             raise InputError(f"{log}: fix {name} pushes the group {group} alone; {do}")
     touching, meant = contacts_of(
-        frame, spheres, contacts, script.computes, units, walls, wall_fixes
+        frame, packing, contacts, script.computes, units, walls, wall_fixes
     )
-    told = read_bodies(bodies, units) if bodies else None
-    found = network_of(spheres, cell, touching, law_of, str(path), told)
+    found = network_of(packing, touching, law_of, read_bodies(bodies, units) if bodies else None)
     found.told["assumed"] = assumed + more + meant
     found.remarks += script.remark_on_changes(frame.step)
-    printed = script.thermo.get(frame.step) if log else None
-    if printed and all(name in printed for name in STRESS):
+    printed = script.thermo.get(frame.step, {}) if log else {}
+    if all(name in printed for name in STRESS):
         found.told["printed_stress_pa"] = [units.pressure * float(printed[name]) for name in STRESS]
     return found
 
@@ -139,17 +138,12 @@ def column_of_bodies(script: Script, told: bool) -> tuple[str, list[str], bool]:
 
 def read_bodies(path: str | Path, units: Units) -> Bodies:
     """Masses, centres and tensors of rigid bodies, in the format of `fix rigid ... infile`."""
+    do = "give the file that write_restart wrote (*.rigid)"
     lines = enumerate((line.split("#")[0].split() for line in read_lines(path)), 1)
-    rows = [(line, words) for line, words in lines if len(words) > 1]
-    table = np.empty((len(rows), OF_A_BODY))
-    for row, (line, words) in enumerate(rows):
-        try:
-            table[row] = [float(word) for word in words[:OF_A_BODY]]
-        except ValueError:
-            what = "no row of a rigid body: its number, mass, centre, ixx iyy izz ixy ixz iyz, ..."
-            fault(path, what, "give the file that write_restart wrote (*.rigid)", line)
-    if not len(table) or not np.isfinite(table).all():
-        fault(path, "no rigid bodies", "give the file that write_restart wrote (*.rigid)")
+    rows = [Words(words, f"{path}, line {n}", do) for n, words in lines if len(words) > 1]
+    if not rows:
+        fault(path, "no rigid bodies", do)
+    table = np.array([row.in_turn(BODY, OF_A_BODY) for row in rows])
     table = table[np.argsort(table[:, 0], kind="stable")]
     xx, yy, zz, xy, xz, yz = units.mass * units.length**2 * table[:, 5:].T
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)

@@ -13,23 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.dump import ROUNDED, Frame, frame_of, of_liggghts, spheres_of, units_of
-from modal.exchange.dump_contacts import CODES, planes_said, require, told_contacts
+from modal.exchange.dump import ROUNDED, Frame, of_liggghts, opened, packing_of
+from modal.exchange.dump_contacts import DO, planes_said, told_contacts
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import PROPERTIES, Script, read_log
 from modal.exchange.lammps_law import material_of
 from modal.exchange.law import DISPLACEMENT, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import (
-    Cell,
-    Contacts,
-    LawOf,
-    Spheres,
-    pushes,
-    touching_pairs,
-)
+from modal.exchange.particles_and_contacts import WALLS, Contacts, LawOf, Packing
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.exchange.words import Words
 from modal.tools.errors import InputError
 
 NAME = "LIGGGHTS"
@@ -67,69 +60,61 @@ def sniff(file: File) -> bool:
 
 def read(path: Path, **given: Any) -> ImportResult:
     """A packing of LIGGGHTS."""
-    contacts, log, pair, wall = map(given.get, ("contacts", "log", "pair", "wall"))
-    script = read_log(log, "si")
+    contacts, pair, wall = map(given.get, ("contacts", "pair", "wall"))
+    script = read_log(given.get("log"), "si")
     if pair:
-        script.said, script.style = "--pair", tuple(pair.split())
-        script.properties |= {name: _after(pair, name) for name in PROPERTIES if name in pair}
+        said = Words(pair.split(), "--pair", f"give {EXAMPLE}")
+        script.said, script.style = said.where, tuple(said.left)
+        script.properties |= {name: said.numbers(name, 1) for name in PROPERTIES if name in said}
     if script.bodies:
         raise InputError(
             f"{script.said}: fix rigid: clumps of LIGGGHTS are not known; leave it out"
         )
-    frame = frame_of(path, "ATOMS", given.get("step"))
-    units, assumed = units_of(frame, given.get("scales"), script)
+    frame, units, assumed = opened(path, given, script)
     planes, of_wall = walls_of(wall, script, units)
     law_of = law_of_types(script, units, of_wall)
     typed = any(len(values) > 1 for values in script.properties.values())
-    spheres, cell = spheres_of(frame, units, planes, typed=typed)
+    packing = packing_of(frame, units, planes, typed=typed)
     touching, remarks = None, script.remark_on_changes(frame.step)
     if contacts is not None:
-        touching, meant = _contacts(contacts, frame, spheres, cell, script.computes, units)
+        touching, meant = _contacts(contacts, frame, packing, script.computes, units)
         assumed += meant
         if planes:  # found from positions: the forces there are not told
-            found = touching_pairs(spheres, cell)
-            at = found.i[found.j < 0]
-            touching = touching.with_walls(at, found.j[found.j < 0], np.full(len(at), np.nan), None)
+            found = packing.touching()
+            found = found.some(found.j < 0)
+            unknown = np.full(len(found.i), np.nan)
+            touching = touching.with_walls(found.i, found.j, unknown, None)
             remarks += ["shear forces at the walls are not told: all shear forces are left out"]
         if frame.rounding:
             remarks += [
                 f"the cell's bounds have {ROUNDED[0]} digits: overlaps and normals are taken from "
                 "forces; bounds that few digits hold (fix deform ... final) are exact"
             ]
-    imported = network_of(spheres, cell, touching, law_of, str(path))
+    imported = network_of(packing, touching, law_of)
     imported.remarks += remarks
     imported.told["assumed"] = assumed + [
         f"the {name} wall is of the material of the sphere that touches it (say {TYPED_WALL})"
-        for code, name in ((SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper"))
+        for code, name in zip(WALLS, ("lower", "upper"), strict=True)
         if code not in of_wall and (imported.network.particle_j == code).any()
     ]
     return imported
 
 
-def _after(line: str, name: str) -> list[float]:
-    words = line.split()
-    try:
-        return [float(words[words.index(name) + 1])]
-    except (ValueError, IndexError):
-        raise InputError(f"--pair: {name} needs a number behind it") from None
-
-
 def _contacts(
     path: str | Path,
     frame: Frame,
-    spheres: Spheres,
-    cell: Cell,
+    packing: Packing,
     computes: Mapping[str, Sequence[str]],
     units: Units,
 ) -> tuple[Contacts, list[str]]:
     """What `pair/gran/local` tells of the contacts between spheres, and what is assumed."""
     meant = {name: _columns(words or UNASKED) for name, words in computes.items()}
-    told = told_contacts(path, frame, spheres, meant, RECIPES, QUANTITIES)
+    told = told_contacts(path, frame, packing, meant, RECIPES, QUANTITIES)
     parted = told.values.keys() >= {"force_normal", "force_tangential"}
     if not parted:
-        require(told.rows, told.values, ("force",))
+        told.rows.require(("force",), DO, told.values)
     along = units.force * told.values["force_normal" if parted else "force"]
-    push, shear = pushes(spheres, cell, told.i, told.j, along)
+    push, shear = packing.pushes(told.i, told.j, along)
     if parted:
         shear = units.force * told.values["force_tangential"]
     # Versions differ in which of the two bears the forces that are written; a contact pushes.
@@ -157,37 +142,28 @@ QUANTITIES = {
 
 def law_of_types(script: Script, units: Units, of_wall: dict[int, int]) -> LawOf:
     """The law between two types, or a type and a wall; `of_wall` has the types of walls."""
-    words, properties, where = script.style, script.properties, script.said
-    if words[:1] != ("gran",):
-        raise InputError(f"no law of contact is known; give {EXAMPLE}")
-    if "hertz" not in words or "history" not in words:
-        raise InputError(
-            f"{where}: only model hertz with tangential history is known; the stiffness of others "
-            "depends on more than the overlap"
-        )
+    said, properties = Words(script.style, script.said, f"give {EXAMPLE}"), script.properties
+    if said.left[:1] != ["gran"]:
+        raise InputError(f"no law of contact is known; {said.do}")
+    if "hertz" not in said or "history" not in said:
+        why = "the stiffness of others depends on more than the overlap"
+        said.refuse("only model hertz with tangential history is known", why)
     for option, off in OFF.items():
-        if option in words and words[words.index(option) + 1 :][:1] not in ((off,), ()):
-            raise InputError(
-                f"{where}: {option} is resisted by no spring here; only {option} {off}"
-            )
+        if option in said and said.left[said.left.index(option) + 1 :][:1] not in ([off], []):
+            said.refuse(f"{option} is resisted by no spring here", f"only {option} {off}")
     lost = [name for name in PROPERTIES if name not in properties]
     if lost:
-        raise InputError(f"{where}: no {', '.join(lost)}; give {EXAMPLE}, or the log that has them")
-    materials = [
-        material_of(units.pressure * young, poisson, where)
-        for young, poisson in zip(
-            properties["youngsModulus"], properties["poissonsRatio"], strict=False
-        )
-    ]
+        said.refuse(f"no {', '.join(lost)}", f"{said.do}, or the log that has them")
+    pairs = zip(properties["youngsModulus"], properties["poissonsRatio"], strict=False)
+    materials = [material_of(units.pressure * young, nu, said.where) for young, nu in pairs]
     friction = properties["coefficientFriction"]
 
     def law_of(a: int, b: int) -> ProgramLaw:
         if a < 0:
             a, b = sorted((b, of_wall.get(a, b)))
         if a < 1 or (b > len(materials) and len(materials) > 1):
-            raise InputError(
-                f"{where}: no properties for type {a if a < 1 else b}; give them for all types"
-            )
+            lost = f"no properties for type {a if a < 1 else b}"
+            said.refuse(lost, "give them for all types")
         one, two = (materials[min(k, len(materials)) - 1] for k in (a, b))
         young, shear = one.against(two)
         place = (a - 1) * len(materials) + b - 1
@@ -206,28 +182,15 @@ def walls_of(
     is the floor.
     """
     if wall:
-        words = wall.split()
-        planes = planes_said(words, units, "--wall", f"for LIGGGHTS give {TYPED_WALL}")
-        if "type" not in words:
-            return planes, {}
-        try:
-            kind = int(words[words.index("type") + 1])
-        except (ValueError, IndexError):
-            raise InputError(f"--wall: type is no number; give {TYPED_WALL}") from None
-        return planes, dict.fromkeys(CODES, kind)
-    found = sorted(_plane(name, words, units) for name, words in script.walls.items())
-    if len(found) > len(CODES):
+        said = Words(wall.split(), "--wall", f"for LIGGGHTS give {TYPED_WALL}")
+        kinds = dict.fromkeys(WALLS, int(said.number("type"))) if "type" in said else {}
+        return planes_said(said, units), kinds
+    found = []
+    for name, words in script.walls.items():
+        do = f"only primitive walls zplane are known; give {TYPED_WALL}"
+        said = Words(words, f"fix {name} wall/gran", do)
+        found.append((units.length * said.number("zplane"), int(said.number("type"))))
+    if len(found) > len(WALLS):
         raise InputError(f"{script.said}: {len(found)} walls zplane; give two, {TYPED_WALL}")
-    each = list(zip(CODES, found, strict=False))
+    each = list(zip(WALLS, sorted(found), strict=False))
     return {code: z for code, (z, _) in each}, {code: kind for code, (_, kind) in each}
-
-
-def _plane(name: str, words: Sequence[str], units: Units) -> tuple[float, int]:
-    """z, m, and type of one flat wall."""
-    try:
-        z, kind = (words[words.index(key) + 1] for key in ("zplane", "type"))
-        return units.length * float(z), int(kind)
-    except (ValueError, IndexError):
-        raise InputError(
-            f"fix {name} wall/gran: only primitive walls zplane are known; give {TYPED_WALL}"
-        ) from None

@@ -9,7 +9,6 @@ that is not known is refused, as it may change the answer.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,13 +17,13 @@ import numpy as np
 
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, Units
-from modal.exchange.particles_and_contacts import Cell, Contacts, Spheres, ends_of, in_order
+from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File, Option
-from modal.exchange.rows import Rows, fault, last_step, open_bytes, shown
+from modal.exchange.rows import Rows, fault, open_bytes, shown
+from modal.exchange.words import Words
 from modal.packing.checks import check_force_ratio, named
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 NAME = "tables (*.csv)"
@@ -34,15 +33,14 @@ CONTACTS = ("i", "j", "kn", "kt")
 FORCES = ("fn", "ftx", "fty", "ftz")
 TURNING = ("kr", "kw")
 """Stiffnesses against rolling and twisting, N m/rad."""
-WALLS = (SOURCE_WALL, RECEIVER_WALL)
 KEYS = {
     "cell": "# cell XLO XHI YLO YHI ZLO ZHI",
     "periodic": "# periodic x y, with the axes that are, or leave the line out for none",
     "walls": "# walls ZLOW ZHIGH, or NULL for none",
 }
 """Words with which a line behind # tells of the cell, and how it is written."""
-Said = dict[str, tuple[int, list[str]]]
-"""Key of a line behind #: its number, and the words after the key."""
+Said = dict[str, Words]
+"""Key of a line behind #, and the words after it."""
 
 
 def sniff(file: File) -> bool:
@@ -61,10 +59,13 @@ def read(
         )
     units = Units.typed(scales) or SI
     rows, said = _table(path, SPHERES)
-    cell = _cell(path, said, units)
-    spheres = _spheres(rows, units)
-    touching = _contacts(contacts, spheres, cell, units)
-    found = network_of(spheres, cell, touching, None, str(path))
+    table = rows.read(*SPHERES)
+    do = "number spheres from 0 or 1; -1 and -2 are the walls"
+    rows.refuse(table[:, 0] < 0, lambda row: f"id {table[row, 0]:g} is negative", do, "id")
+    columns = (table[:, 0], table[:, 1:4], table[:, 4], table[:, 5])
+    packing = Packing.of(rows, _cell(path, said, units), units, columns, rows.digits(*SPHERES[1:4]))
+    touching = _contacts(contacts, packing, units)
+    found = network_of(packing, touching, None)
     if found.told["overlap_over_error_of_digits"] > 1:
         with named(contacts):
             check_force_ratio(found.network)
@@ -95,10 +96,9 @@ def _table(
         offset = file.tell()
         count = sum(bool(line.strip()) for line in file)
     columns = tuple(name.strip() for name in text.split(","))
-    for name in needed:
-        if name not in columns:
-            do = f"name the columns in a line of text in UTF-8, with commas: {','.join(needed)}"
-            fault(path, f"no column {name} among {shown(text)}", do, number, name)
+    rows = Rows(Path(path), columns, offset, number + 1, count, ",")
+    do = f"name the columns in a line of text in UTF-8, with commas: {','.join(needed)}"
+    rows.require(needed, do)
     for name in columns:
         if name and name not in (*needed, *further):
             do = f"leave it out; known are {','.join((*needed, *further))}"
@@ -107,7 +107,7 @@ def _table(
     if not count:
         what = f"no rows below the names {','.join(needed)}"
         fault(path, what, "write those of the packing", number + 1)
-    return Rows(Path(path), columns, offset, number + 1, count, ","), said
+    return rows, said
 
 
 def _hear(path: str | Path, number: int, text: str, said: Said) -> None:
@@ -115,86 +115,55 @@ def _hear(path: str | Path, number: int, text: str, said: Said) -> None:
     found = re.fullmatch(r"#[#\s]*([^\s:=]+)\s*[:=]?\s*(.*)", text)
     if found is None or (key := found[1].lower()) not in KEYS:
         return
+    line = Words(found[2].split(), f"{path}, line {number}", f"write {KEYS[key]}")
     if key in said:
-        what = f"# {key} again (line {said[key][0]})"
-        fault(path, what, f"write {KEYS[key]}, once", number)
-    said[key] = number, found[2].split()
+        at = said[key].where.removeprefix(f"{path}, ")
+        line.refuse(f"# {key} again ({at})", f"{line.do}, once")
+    said[key] = line
 
 
 def _cell(path: str | Path, said: Said, units: Units) -> Cell:
     """The cell that a table's lines behind # tell of; walls are its bounds where none are told."""
-    line, words = said.get("cell", (0, []))
-    try:
-        bounds = units.length * np.array(words, float).reshape(3, 2)
-    except ValueError:
-        bounds = np.full((3, 2), np.nan)
-    if not np.isfinite(bounds).all():
-        fault(path, "no bounds of the cell", f"write {KEYS['cell']} before the names", line)
-    line, words = said.get("periodic", (0, []))
-    axes = [word.lower() for word in words]
-    for word, axis in zip(words, axes, strict=True):
-        if axis not in ("x", "y", "z"):
-            fault(path, f"{shown(word)} is no axis", f"write {KEYS['periodic']}", line)
-    line, words = said.get("walls", (0, []))
-    walls: list[float] = [np.nan, np.nan] if "z" in axes else bounds[2].tolist()
-    if line:
-        try:
-            walls = [np.nan if w.upper() == "NULL" else units.length * float(w) for w in words]
-        except ValueError:
-            walls = [math.inf]
-        if len(walls) != 2 or np.isinf(walls).any():
-            what = f"walls {shown(' '.join(words))} are not two numbers"
-            fault(path, what, f"write {KEYS['walls']}", line)
-        if "z" in axes and not np.isnan(walls).all():
-            fault(path, "walls beside a period along z", "leave one of the two out", line)
-    periodic = np.array([axis in axes for axis in "xyz"])
-    return Cell(bounds[:, 0], bounds[:, 1], periodic, (walls[0], walls[1]))
+    if "cell" not in said:
+        fault(path, "no bounds of the cell", f"write {KEYS['cell']} before the names")
+    low, high = units.length * np.array(said["cell"].alone("# cell", 6)).reshape(3, 2).T
+    periodic = np.zeros(3, bool)
+    if "periodic" in said:
+        for word in said["periodic"].left:
+            if word.lower() not in ("x", "y", "z"):
+                said["periodic"].refuse(f"{shown(word)} is no axis")
+            periodic["xyz".index(word.lower())] = True
+    walls = [np.nan, np.nan] if periodic[2] else [low[2], high[2]]
+    if "walls" in said:
+        walls = [units.length * z for z in said["walls"].alone("# walls", 2, null=True)]
+        if periodic[2] and not np.isnan(walls).all():
+            do = "leave one of the two out"
+            said["walls"].refuse("walls beside a period along z", do)
+    return Cell(low, high, periodic, (float(walls[0]), float(walls[1])))
 
 
-def _spheres(rows: Rows, units: Units) -> Spheres:
-    """The spheres of a table, in the order of their ids."""
-    table = rows.read(*SPHERES)
-    number, order = in_order(rows, table[:, 0])
-    if number[0] < 0:
-        do = "number spheres from 0 or 1; -1 and -2 are the walls"
-        fault(rows.path, f"id {number[0]} is negative", do, rows.line + order[0], "id")
-    table, digits = table[order], rows.digits("x", "y", "z")
-    position, radius = units.length * table[:, 1:4], units.length * table[:, 4]
-    step, kind = units.length * last_step(table[:, 1:4], digits), np.zeros(len(table), int)
-    return Spheres(number, position, radius, units.mass * table[:, 5], kind, digits, step)
-
-
-def _contacts(path: str | Path, spheres: Spheres, cell: Cell, units: Units) -> Contacts:
+def _contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
     rows, _ = _table(path, CONTACTS, FORCES + TURNING)
-    read: dict[str, Floats] = {}
-    for names in (CONTACTS, FORCES[:1], FORCES[1:], TURNING):
-        if rows.has(*names):
-            read |= dict(zip(names, rows.read(*names).T, strict=True))
-    i, j = ends_of(rows, spheres.number, (read["i"], read["j"]), ("i", "j"), WALLS)
-    _refuse_absent_walls(rows, j, cell)
-    force = read.get("fn")
-    if force is not None and (force < 0).any():
-        row = int(np.argmax(force < 0))
-        what, do = f"{force[row]:g} pulls", "write compression positive; cohesion is not known"
-        fault(rows.path, what, do, rows.line + row, "fn")
-    sheared, turning = rows.has(*FORCES), rows.has(*TURNING)
+    groups = [each for each in (CONTACTS, FORCES[:1], FORCES[1:], TURNING) if rows.has(*each)]
+    names = [name for group in groups for name in group]
+    told: dict[str, Floats] = dict(zip(names, rows.read(*names).T, strict=True))
+    i, j = ends_of(rows, packing.number, (told["i"], told["j"]), ("i", "j"), walls=True)
+    along_z = bool(packing.cell.periodic[2])
+    why = "the packing is periodic along z" if along_z else "# walls says NULL"
+    do = f"leave the contact out, or {'z out of # periodic' if along_z else 'give its z'}"
+    for code, name, plane in zip(WALLS, ("lower", "upper"), packing.cell.walls, strict=True):
+        what = f"a contact with the {name} wall, but {why}"
+        rows.refuse((j == code) & np.isnan(plane), what, do, "j")
+    force = told.get("fn", np.zeros(0))
+    do = "write compression positive; cohesion is not known"
+    rows.refuse(force < 0, lambda row: f"{force[row]:g} pulls", do, "fn")
+    shear = [told[name] for name in FORCES[1:]] if rows.has(*FORCES) else None
     return Contacts(
         i,
         j,
-        None if force is None else units.force * force,
-        units.force * np.column_stack([read[name] for name in FORCES[1:]]) if sheared else None,
-        (units.stiffness * read["kn"], units.stiffness * read["kt"]),
-        (units.moment * read["kr"], units.moment * read["kw"]) if turning else None,
+        units.force * force if "fn" in told else None,
+        None if shear is None else units.force * np.column_stack(shear),
+        (units.stiffness * told["kn"], units.stiffness * told["kt"]),
+        (units.moment * told["kr"], units.moment * told["kw"]) if "kr" in told else None,
         listed=rows,
     )
-
-
-def _refuse_absent_walls(rows: Rows, j: Ints, cell: Cell) -> None:
-    """InputError, with its line, for a contact with a wall that the cell does not have."""
-    for code, name, plane in zip(WALLS, ("lower", "upper"), cell.walls, strict=True):
-        if np.isnan(plane) and (j == code).any():
-            along_z = bool(cell.periodic[2])
-            why = "the packing is periodic along z" if along_z else "# walls says NULL"
-            what = f"a contact with the {name} wall, but {why}"
-            do = "leave the contact out, or " + ("z out of # periodic" if along_z else "give its z")
-            fault(rows.path, what, do, rows.line + int(np.argmax(j == code)), "j")
