@@ -1,24 +1,22 @@
 """YADE's waves against the linear operator with YADE's own time step, as the amplitude shrinks."""
 
-import os
-import subprocess
 from dataclasses import replace
 
 import pytest
-from places import ROOT
-from test_yade_fcc import batch
+from in_yade import put, run
+from places import SHEARED
+from test_yade_fcc import LAYERS, WIDTH, batch
 
 import modal
 from analysis.agreement import Agreement, compare
-from modal.__main__ import main
-from modal.packing.network import read_network, write_network
+from benchmarks.harness.yade import in_yades_order
+from modal.packing import crystal as gallery
 from modal.packing.sample import read_sample
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import relax
 from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
 
-SAMPLE = ROOT / "tests" / "data" / "friction150.sample.h5"
 AMPLITUDES = ("2.5e-9", "2.5e-10", "2.5e-11")
 
 
@@ -26,16 +24,15 @@ AMPLITUDES = ("2.5e-9", "2.5e-10", "2.5e-11")
 def crystal(tmp_path_factory, yade):
     """Network and signals, for each amplitude, of a short column of FCC in YADE."""
     folder = tmp_path_factory.mktemp("crystal")
-    batch("sample_fcc", folder)
-    network, highest = folder / "case02.network.h5", folder / "case02.highest.modes.h5"
-    assert main(["modes", str(network), "--highest", "1", "-o", str(highest)]) == 0
+    network = in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, LAYERS)))
+    put(folder, "case02", network)
     runs = {}
     for amplitude in AMPLITUDES:
         batch("wave", folder, WAVE_DURATION="6e-5", WAVE_AMPLITUDE=amplitude)
         signals = folder / "case02.signals.h5"
         runs[amplitude] = read_signals(signals)
         signals.unlink()
-    return read_network(network), runs
+    return network, runs
 
 
 def test_difference_is_proportional_to_the_amplitude(crystal):
@@ -62,18 +59,10 @@ def test_pre_stress_and_time_step_are_seen_at_small_amplitude(crystal):
     assert compare("", found, pair.linear("full", exact_in_time=True)).chain > 2 * whole
 
 
-def in_yade(folder, table, **settings):
+def in_yade(folder, friction, **settings):
     """Signals of 0.1 ms in YADE, of every particle, of the packing in `folder`."""
-    settings |= {"WAVE_PRODUCTS": str(folder), "WAVE_PARTICLES": "1", "WAVE_DURATION": "1e-4"}
-    subprocess.run(
-        ["yade-batch", "-j", "1", "--job-threads", "1", "--log", f"{folder}/log"]
-        + [str(table), str(ROOT / "yade_scripts" / "wave.py")],
-        env=os.environ | settings,
-        cwd=folder,
-        timeout=300,
-        check=True,
-        capture_output=True,
-    )
+    table = f"case mu_wave input_frequency fraction\n30 {friction} 1e5 0.1\n"
+    run("wave", table, folder, WAVE_PARTICLES="1", WAVE_DURATION="1e-4", **settings)
     signals = folder / "case30.signals.h5"
     found = read_signals(signals)
     signals.unlink()
@@ -87,7 +76,7 @@ def of_materials():
     return relax(replace(mixed, friction=0.3))[0].network()
 
 
-PACKINGS = {"glass": lambda: read_sample(SAMPLE).network(), "materials": of_materials}
+PACKINGS = {"glass": lambda: read_sample(SHEARED).network(), "materials": of_materials}
 
 
 @pytest.fixture(scope="module", params=PACKINGS)
@@ -95,14 +84,9 @@ def packing(tmp_path_factory, yade, request):
     """Network, and runs of opposite sign at 0.05 nm, of a random packing that cannot slip."""
     folder = tmp_path_factory.mktemp("packing")
     network = PACKINGS[request.param]()
-    path = folder / "case30.network.h5"
-    write_network(path, network)
-    highest = folder / "case30.highest.modes.h5"
-    assert main(["modes", str(path), "--highest", "1", "-o", str(highest)]) == 0
-    table = folder / "packing.table"
-    table.write_text("case mu_wave input_frequency fraction\n30 10 1e5 0.1\n")
+    put(folder, "case30", network)
     amplitudes = ("2.5e-11", "-2.5e-11")
-    runs = [in_yade(folder, table, WAVE_AMPLITUDE=amplitude) for amplitude in amplitudes]
+    runs = [in_yade(folder, 10, WAVE_AMPLITUDE=amplitude) for amplitude in amplitudes]
     return network, runs
 
 
@@ -129,15 +113,8 @@ def test_large_waves_are_those_of_yade(direction, packing, tmp_path):
     ways that slip part by some ten times that.
     """
     network, _ = packing
-    path = tmp_path / "case30.network.h5"
-    write_network(path, network)
-    assert (
-        main(["modes", str(path), "--highest", "1", "-o", f"{tmp_path}/case30.highest.modes.h5"])
-        == 0
-    )
-    table = tmp_path / "packing.table"
-    table.write_text("case mu_wave input_frequency fraction\n30 0.5 1e5 0.1\n")
-    theirs = in_yade(tmp_path, table, WAVE_AMPLITUDE="2.5e-7", WAVE_DIRECTION=direction)
+    put(tmp_path, "case30", network)
+    theirs = in_yade(tmp_path, 0.5, WAVE_AMPLITUDE="2.5e-7", WAVE_DIRECTION=direction)
     interval = float(theirs.time[1])
     ours = modal.propagate(
         network,

@@ -1,13 +1,11 @@
-"""A short FCC column in YADE itself, driven by yade-batch: sample, export, wave."""
+"""A short FCC column in YADE itself, driven by a table: sample, export, wave."""
 
-import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
-from places import ROOT
+from in_yade import run, write_highest
 
 from modal.__main__ import main
 from modal.formats.provenance import Source, read_provenance
@@ -21,34 +19,15 @@ from modal.waves.signals import read_signals, source_pulse
 from modal.waves.source import Pulse, chirp, write_motion
 
 WIDTH, LAYERS, STRESS = 3, 30, 1e5
-TABLE = f"""case mu_comp mu_wave stress input_frequency width layers
-2 0 0.1 {STRESS} 1e5 {WIDTH} {LAYERS}
-"""
+TABLE = {"case": 2, "mu_comp": 0, "mu_wave": 0.1, "stress": STRESS, "input_frequency": 1e5}
+TABLE |= {"width": WIDTH, "layers": LAYERS}
 
 
-def batch(
-    script: str,
-    folder: Path,
-    *,
-    threads: str = "1",
-    columns: dict[str, str] | None = None,
-    **environment: str,
-) -> str:
-    """Run one script through yade-batch as a user does, `columns` in its table; returns its log."""
-    table, log = folder / "short.table", folder / f"{script}.log"
-    values = dict(zip(*map(str.split, TABLE.splitlines()), strict=True)) | (columns or {})
-    table.write_text(f"{' '.join(values)}\n{' '.join(values.values())}\n")
-    options = ["-j", threads, "--job-threads", threads, "--log", str(log)]
-    command = ["yade-batch", *options, str(table)]
-    subprocess.run(
-        [*command, str(ROOT / "yade_scripts" / f"{script}.py")],
-        cwd=folder,
-        env=os.environ | {"WAVE_PRODUCTS": str(folder)} | environment,
-        timeout=300,
-        check=True,
-        capture_output=True,
-    )
-    return log.read_text()
+def batch(script: str, folder: Path, columns: dict | None = None, **environment: str) -> str:
+    """Run one script on the table, with `columns` in it; returns its log."""
+    values = TABLE | (columns or {})
+    table = "".join(" ".join(map(str, line)) + "\n" for line in (values, values.values()))
+    return run(script, table, folder, **environment)
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +35,7 @@ def products(tmp_path_factory, yade):
     """Folder with the network, the highest mode and the signals of the short column."""
     folder = tmp_path_factory.mktemp("products")
     batch("sample_fcc", folder)
-    network, highest = folder / "case02.network.h5", folder / "case02.highest.modes.h5"
-    assert main(["modes", str(network), "--highest", "1", "-o", str(highest)]) == 0
+    write_highest(folder, "case02")
     batch("wave", folder, WAVE_DURATION="1e-4")
     return folder
 

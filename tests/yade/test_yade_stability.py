@@ -8,15 +8,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_yade_fcc import batch, products  # noqa: F401 - the fixture of the short column
+from in_yade import put
+from test_yade_fcc import LAYERS, WIDTH, batch
 
+from benchmarks.harness.yade import in_yades_order
 from modal.modes.mode_set import read_modes, write_modes
+from modal.packing import crystal as gallery
 from modal.waves.energy_balance import CLOSED
 from modal.waves.signals import Signals, read_signals
 
 
+@pytest.fixture(scope="module")
+def products(tmp_path_factory, yade) -> Path:
+    """Folder with the network and the highest mode of a short column."""
+    folder = tmp_path_factory.mktemp("products")
+    put(folder, "case02", in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, LAYERS))))
+    return folder
+
+
 def wave(
-    products: Path,  # noqa: F811
+    products: Path,
     folder: Path,
     *,
     over: float = 1.0,
@@ -28,7 +39,7 @@ def wave(
     modes = read_modes(products / "case02.highest.modes.h5")
     modes.frequency = modes.frequency / over
     write_modes(folder / "case02.highest.modes.h5", modes)
-    log = batch("wave", folder, **{"WAVE_DURATION": "4e-4"} | environment)
+    log = batch("wave", folder, **{"WAVE_DURATION": "1e-4"} | environment)
     path = folder / "case02.signals.h5"
     return read_signals(path) if path.exists() else None, log
 
@@ -38,14 +49,14 @@ def number(log: str, before: str = "", after: str = "") -> float:
     return float(re.search(rf"{before}([-+.0-9e]+){after}", log)[1])
 
 
-def test_step_at_the_limit_keeps_the_energy(products, tmp_path):  # noqa: F811
+def test_step_at_the_limit_keeps_the_energy(products, tmp_path):
     """Leapfrog is stable up to omega_max dt = 2 itself; the law bends by 1e-2 at 5 nm."""
-    signals, log = wave(products, tmp_path, WAVE_FRACTION="1.0")
+    signals, log = wave(products, tmp_path, WAVE_FRACTION="1.0", WAVE_DURATION="4e-4")
     assert signals is not None and abs(signals.balance.drift) < signals.balance.limit < 0.02
 
 
 @pytest.mark.parametrize("over", [1.05, 2.0])
-def test_step_past_the_limit_is_refused(over, products, tmp_path):  # noqa: F811
+def test_step_past_the_limit_is_refused(over, products, tmp_path):
     signals, log = wave(products, tmp_path, over=over, WAVE_FRACTION="1.0")
     assert signals is None
     errors = [line for line in log.splitlines() if line.startswith("error: ")]
@@ -54,11 +65,11 @@ def test_step_past_the_limit_is_refused(over, products, tmp_path):  # noqa: F811
 
 @pytest.mark.slow
 @pytest.mark.parametrize("over", [1.01, 1.02, 1.1, 1.2, 1.5, 3.0, 10.0])
-def test_every_step_past_the_limit_is_refused(over, products, tmp_path):  # noqa: F811
+def test_every_step_past_the_limit_is_refused(over, products, tmp_path):
     test_step_past_the_limit_is_refused(over, products, tmp_path)
 
 
-def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):  # noqa: F811
+def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):
     """1 micrometre on overlaps of 0.36: contacts open and slide, the energy only falls.
 
     What it falls by is what slip dissipates. A hundred looks see it by trapezoids, of forces that
@@ -74,7 +85,7 @@ def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):  # noqa: F
     assert CLOSED < abs(books.gap) < 0.2 and not books.kept
 
 
-def test_the_same_run_twice_is_the_same_to_the_last_bit(products, tmp_path):  # noqa: F811
+def test_the_same_run_twice_is_the_same_to_the_last_bit(products, tmp_path):
     options = {"WAVE_FRACTION": "0.5", "WAVE_DURATION": "1e-4"}
     first, second = (wave(products, tmp_path / name, **options)[0] for name in "ab")
     for name in ("chain_displacement", "layer_displacement", "source_stress", "receiver_stress"):
