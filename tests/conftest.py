@@ -25,6 +25,8 @@ FAST = ("numba", "pypardiso")
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
 MAY_BE_ABSENT = ["LAMMPS", "Chromium", "Slurm", "'vtk'", "'ovito.io'", *HIDDEN]
 """What a test that is skipped where the tests must be complete may name as its reason."""
+LONG = ("faults_study", "workflow", "docs", "yade")
+"""What the names of files hold that take longest."""
 COMPLETE = os.environ.get("CI") == "true"
 
 if HIDDEN:
@@ -46,8 +48,8 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """Files that run YADE come first: they take longest, and no worker is left with one alone."""
-    items.sort(key=lambda item: "yade" not in item.path.name)
+    """The longest files come first, so that no worker is left with one alone at the end."""
+    items.sort(key=lambda item: not any(name in item.path.name for name in LONG))
 
 
 def pytest_report_header():
