@@ -19,8 +19,8 @@ from modal.tools.slabs import slabs_of
 SKIN = 0.02
 """Reach of the list of pairs beyond touch, diameters of the largest sphere: it holds while no
 sphere has gone by half."""
-STILL = np.zeros((3, 3))
-"""Change of a cell whose periods and walls rest, m."""
+STILL = np.zeros((4, 3))
+"""Change of a cell whose periods and walls rest."""
 
 
 def _numbers(i: np.ndarray, j: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -45,9 +45,10 @@ class MovingContacts:
     After each `move`: load (n, 6), N and N m, the net force and torque on each sphere; stiffness
     (n,), N/m, the sum of its kn; mean_force, N; the numbers touching and sliding; virial (3,), N m,
     the principal stresses times the volume; mean_contact, N, of normal and shear force together;
-    on_walls (2, 3), N, the forces on source and receiver wall; elastic_energy, J, of the normal
-    forces. `work` (m, 2), J, is what shear forces have stored and slip has dissipated so far, see
-    `modal.dem.forces`; nothing of that is noted unless `books` are kept.
+    on_walls (2, 6), N and N m, the forces on source and receiver wall and their torques about z;
+    elastic_energy, J, of the normal forces. `work` (m, 2), J, is what shear forces have stored and
+    slip has dissipated so far, see `modal.dem.forces`; nothing of that is noted unless `books` are
+    kept.
     position (n, 3), m, is not brought back into the cell; side (2,) and walls (2,), m, may be
     strained in place; `whole` cells are periodic along z too, between the `walls`, with a period
     that leans by `lean` (2,), m, along x and y; largest, smallest, m, of the radii. `friction`
@@ -67,7 +68,7 @@ class MovingContacts:
         network = sample.network()
         n = network.n_particles
         self._sample, self.friction = sample, sample.friction if friction is None else friction
-        self.side = np.array(sample.side, float)
+        self.side = sample.periods
         self.walls, self.whole = np.array(sample.walls, float), sample.periodic_z
         self.lean = UPRIGHT
         self.skin = skin
@@ -143,8 +144,9 @@ class MovingContacts:
     def touch(self, velocity: np.ndarray, dt: float, change: np.ndarray = STILL) -> None:
         """Forces at the present positions, where `velocity` (n, 6) has led in `dt`, s.
 
-        `change` (3, 3), m, is what the periods have gained by the same step, the way that the
-        source wall has gone, and what the lean of the period along z has gained.
+        `change` (4, 3) is what the periods have gained by the same step, m, the way that the source
+        wall has gone, what the lean of the period along z has gained, and how the wall turns: see
+        `modal.dem.forces`.
         """
         totals = forces_by_loop(
             self._slabs,
@@ -169,7 +171,8 @@ class MovingContacts:
         self.touching, self.sliding = int(of["touching"]), int(of["sliding"])
         self.mean_force = of["normal force"] / max(self.touching, 1)
         self.mean_contact = of["contact force"] / max(self.touching, 1)
-        self.virial, self.on_walls = totals[4:7], totals[9:].reshape(2, 3)
+        self.virial, self.on_walls = totals[4:7], np.zeros((2, 6))
+        self.on_walls[:, :3], self.on_walls[:, 5] = totals[9:15].reshape(2, 3), totals[15:]
         self.elastic_energy = of["energy"]
 
     def level_shear(self) -> None:
@@ -233,7 +236,7 @@ class MovingContacts:
         bare = replace(
             self._sample,
             position=position,
-            side=self.side.copy(),
+            side=np.where(self._sample.periodic_sides, self.side, self._sample.side),
             walls=self.walls.copy(),
             shear=None,
             velocity=None,

@@ -8,8 +8,9 @@ cuts it at the friction limit. With Hertz and Mindlin it is the law of YADE term
 
 `radius` (n,) is that of each sphere, m; `laws` are that of two spheres and that of a sphere and a
 wall (`modal.packing.contact_models`), by whose class a loop is compiled. `side` (5,), m, are the
-periods, and how far the one along z leans along x and y; `change` (3, 3), m, is what these have
-gained in the step, and in its second row what the source wall has moved by. The lever arms of a
+periods, and how far the one along z leans along x and y; `change` (4, 3) is what these have gained
+in the step, m, in its second row what the source wall has moved by, m, and in its last the wall's
+spin, rad/s, and the x and y, m, of the line along z that it turns about. The lever arms of a
 contact end in the middle of its overlap; of equal spheres they are equal, and what makes them
 differ adds zeros.
 
@@ -48,9 +49,11 @@ TOTALS = (
     *("normal force", "contact force", "touching", "sliding", "virial x", "virial y", "virial z"),
     *("energy", "stiffness"),
     *("source x", "source y", "source z", "receiver x", "receiver y", "receiver z"),
+    *("source turn", "receiver turn"),
 )
-"""What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m, and
-the forces on both walls, N; of a cell without walls the first is that across its period along z."""
+"""What the loops return: sums over contacts in N, numbers, stress times volume in N m, J, N/m, the
+forces on both walls, N, and their torques about the line of `change`, N m; of a cell without walls
+the first force is that across its period along z."""
 UPRIGHT = np.zeros(2)
 """Lean of a period along z that stands upright, m."""
 WITHOUT_HISTORY = None, None, None, None, None, None, None
@@ -121,6 +124,7 @@ def _forces_of_slab(
     along_x = along_y = along_z = 0.0
     touching = sliding = 0
     at_source = at_receiver = (0.0, 0.0, 0.0)
+    turn_source = turn_receiver = 0.0
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
         overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
@@ -166,8 +170,14 @@ def _forces_of_slab(
                 turning = plus(turning, 1.0, second)
             gained = a * change[0, 0] + up * change[2, 0], b * change[0, 1] + up * change[2, 1]
             gained = gained[0], gained[1], up * change[0, 2]
+            from_axis = 0.0, 0.0
+            if j < 0:
+                from_axis = position[i, 0] - change[3, 1], position[i, 1] - change[3, 2]
             if j == SOURCE_WALL:
-                gained = change[1, 0], change[1, 1], change[1, 2]
+                spin = dt * change[3, 0]
+                gained = change[1, 0] - spin * from_axis[1], change[1, 1] + spin * from_axis[0]
+                gained = gained[0], gained[1], change[1, 2]
+                turning = plus(turning, 1.0, (0.0, 0.0, change[3, 0]))
             slip = increment(n, lever, longer, apart, turning, second, dt, gained)
             before = normal[c, 0], normal[c, 1], normal[c, 2]
             old = turned((shear[c, 0], shear[c, 1], shear[c, 2]), before, n, turning, dt)
@@ -194,6 +204,10 @@ def _forces_of_slab(
                 load[j, 3] += lever * mx
                 load[j, 4] += lever * my
                 load[j, 5] += lever * mz
+            elif j == SOURCE_WALL:
+                turn_source -= from_axis[0] * fy - from_axis[1] * fx
+            else:
+                turn_receiver -= from_axis[0] * fy - from_axis[1] * fx
             all_contact += np.sqrt(fx * fx + fy * fy + fz * fz)
         load[i, 0] += fx
         load[i, 1] += fy
@@ -225,6 +239,7 @@ def _forces_of_slab(
     totals[7], totals[8] = energy, all_stiffness
     totals[9], totals[10], totals[11] = at_source
     totals[12], totals[13], totals[14] = at_receiver
+    totals[15], totals[16] = turn_source, turn_receiver
 
 
 def _forces_by_slabs(
@@ -268,14 +283,17 @@ def forces_by_arrays(
     effective = np.where(pair, radius[i] * (radius[j] / (radius[i] + radius[j])), radius[i])
     law = law_of_each(laws, ~pair)
     pressed, kn = law.normal_force(overlap, effective), law.stiffness_normal(overlap, effective)
-    force, slid, contact = -pressed * n, 0, 0.0
+    force, slid, contact, turns = -pressed * n, 0, 0.0, np.zeros(2)
     load[:] = 0
     if shear is not None:
         lever, second = radius[i] - overlap / 2, np.where(pair, motion[j].T, 0.0)
         longer = np.where(pair, radius[j] - radius[i], 0.0)
         apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
         gained = np.where(pair, (shift[near] * change[0] + shift[near, 2:] * change[2]).T, 0.0)
-        gained[:, j == SOURCE_WALL] = change[1][:, None]
+        x, y = (position[i, :2] - change[3, 1:]).T
+        turned_by = dt * change[3, 0] * np.array([-y, x, 0 * x])
+        gained = np.where(j == SOURCE_WALL, change[1][:, None] + turned_by, gained)
+        turning[2] += np.where(j == SOURCE_WALL, change[3, 0], 0.0)
         slip = increment(n, lever, longer, apart, turning, second[3:], dt, gained)
         old = turned(shear[near].T, normal[near].T, n, turning, dt)
         kt = law.stiffness_tangential(overlap, effective)
@@ -291,6 +309,8 @@ def forces_by_arrays(
         normal[:], shear[:] = 0, 0
         normal[near], shear[near] = n.T, s.T
         force, contact = force + s, np.sqrt(dot(force + s, force + s)).sum()
+        about = y * force[0] - x * force[1]
+        turns = np.array([about[j == code].sum() for code in (SOURCE_WALL, RECEIVER_WALL)])
         moment = np.array(cross(n, s))
         torque, other = lever * moment, ((lever + longer) * moment)[:, pair]
         for axis in range(3):
@@ -306,7 +326,7 @@ def forces_by_arrays(
     walls_hold = [-force[:, j == code].sum(axis=1) for code in (SOURCE_WALL, RECEIVER_WALL)]
     walls_hold[0] = walls_hold[0] + (force * np.where(pair, shift[near, 2], 0)).sum(axis=1)
     sums = pressed.sum(), contact, len(near), slid, *virial, energy, kn.sum()
-    return np.array([*sums, *np.concatenate(walls_hold)])
+    return np.array([*sums, *np.concatenate(walls_hold), *turns])
 
 
 @cache

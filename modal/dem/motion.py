@@ -92,6 +92,12 @@ else:
     advance_by_loop = compiled(_advance, 0, fingerprint())
 
 
+def _turned_by(angle: float) -> Floats:
+    """Shape (2, 2): what turns rows of x and y about z by an angle, rad."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[cosine, sine], [-sine, cosine]])
+
+
 class Dynamics:
     """A sample in motion; every attribute is that after the last step.
 
@@ -99,14 +105,16 @@ class Dynamics:
     damping, the share of each force that local damping takes; masses (n, 2), kg and kg m^2. `step`
     takes the time step, s; `books` as of `MovingContacts`. Of a source of waves: `carried`, the
     numbers of spheres that the source wall takes along, so that a plane opens between these and all
-    others; `push` (n, 6), N and N m, pushes spheres, or is None.
+    others; `axis` (2,), m, the x and y of the line along z that it turns about; `push` (n, 6), N
+    and N m, pushes spheres, or is None.
     """
 
     def __init__(
         self, sample: Sample, damping: float = 0.0, skin: float = SKIN, *, books: bool = False
     ) -> None:
         self.contacts = MovingContacts(sample, skin=skin, stiffness=False, books=books)
-        self._source_at, self._source_step, self._source_way = np.zeros(3), np.zeros(3), 0.0
+        self._source_at, self._source_step, self._source_way = np.zeros(6), np.zeros(6), 0.0
+        self.axis = np.zeros(2)
         self._bare, self.carried, self.push = sample, np.zeros(0, int), None
         n = len(sample.position)
         self.velocity, self.damping = np.zeros((n, 6)), damping
@@ -121,32 +129,47 @@ class Dynamics:
         self._note_sought()
 
     def place_source(self, displacement: Floats) -> None:
-        """Put the source wall of a cell at rest `displacement` (3,), m, off its place at the start.
+        """Put the source wall of a cell at rest `displacement` (6,) off its place at the start.
 
-        It slides along x and y, and takes along the `carried` spheres; in a cell without walls it
-        is the end of the period along z. The next step finds the forces of it where it is.
+        It goes, m, along x, y and z, or turns, rad, about z, and takes along the `carried` spheres;
+        in a cell without walls it is the end of the period along z, which does not turn. The next
+        step finds the forces of it where it is.
         """
         contacts = self.contacts
         self._source_step = displacement - self._source_at
         self._source_at = displacement
         contacts.walls[0] = self._bare.walls[0] + displacement[2]
-        contacts.position[self.carried] += self._source_step
+        before = contacts.position[self.carried]
+        after = before + self._source_step[:3]
+        if self._source_step[5]:
+            turn = _turned_by(self._source_step[5])
+            after[:, :2] = self.axis + (after[:, :2] - self.axis) @ turn
+            self.velocity[self.carried, :2] = self.velocity[self.carried, :2] @ turn
+        contacts.position[self.carried] = after
         if contacts.whole:
             contacts.lean = -displacement[:2]
-        way = abs(self._source_step)
-        self._source_way += float(way.max() if len(self.carried) else way[2])
+        self._source_way += max(
+            abs(self._source_step[2]), float(abs(after - before).max(initial=0))
+        )
 
     def displacement(self) -> Floats:
-        """Shape (n, 3), m: how far the spheres have moved by themselves, not carried along."""
+        """Shape (n, 3), m: how far the spheres have moved, less what carries them along a line."""
         moved: Floats = self.contacts.position - self._bare.position
-        moved[self.carried] -= self._source_at
+        moved[self.carried] -= self._source_at[:3]
         return moved
 
     def held(self) -> Floats:
-        """Shape (3,), N: what holds the source at its place, of the forces found last."""
-        contacts = self.contacts
-        total: Floats = -contacts.on_walls[0] - contacts.load[self.carried, :3].sum(axis=0)
+        """Shape (6,), N, and N m about z: what holds the source, of the forces found last."""
+        contacts, total = self.contacts, -self.contacts.on_walls[0]
+        load, (x, y) = contacts.load[self.carried], self._from_axis()
+        total[:3] -= load[:, :3].sum(axis=0)
+        total[5] -= (x * load[:, 1] - y * load[:, 0] + load[:, 5]).sum()
         return total
+
+    def _from_axis(self) -> Floats:
+        """Shape (2, k), m: x and y of the carried spheres, from the line of the turn."""
+        away: Floats = (self.contacts.position[self.carried, :2] - self.axis).T
+        return away
 
     def step(self, dt: float, control: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
         """One step; `control` gives the strain rates (3,), 1/s, for the stresses (3,), Pa."""
@@ -195,11 +218,13 @@ class Dynamics:
         if contacts.whole:
             gained[2] -= self._source_step[2]
             lean[:2] = -self._source_step[:2]
-        velocity = self.velocity
+        velocity, rate = self.velocity, self._source_step / dt if dt else np.zeros(6)
         if len(self.carried) and dt:
-            velocity = velocity.copy()
-            velocity[self.carried, :3] += self._source_step / dt
-        contacts.touch(velocity, dt, np.array([gained, self._source_step, lean]))
+            velocity, (x, y) = velocity.copy(), self._from_axis()
+            velocity[self.carried] += rate
+            velocity[self.carried, :2] += rate[5] * np.column_stack([-y, x])
+        turn = np.array([rate[5], *self.axis])
+        contacts.touch(velocity, dt, np.array([gained, self._source_step[:3], lean, turn]))
 
     def _note_sought(self) -> None:
         self._age, self._far = 0, False

@@ -46,7 +46,8 @@ class Sample:
     contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
     of spheres of several sizes, the mean of `radii` (n,). `densities` (n,), kg/m^3, stand in place
     of the material's; the walls are of `wall_material`, where it is None of that of the spheres.
-    Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z.
+    Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z. Where its
+    sides are not periodic, `periodic_sides` (x, y), it ends there, and no file has it.
     """
 
     position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]
@@ -65,6 +66,7 @@ class Sample:
     ] = None
     wall_material: Elasticity | None = None
     periodic_z: bool = False
+    periodic_sides: tuple[bool, bool] = (True, True)
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -90,12 +92,18 @@ class Sample:
         mass, inertia = self.material.sphere(each, self.densities)
         return mass, inertia
 
+    @property
+    def periods(self) -> Floats:
+        """Shape (2,), m: of the sides; of those that end, so far that no image is ever near."""
+        beyond = np.ptp(self.position[:, :2], axis=0) + 6 * np.max(self.sizes)
+        return np.where(self.periodic_sides, self.side, beyond)
+
     def contacts(self) -> ContactList:
         """All contacts, in canonical order; their overlaps follow from the positions."""
         if not self.periodic_z:
-            return touching(self.position, self.side, self.walls, self.sizes)
+            return touching(self.position, self.periods, self.walls, self.sizes)
         low, high = self.walls
-        lengths = np.array([*self.side, high - low])
+        lengths = np.array([*self.periods, high - low])
         return touching(self.position - [0, 0, low], lengths, None, self.sizes)
 
     def network(self) -> Network:
@@ -130,7 +138,7 @@ class Sample:
             study=self.study | study,
             position=self.position,
             cell_size=np.array([*self.side, length]),
-            cell_periodic=np.array([True, True, self.periodic_z]),
+            cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
             wall_position=np.asarray(self.walls, float),
             provenance=self.provenance,
         )
@@ -162,8 +170,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     """The compact form of a network of spheres, in canonical order then.
 
     Moduli and contact model are those that its `study` notes, or those of glass. InputError for
-    other networks: stiffnesses of another law or of other moduli, other contacts, or a cell without
-    periods.
+    other networks: stiffnesses of another law or of other moduli, or other contacts.
     """
     radius, density = network.radius, density_of(network)
     noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
@@ -180,6 +187,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         densities=density if mixed else None,
         wall_material=_wall_material(network.study),
         periodic_z=bool(network.cell_periodic[2]),
+        periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
         study=network.study,
         provenance=network.provenance,
     )
@@ -241,7 +249,9 @@ def _canonical(network: Network) -> tuple[Ints, Ints, Ints, Ints, Ints]:
 
 
 def write_sample(path: str | Path, sample: Sample) -> None:
-    """Write the sample atomically."""
+    """Write the sample atomically; InputError for one that ends sideways."""
+    if not all(sample.periodic_sides):
+        raise InputError("a sample without periods sideways has no file; write its network")
     walls = sample.wall_material
     own = {} if walls is None else {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
     own["period"] = np.diff(sample.walls) if sample.periodic_z else None

@@ -191,8 +191,7 @@ class Contacts:
             t, pair = carried.shear, self.pair
             twist = np.zeros((m, 9))
             if TWIST in self.terms:
-                twist[:, 3:6] = n / 2
-                twist[pair, 6:9] = n[pair] / 2
+                twist[:, 3:6] = twist[:, 6:9] = n / 2
             shortening = 0.5 if carried.shortening is None else carried.shortening[:, None]
             common = _times(np.cross(n, t) * shortening, deeper)
             turning = cross_matrix(t) @ dn + _times(t, twist)

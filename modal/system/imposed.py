@@ -70,7 +70,9 @@ class PlaneOpens:
     """All contacts that cross a horizontal plane at `height`, m, grow by one metre along an axis.
 
     As by a wedge between their ends: what lies above is pushed one way, what lies below the other.
-    With `TURN` for the axis what lies above turns by one radian against what lies below.
+    With `TURN` for the axis what lies above turns by one radian against what lies below; the forces
+    that it carries turn with it, so that its other contacts, and those with the receiver wall, turn
+    as well. Of a cell without walls these stay.
     """
 
     height: float
@@ -78,19 +80,32 @@ class PlaneOpens:
     count: int = 1
 
     def touches(self, network: Network) -> Bools:
-        """Contacts that cross the plane, or an image of it."""
-        return crossings(network, self.height) != 0
+        """Contacts that cross the plane, or an image of it, and those that turn with it."""
+        below_i, below_j = self._below(network)
+        crossing = below_i != below_j
+        turns = self.axis == TURN and crossing.any()
+        return crossing | (below_i + below_j != 0) if turns else crossing
 
     def on(self, network: Network) -> Floats:
         """Shape (1, m, 9)."""
-        crossed = -crossings(network, self.height)
-        upper = network.position[network.particle_i]
-        upper = np.where(crossed[:, None] < 0, upper + network.branch, upper)
-        motion = _moved(network, crossed, upper, self.axis)
+        (below_i, below_j), place = self._below(network), network.position[network.particle_i]
+        motion = _moved(network, below_j, place + network.branch, self.axis)
+        motion -= _moved(network, below_i, place, self.axis)
         if self.axis == TURN:
-            motion[0, :, 5] = np.where(crossed > 0, -crossed, 0)
-            motion[0, :, 8] = np.where(crossed < 0, crossed, 0)
+            motion[0, :, 5], motion[0, :, 8] = below_i, below_j
         return motion
+
+    def _below(self, network: Network) -> Ints:
+        """Shape (2, m): how far ends i and j of contacts move, minus the planes below them.
+
+        In a cell without walls, of the plane and its images, minus those between the two ends.
+        """
+        start = network.position[network.particle_i, 2] - self.height
+        ends = np.array([start, start + network.branch[:, 2]])
+        if not network.cell_periodic[2]:
+            return -(ends >= 0).astype(int)
+        planes = np.floor(ends / network.cell_size[2]).astype(int)
+        return planes.min(axis=0) - planes
 
 
 def _moved(network: Network, size: Floats | Ints, place: Floats, axis: int) -> Floats:
@@ -133,17 +148,6 @@ def turn(gradient: Floats) -> Floats:
     """Shape (3,): the rotation vector of a displacement gradient (3, 3)."""
     twice = gradient - gradient.T
     return np.array([twice[2, 1], twice[0, 2], twice[1, 0]]) / 2
-
-
-def crossings(network: Network, height: float) -> Ints:
-    """Shape (m,): how often each contact crosses the plane at `height`, m, on its way up from i.
-
-    Negative on its way down; images of the plane a period away count alike.
-    """
-    start = network.position[network.particle_i, 2] - height
-    rise = network.branch[:, 2]
-    period = network.cell_size[2]
-    return np.floor((start + rise) / period).astype(int) - np.floor(start / period).astype(int)
 
 
 @dataclass(frozen=True)

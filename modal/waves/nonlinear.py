@@ -8,7 +8,8 @@ difference over r^2 - 1. Where contacts slide or open the order may be lower; th
 difference is all that is known, and it is told.
 
 Sources are those of the linear wave: the source wall, a plane between spheres that opens, a sphere
-that a force pushes or a torque turns. Walls and planes do not twist: a sample has periods sideways.
+that a force pushes or a torque turns. A wall that twists turns about z as a body, and with a plane
+all that lies below it, which moves in the frame that turns.
 
 The energy is booked: what the source has given is kinetic, or stored in contacts, or
 dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and works
@@ -35,7 +36,7 @@ from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.receivers import Receivers
-from modal.waves.signals import COMPONENT, Signals, record_times
+from modal.waves.signals import COMPONENT, TORSION, Signals, record_times
 from modal.waves.source import Motion, Pulse
 from modal.waves.sources import Plane, Source, Wall
 
@@ -119,8 +120,8 @@ def propagate_nonlinear(
 
     Displacements are off by `accuracy` of the largest recorded one, or `time_step`, s, is taken as
     it is. `friction` is the sample's own; of a network, which has none, it must be given. Other
-    arguments, and what is recorded, as of `modal.propagate` (of torsion no torque on a wall). The
-    noise of a sample that is not quite at rest is told, not taken off.
+    arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
+    quite at rest is told, not taken off.
 
     >>> import modal
     >>> net = modal.fcc(cells=(1, 1, 20))
@@ -201,6 +202,11 @@ class _Wave:
             raise InputError(
                 f"the non-linear wave does not know how a {source.name} moves contacts"
             )
+        if self.moves and direction == TORSION and sample.periodic_z:
+            raise InputError(
+                "a period along z does not turn: take a cell between walls, a sphere as the "
+                "source, or the linear wave"
+            )
         self.load = source.load(self.network, direction).reshape(-1, 6)
         self._operator = ContactOperator(self.network, mass_scaled=True)
         top, _ = bound_of_spectrum(self._operator)
@@ -243,6 +249,7 @@ class _Wave:
             remedy="take a shorter duration or a larger accuracy",
         )
         moving = Dynamics(self.sample, books=True)
+        moving.axis = self.network.cell_size[:2] / 2
         contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
         if isinstance(self.source, Plane):
             moving.carried = np.flatnonzero(self.sample.position[:, 2] < self.source.height)
@@ -262,7 +269,7 @@ class _Wave:
                 before = moving.velocity.copy()
             # Works are those of the mean force of both ends of a step, as between spheres.
             if self.moves:
-                moving.place_source(given[k] * np.eye(3)[along])
+                moving.place_source(given[k] * np.eye(6)[along])
                 moving.step(dt)
                 now = float(moving.held()[along])
                 work += 0.5 * (force + now) * (given[k] - given[k - 1]) if k else 0.0
@@ -280,8 +287,7 @@ class _Wave:
                 rest = rest if k else stored
                 kinetic = 0.5 * float((inertia * before * moving.velocity).sum())
                 run.energy[row] = work, kinetic, stored - rest, contacts.slipped
-                beyond = contacts.on_walls[1, along] if along < 3 else math.nan
-                run.on_walls[row] = force, beyond
+                run.on_walls[row] = force, contacts.on_walls[1, along]
                 if row % look == 0 or k == steps:
                     closed = np.zeros(contact_count, bool)
                     closed[contacts.kept()[0]] = True
@@ -295,7 +301,6 @@ class _Wave:
     def signals(self, run: _Run, every: int, network_sha256: str) -> Signals:
         """The run in the form of the linear wave."""
         stress, none = (run.on_walls - run.on_walls[0]) / self.network.area, np.empty(0)
-        beyond = self.receivers.walls and self.component < 3
         dt = self.interval / every
         return self.receivers.signals(
             self.time,
@@ -304,7 +309,7 @@ class _Wave:
             source=self.source.name,
             source_height=self.source.height_in(self.network),
             source_stress=stress[:, 0] if self.moves else none,
-            receiver_stress=stress[:, 1] if beyond else none,
+            receiver_stress=stress[:, 1] if self.receivers.walls else none,
             producer="nonlinear",
             time_step=dt,
             run_time=run.seconds,
