@@ -6,7 +6,7 @@ import glob
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.case import Case, find
+from analysis.case import PACKINGS, Case, find
 from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
 from modal.elasticity.moduli import SCHEMA as MODULI
 from modal.formats.hdf5 import complete, open_h5
@@ -31,7 +31,6 @@ KIND_OF = {
     MODULI: "moduli",
 }
 """Kinds of product by their schema; modes are of several kinds, and so are signals."""
-PACKINGS = "network", "sample"
 WAVES = "signals", "shear.signals", "shear_yade.signals"
 
 

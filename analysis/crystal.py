@@ -1,16 +1,16 @@
 """The comparison of a crystal: each quantity by theory, eigenmodes, linear wave and YADE.
 
 Theory, modes and the linear wave are those of the springs, without the pre-stress of the contacts;
-what that changes of V_P has a row of its own.
+what that changes of V_P has a row of its own. The linear wave is that at the times of the run.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import defaultdict
+from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.case import Case
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_signals
 from analysis.estimators.low_pass import (
@@ -22,110 +22,109 @@ from analysis.estimators.low_pass import (
     wavelength,
 )
 from analysis.estimators.resonances import mode_velocities
-from analysis.estimators.ridge import ridge
 from analysis.estimators.transfer import (
     TRAVELS,
+    Gain,
     at_frequency,
     gain_factor,
     network_gain,
     wall_velocity,
 )
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
+from analysis.measuring import Measuring
+from analysis.quantities.passband import edge_wavelength
+from analysis.quantities.velocity import chain
 from modal.packing.state import void_ratio
 from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade")
+RECORDS = {"linear": "beside", "yade": "yade"}
+"""Columns of a record, and its name, of `Measuring.record`."""
+LAYERS = 100, 150
+"""Whose own threshold frequencies have rows."""
+BIASED = "paper's rule; theory: the rule on exact signals"
+Values = dict[str, dict[str, float]]
 
 
 @dataclass
 class Row:
-    """One quantity; values by column name, None where there is none."""
+    """One quantity; values by column name, NaN or absent where there is none."""
 
     id: str
     quantity: str
     unit: str
-    values: dict[str, float | None] = field(default_factory=dict)
+    values: dict[str, float]
     note: str = ""
 
     def cells(self) -> list[str]:
         """Its id, quantity, unit, the values in the order of `COLUMNS` and the note, as text."""
-        numbers = [self.values.get(name) for name in COLUMNS]
-        shown = [f"{v:.6g}" if v is not None and np.isfinite(v) else "" for v in numbers]
+        numbers = [self.values.get(name, np.nan) for name in COLUMNS]
+        shown = [f"{v:.6g}" if np.isfinite(v) else "" for v in numbers]
         return [self.id, self.quantity, self.unit, *shown, self.note]
 
 
-def compare(case: Case) -> list[Row]:
+def compare(m: Measuring) -> list[Row]:
     """All rows for one crystal; columns of absent products stay empty."""
-    lattice, network = case.lattice, case.network
-    rows: dict[str, Row] = {}
-
-    def put(key: str, text: str, unit: str, note: str = "", **values: float | None) -> None:
-        row = rows.setdefault(key, Row(key, text, unit))
-        row.values.update(values)
-        row.note = row.note or note
-
-    omega, _ = lattice.eigenmodes()
-    put("f_min_khz", "lowest natural frequency", "kHz")
-    put("f_max_khz", "highest natural frequency", "kHz")
-    put("f_1_khz", "first P resonance", "kHz", theory=omega[0] / 2e3 / np.pi)
-    put("f_200_khz", "last P resonance", "kHz", theory=omega[-1] / 2e3 / np.pi)
-    put("resonances", "number of P resonances", "1", theory=float(lattice.layers))
-    f_theory = lattice.low_pass_frequency
-    note = "theory Eq. 10; others: band edge, unbiased"
-    put("band_edge_theory_khz", "f_low-pass", "kHz", note, theory=f_theory / 1e3)
-    note = "theory Eq. 6; others: slope at long waves, unbiased"
-    put("velocity", "V_P, long waves", "m/s", note, theory=lattice.velocity)
-    lam = wavelength(lattice.velocity, f_theory) / case.diameter
-    note = "theory Eq. 7; modal: last resonance; others: where the waves turn round"
-    put("lambda_edge_yade_over_d", "lambda_low-pass / D, band edge", "1", note, theory=lam)
-    text = "void ratio, wall to wall"
-    put("void_ratio", text, "1", "of the contact network", modal=void_ratio(network))
-    _modal_rows(case, put)
-    _signal_rows(case, case.linear(), "linear", put)
-    if case.signals is not None:
-        _signal_rows(case, case.signals, "yade", put)
-    full = disp.chain_dispersion(case.linear("full")).velocity
-    note = "exact tangent of the contact law, not the springs alone"
-    put("velocity_full", "V_P, long waves, with pre-stress", "m/s", note, linear=full)
-    _gain_rows(case, put)
-    return list(rows.values())
+    values: Values = defaultdict(dict)
+    notes: dict[str, str] = {}
+    _theory(m, values)
+    _modes(m, values, notes)
+    for column, key in RECORDS.items():
+        if (record := m.record(key)) is not None:
+            _waves(m, values, column, record)
+    values["velocity_full"]["linear"] = disp.chain_dispersion(m.linear_at("full")).velocity
+    _gains(m, values, notes)
+    texts = _texts(_inside(m.lattice))
+    return [
+        Row(key, text, unit, values[key], notes.get(key, note))
+        for key, (text, unit, note) in texts.items()
+        if key in values
+    ]
 
 
-def _modal_rows(case: Case, put) -> None:
-    modes, lattice = case.modes, case.lattice
-    if modes is None:
-        return
-    full = len(modes.frequency) == 6 * case.network.n_particles
-    note = "" if full else "of the modes in the file"
-    put("f_min_khz", "", "", note, modal=modes.frequency[0] / 1e3)
-    put("f_max_khz", "", "", note, modal=modes.frequency[-1] / 1e3)
-    if modes.resonance_frequency is not None and len(modes.resonance_frequency) > 3:
-        f, shape = modes.resonance_frequency, modes.resonance_shape
-        put("f_1_khz", "", "", modal=f[0] / 1e3)
-        put("f_200_khz", "", "", modal=f[-1] / 1e3)
-        put("resonances", "", "", modal=float(len(f)))
-        if shape is not None and shape.shape[1] > 3:
-            measured = disp.mode_dispersion(f, shape, lattice.distance)
-            edge, speed = measured.low_pass_frequency, measured.velocity
-            put("band_edge_theory_khz", "", "", modal=edge / 1e3)
-            put("velocity", "", "", modal=speed)
-            kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / lattice.distance
-            put("lambda_edge_yade_over_d", "", "", modal=2 * np.pi / kappa / case.diameter)
-            rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
-            text = "dispersion, RMS deviation from Eq. 9"
-            put("rms", text, "%", "up to kappa l = 0.9 pi", modal=100 * rms)
-        if modes.resonance_wavenumber is not None:
-            phase, group = mode_velocities(f, modes.resonance_wavenumber)
-            inside = _inside(lattice)
-            for name, values in (("phase", phase), ("group", group)):
-                value = at_frequency(f, values, inside)
-                note = "modal: lambda = 2 L / r (Eq. 4)"
-                exact = _exact_velocity(lattice, name, inside)
-                text = f"{name} velocity at {inside / 1e3:g} kHz"
-                put(name, text, "m/s", note, modal=value, theory=exact)
-    if case.translations is not None:
-        ratio = case.translations.frequency[-1] / lattice.low_pass_frequency
-        put("translations_only_over_edge", "f_max without rotations / f_low-pass", "1", modal=ratio)
+def _texts(inside: float) -> dict[str, tuple[str, str, str]]:
+    """Rows by id: quantity, unit, note."""
+    found = {
+        "f_min_khz": ("lowest natural frequency", "kHz", ""),
+        "f_max_khz": ("highest natural frequency", "kHz", ""),
+        "f_1_khz": ("first P resonance", "kHz", ""),
+        "f_200_khz": ("last P resonance", "kHz", ""),
+        "resonances": ("number of P resonances", "1", ""),
+        "band_edge_theory_khz": (
+            *("f_low-pass", "kHz"),
+            "theory Eq. 10; others: band edge, unbiased",
+        ),
+        "velocity": (
+            *("V_P, long waves", "m/s"),
+            "theory Eq. 6; others: slope at long waves, unbiased",
+        ),
+        "lambda_edge_yade_over_d": (
+            *("lambda_low-pass / D, band edge", "1"),
+            "theory Eq. 7; modal: last resonance; others: where the waves turn round",
+        ),
+        "void_ratio": ("void ratio, wall to wall", "1", "of the contact network"),
+        "rms": ("dispersion, RMS deviation from Eq. 9", "%", "up to kappa l = 0.9 pi"),
+        "phase": (f"phase velocity at {inside / 1e3:g} kHz", "m/s", ""),
+        "group": (f"group velocity at {inside / 1e3:g} kHz", "m/s", ""),
+        "translations_only_over_edge": ("f_max without rotations / f_low-pass", "1", ""),
+        "first_peak": ("V_P, first peaks, middle half", "m/s", BIASED),
+        "arrival": ("V_P, 5 % arrival, middle half", "m/s", BIASED),
+    }
+    stretch = "at {:g}-{:g} % of the length".format(*(100 * part for part in STRETCH[True]))
+    for percent in (2, 1):
+        text, key = f"f_low-pass, {percent} % rule", f"f_low_pass_{percent}_khz"
+        found[key] = f"{text}, {stretch}", "kHz", BIASED
+        for layer in LAYERS:
+            found[f"{key}_{layer}"] = f"{text}, layer {layer}", "kHz", BIASED
+    return found | {
+        "walls": (f"phase velocity at {inside / 1e3:g} kHz, walls", "m/s", ""),
+        "velocity_full": (
+            *("V_P, long waves, with pre-stress", "m/s"),
+            "exact tangent of the contact law, not the springs alone",
+        ),
+        "gain_f": ("gain factor, first maximum", "kHz", ""),
+        "gain": ("gain factor at its first maximum", "1", ""),
+    }
 
 
 def _inside(lattice: LayerLattice) -> float:
@@ -133,76 +132,104 @@ def _inside(lattice: LayerLattice) -> float:
     return float(f"{0.36 * lattice.low_pass_frequency:.0e}")
 
 
-def _exact_velocity(lattice, name: str, frequency: float) -> float:
-    half = np.arcsin(min(1.0, frequency / lattice.low_pass_frequency))
-    return lattice.velocity * (np.sin(half) / half if name == "phase" else np.cos(half))
+def _theory(m: Measuring, values: Values) -> None:
+    lattice, edge = m.lattice, m.lattice.low_pass_frequency
+    omega, _ = lattice.eigenmodes()
+    half = np.arcsin(min(1.0, _inside(lattice) / edge))
+    for key, value in {
+        "f_min_khz": np.nan,
+        "f_max_khz": np.nan,
+        "f_1_khz": omega[0] / 2e3 / np.pi,
+        "f_200_khz": omega[-1] / 2e3 / np.pi,
+        "resonances": lattice.layers,
+        "band_edge_theory_khz": edge / 1e3,
+        "velocity": lattice.velocity,
+        "lambda_edge_yade_over_d": wavelength(lattice.velocity, edge) / m.diameter,
+        "phase": lattice.velocity * np.sin(half) / half,
+        "group": lattice.velocity * np.cos(half),
+    }.items():
+        values[key]["theory"] = value
+    values["void_ratio"]["modal"] = void_ratio(m.network)
 
 
-def _signal_rows(case: Case, signals: Signals, producer: str, put) -> None:
-    lattice = case.lattice
-    measured = disp.chain_dispersion(signals)
-    edge, speed = measured.low_pass_frequency, measured.velocity
-    put("band_edge_theory_khz", "", "", **{producer: edge / 1e3})
-    put("velocity", "", "", **{producer: speed})
-    put(
-        "lambda_edge_yade_over_d",
-        "",
-        "",
-        **{producer: ridge(signals).edge_wavelength / case.diameter},
-    )
+def _modes(m: Measuring, values: Values, notes: dict[str, str]) -> None:
+    modes, lattice, found = m.case.read("modes"), m.lattice, {}
+    if modes is None:
+        return
+    if len(modes.frequency) != 6 * m.network.n_particles:
+        notes |= dict.fromkeys(("f_min_khz", "f_max_khz"), "of the modes in the file")
+    found["f_min_khz"], found["f_max_khz"] = modes.frequency[[0, -1]] / 1e3
+    f, shape = modes.resonance_frequency, modes.resonance_shape
+    if f is not None and len(f) > 3:
+        found |= {"f_1_khz": f[0] / 1e3, "f_200_khz": f[-1] / 1e3, "resonances": len(f)}
+        if shape is not None and shape.shape[1] > 3:
+            measured = disp.mode_dispersion(f, shape, lattice.distance)
+            found |= _dispersion(lattice, measured)
+            kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / lattice.distance
+            found["lambda_edge_yade_over_d"] = 2 * np.pi / kappa / m.diameter
+        if modes.resonance_wavenumber is not None:
+            speeds = mode_velocities(f, modes.resonance_wavenumber)
+            for name, speed in zip(("phase", "group"), speeds, strict=True):
+                found[name] = at_frequency(f, speed, _inside(lattice))
+                notes[name] = "modal: lambda = 2 L / r (Eq. 4)"
+    if (only := m.case.read("translations.modes")) is not None:
+        found["translations_only_over_edge"] = only.frequency[-1] / lattice.low_pass_frequency
+    for key, value in found.items():
+        values[key]["modal"] = value
+
+
+def _dispersion(lattice: LayerLattice, measured: disp.Dispersion) -> dict[str, float]:
+    """Band edge, slope at long waves and deviation from Eq. 9 of a dispersion relation."""
     rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
-    text = "dispersion, RMS deviation from Eq. 9"
-    put("rms", text, "%", "up to kappa l = 0.9 pi", **{producer: 100 * rms})
-    inside = _inside(lattice)
-    omega = 2 * np.pi * inside
-    for name, step in (("phase", None), ("group", 1e-3)):
-        kappa = np.arccos(measured.cosine(omega)) / measured.distance
-        if step is None:
-            value = omega / kappa
-        else:
-            near = np.arccos(measured.cosine(omega * (1 + step))) / measured.distance
-            value = omega * step / (near - kappa)
-        exact = _exact_velocity(lattice, name, inside)
-        text = f"{name} velocity at {inside / 1e3:g} kHz"
-        put(name, text, "m/s", theory=exact, **{producer: value})
-    twin = exact_twin(signals, lattice)
-    biased = "paper's rule; theory: the rule on exact signals"
-    length, wall = case.network.length, float(case.network.wall_position[0])
-    for column, record, origin in (("theory", twin, 0.0), (producer, signals, wall)):
-        peak, _ = first_peak_velocity(record, origin, length)
-        put("first_peak", "V_P, first peaks, middle half", "m/s", biased, **{column: peak})
-        arrival, _ = arrival_velocity(record, origin, length)
-        put("arrival", "V_P, 5 % arrival, middle half", "m/s", biased, **{column: arrival})
-        time, u = record.time, record.chain_displacement
-        highest = REACH[True] * lattice.velocity / case.diameter
-        distance = record.chain_position - origin
-        curves = threshold_curves(*spectra(time, u, highest))
-        for percent, values in zip((2, 1), curves, strict=False):
-            key, text = f"f_low_pass_{percent}_khz", f"f_low-pass, {percent} % rule"
-            found = at_stretch(distance, values, length, STRETCH[True]).value
-            at = "at {:g}-{:g} % of the length".format(*(100 * part for part in STRETCH[True]))
-            put(key, f"{text}, {at}", "kHz", biased, **{column: found / 1e3})
-            for layer in (100, 150):
-                if layer < len(values):
-                    at, here = f"{text}, layer {layer}", {column: values[layer] / 1e3}
-                    put(f"{key}_{layer}", at, "kHz", biased, **here)
-        walls = wall_velocity(record, length)
-        if walls is not None:
-            speed = at_frequency(walls[0], walls[1], inside)
-            text = f"phase velocity at {inside / 1e3:g} kHz, walls"
-            put("walls", text, "m/s", **{column: speed})
+    edge = measured.low_pass_frequency / 1e3
+    return {"band_edge_theory_khz": edge, "velocity": measured.velocity, "rms": 100 * rms}
 
 
-def _gain_rows(case: Case, put) -> None:
-    passage = case.network.length / case.lattice.velocity
+def _waves(m: Measuring, values: Values, column: str, record: Signals) -> None:
+    measured = chain(m, RECORDS[column])
+    found = _dispersion(m.lattice, measured)
+    found["lambda_edge_yade_over_d"] = edge_wavelength(m, RECORDS[column])
+    omega, step = 2 * np.pi * _inside(m.lattice), 1e-3
+    here, near = np.arccos(measured.cosine(omega * np.array([1, 1 + step]))) / measured.distance
+    found |= {"phase": omega / here, "group": omega * step / (near - here)}
+    for key, value in found.items():
+        values[key][column] = value
+    twin, wall = exact_twin(record, m.lattice), float(m.network.wall_position[0])
+    for name, wave, origin in (("theory", twin, 0.0), (column, record, wall)):
+        for key, value in _by_rule(m, wave, origin).items():
+            values[key][name] = value
+
+
+def _by_rule(m: Measuring, record: Signals, origin: float) -> dict[str, float]:
+    """What the paper's rules read of a record, whose source wall is at `origin`, m."""
+    length, lattice = m.network.length, m.lattice
+    found = {
+        "first_peak": first_peak_velocity(record, origin, length)[0],
+        "arrival": arrival_velocity(record, origin, length)[0],
+    }
+    highest = REACH[True] * lattice.velocity / m.diameter
+    curves = threshold_curves(*spectra(record.time, record.chain_displacement, highest))
+    for percent, row in zip((2, 1), curves, strict=False):
+        key, distance = f"f_low_pass_{percent}_khz", record.chain_position - origin
+        found[key] = at_stretch(distance, row, length, STRETCH[True]).value / 1e3
+        found |= {f"{key}_{layer}": row[layer] / 1e3 for layer in LAYERS if layer < len(row)}
+    if (walls := wall_velocity(record, length)) is not None:
+        found["walls"] = at_frequency(walls[0], walls[1], _inside(lattice))
+    return found
+
+
+def _gains(m: Measuring, values: Values, notes: dict[str, str]) -> None:
+    passage = m.network.length / m.lattice.velocity
     duration = TRAVELS * passage
     time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
-    records = {"theory": lattice_signals(case.lattice, time), "yade": case.signals}
-    gains = {name: gain_factor(r, duration) if r else None for name, r in records.items()}
-    for column, found in ({"linear": network_gain(case.network, passage)} | gains).items():
+    gains: dict[str, Gain | None] = {"linear": network_gain(m.network, passage)}
+    gains["theory"] = gain_factor(lattice_signals(m.lattice, time), duration)
+    gains["yade"] = gain_factor(m.yade, duration) if m.yade else None
+    for column, found in gains.items():
         if found is not None:
             same = found.undamped(passage)
             note = f"resolution {found.resolution:.0f} Hz: an undamped column has {same:.3g}"
             frequency, height = found.first_maximum()
-            put("gain_f", "gain factor, first maximum", "kHz", note, **{column: frequency / 1e3})
-            put("gain", "gain factor at its first maximum", "1", note, **{column: height})
+            for key, value in (("gain_f", frequency / 1e3), ("gain", height)):
+                values[key][column] = value
+                notes.setdefault(key, note)

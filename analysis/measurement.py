@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from analysis.belonging import WAVES, cases_of_files, kind_of, owner_of
+from analysis.case import Case
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.value import Value, plain
 from modal.exchange.programs.own import is_sample
+from modal.exchange.registry import read_remarked
 from modal.formats.hdf5 import write_text
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
@@ -130,28 +132,37 @@ def measure(
     >>> print(f"{found['v_p'].value:.0f} {found['v_p'].unit}")
     776 m/s
     """
-    case, sample = None, packing if isinstance(packing, Sample) else None
-    if isinstance(packing, str | Path):
-        (case,) = cases_of_files([packing])
-        for record in records:
-            if not isinstance(record, Signals):
-                owner_of(Path(record), [case])
-        network = case.network
-        sample = read_sample(packing) if is_sample(packing) else None
+    if not isinstance(packing, str | Path):
+        return _measured(packing, records, quantities, source, keep, amplitudes)
+    (case,) = cases_of_files([packing])
+    for record in records:
+        if not isinstance(record, Signals):
+            owner_of(Path(record), [case])
+    return _measured(case, records, quantities, source, keep, amplitudes)
+
+
+def _measured(
+    of: Case | Network | Sample,
+    records: Sequence[Signals | str | Path],
+    quantities: Sequence[str] | None,
+    source: Motion | None,
+    keep: str | Path | None,
+    amplitudes: Sequence[float],
+) -> Measurement:
+    case, sample = None, of if isinstance(of, Sample) else None
+    if isinstance(of, Case):
+        case, path = of, of.packing_path
+        network = read_remarked(path, case.notes.append)
+        sample = read_sample(path) if is_sample(path) else None
     else:
-        network = packing.network() if isinstance(packing, Sample) else packing
+        network = of.network() if isinstance(of, Sample) else of
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
-    measuring = Measuring(network, waves, source, case, keep, sample, amplitudes)
-    return _measured(measuring, quantities)
-
-
-def _measured(packing: Measuring, quantities: Sequence[str] | None) -> Measurement:
+    packing = Measuring(network, waves, source, case, keep, sample, amplitudes)
     usual = [q.name for q in QUANTITIES.values() if not q.asked]
     names = list(quantities or (AMPLITUDE if len(packing.amplitudes) else usual))
     for name in names:
         if name not in QUANTITIES:
             raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
-    network = packing.network
     if any(wave.chain_particle.max() >= network.n_particles for wave in packing.records):
         raise InputError("a record's chain leaves the packing; give the packing it is of")
     about = {
@@ -185,11 +196,9 @@ def measure_files(
     owner = {path: owner_of(Path(path), cases) for path in waves}
     found = {}
     for case in cases:
-        records = [read_signals(path) for path in waves if owner[path] is case]
-        path = case.packing_path
-        sample = read_sample(path) if is_sample(path) else None
-        packing = Measuring(case.network, records, None, case, keep, sample, amplitudes)
-        found[_as_given(path, paths)] = _measured(packing, quantities)
+        records = [path for path in waves if owner[path] is case]
+        one = _measured(case, records, quantities, None, keep, amplitudes)
+        found[_as_given(case.packing_path, paths)] = one
     if len(found) < 2:
         return found, None
     states = {tuple(str(one.about.get(key)) for key in SAME_STATE) for one in found.values()}

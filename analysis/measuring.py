@@ -6,65 +6,81 @@ spectra from the highest frequency.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, wraps
 from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 
-from analysis.case import Case
-from analysis.estimators.coherent import DECAY, PASSAGES, Coherent, longest_waves
-from analysis.estimators.damped_transform import chain_dispersion
+from analysis.case import SHEAR, Case
+from analysis.estimators.coherent import PASSAGES
+from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.finite_amplitude import FiniteAmplitude, finite_amplitude
-from analysis.estimators.layer_lattice import is_fcc
-from analysis.estimators.low_pass import Passband
+from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.other_source import as_of_pulse
-from analysis.estimators.own_wave import affine_frequency, coherent_of, own_pulse, own_wave
-from analysis.estimators.plane_waves import plane_structure_factor
-from analysis.estimators.scattering import Scattering
-from analysis.estimators.settled import why_unsettled
+from analysis.estimators.own_wave import INTERVAL, affine_frequency, own_pulse, own_wave
+from analysis.estimators.settled import MARK, why_unsettled
 from analysis.estimators.source_motion import recorded_motion
-from analysis.estimators.structure_factor import structure_factor
 from analysis.estimators.transfer import Gain, network_gain
-from analysis.estimators.travel_time import cut, first_peaks_of_columns
-from analysis.measures import Measures
+from analysis.estimators.travel_time import cut
 from analysis.prepare import DENSITY_TOLERANCE, line_width, prepare
 from analysis.value import hertz
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
+from modal.exchange.registry import read_remarked
 from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import eigenmodes
-from modal.modes.mode_set import ModeSet
+from modal.modes.mode_set import ModeSet, read_z_shapes
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 from modal.packing.plausibility import CRYSTALLINE
 from modal.packing.sample import Sample
-from modal.packing.state import profile
+from modal.packing.state import FORCES, profile, stress_tensor
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
+from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
 
 NARROW = 10.0
 """Diameters: a narrower packing guides its waves at low frequency already."""
-WINDOWS = DECAY, DECAY - 1, DECAY + 1
-"""Dampings of the window of the coherent wave: the estimator's, and two that tell an error."""
-COARSE = 2.0
-"""Width of the lines in which the Ioffe-Regel limit is sought, in those of the whole ridge: waves
-are a third as wide there as their frequency, hence a tenth of the highest one."""
+LOWEST = 40
+"""Modes that are searched for where no file has any."""
+FEWEST = 50, 10
+"""Times and particles of a record that is read."""
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+
+
+def once(
+    of: Callable[Concatenate[Measuring, Given], Found],
+) -> Callable[Concatenate[Measuring, Given], Found]:
+    """What a function finds of a packing, and of further names, is found once."""
+
+    @wraps(of)
+    def found(m: Measuring, /, *given: Given.args, **named: Given.kwargs) -> Found:
+        key = (of, *given)
+        if key not in m.found:
+            m.found[key] = of(m, *given, **named)
+        return cast(Found, m.found[key])
+
+    return cast(Any, found)
 
 
 class Measuring:
     """One packing with what was recorded of it; what is missing is made from its contacts.
 
-    `case` has further files of the packing. `keep` is a folder in which costly spectra are kept,
-    and found again. `sample` and `amplitudes`, m, are for waves of finite amplitude.
+    `records` are waves; None means those among the files of `case`, which has further files of the
+    packing. `keep` is a folder in which costly spectra are kept, and found again. `sample` and
+    `amplitudes`, m, are for waves of finite amplitude. `stated` are lower and upper ends of what a
+    study states of it, by quantity: figures show it.
     """
 
     def __init__(
         self,
         network: Network,
-        records: Sequence[Signals] = (),
+        records: Sequence[Signals] | None = (),
         source: Motion | None = None,
         case: Case | None = None,
         keep: str | Path | None = None,
@@ -72,32 +88,35 @@ class Measuring:
         amplitudes: Sequence[float] = (),
     ) -> None:
         self.sample, self.amplitudes = sample, amplitudes
-        self.network, self.records, self.source = network, records, source
-        self._case, self._keep = case, keep
+        self.network, self.source = network, source
+        self.case = case or Case("packing", Path(), {})
+        self.stated: dict[str, tuple[float, float]] = {}
+        self.found: dict[Any, Any] = {}
+        self._keep = keep
+        if records is not None:
+            self.records = list(records)
 
     @classmethod
-    def of_case(cls, measures: Measures) -> Measuring:
-        """A case with what has been measured of it."""
-        found = cls(measures.case.network, (), None, measures.case)
-        found.measures = measures
-        return found
+    def of(cls, case: Case) -> Measuring:
+        """A case with the records among its files."""
+        return cls(read_remarked(case.packing_path, case.notes.append), None, None, case)
 
-    @cached_property
-    def measures(self) -> Measures:
-        """What its files give; InputError where it has none."""
-        if self._case is None:
-            raise InputError("it is read from files of the packing; give these")
-        return Measures(self._case)
+    # What the packing is.
 
     @cached_property
     def crystal(self) -> bool:
         """Whether it is an FCC crystal between walls, of which theory knows the waves."""
         return self.walls and is_fcc(self.network)
 
-    @property
-    def files(self) -> list[Path]:
-        """Files of the packing and of what was made of it."""
-        return [] if self._case is None else list((self._case.files or {}).values())
+    @cached_property
+    def lattice(self) -> LayerLattice:
+        """The lattice of layers that the theory of a crystal reduces to."""
+        if not self.crystal:
+            raise InputError(
+                f"{self.case.name}: no FCC crystal between two walls, so it has no theory to "
+                "compare with; take another packing"
+            )
+        return LayerLattice.of_network(self.network)
 
     @property
     def diameter(self) -> float:
@@ -119,22 +138,133 @@ class Measuring:
         if not self.walls:
             raise InputError("there are no two walls along z, which a wave here goes between")
 
+    @property
+    def mu_comp(self) -> float:
+        """Friction of the compression; the wave's is 0.1 more (section 2). NaN if unknown."""
+        study = self.network.study
+        friction = study.get("mu_comp", float(study.get("mu_wave", np.nan)) - 0.1)
+        return round(float(friction), 6)
+
+    @property
+    def stated_stress(self) -> float:
+        """Stress, Pa, that the packing was made for, as its network says; NaN if it does not."""
+        return float(self.network.study.get("stress", np.nan))
+
+    @property
+    def stress(self) -> float:
+        """The same; where it is not said the mean that the contacts bear, to three digits.
+
+        NaN without contact forces.
+        """
+        stated = self.stated_stress
+        if np.isfinite(stated) or any(getattr(self.network, name) is None for name in FORCES):
+            return stated
+        return float(f"{np.trace(stress_tensor(self.network)) / 3:.3g}")
+
+    @cached_property
+    def unsettled(self) -> str:
+        """Why its state does not count as settled; empty where it does.
+
+        Three stresses that differ, as of a triaxial compression, are no fault.
+        """
+        equal = not self.crystal and not {"stress_ratio", "oedometric"} & set(self.network.study)
+        return why_unsettled(self.network, self.stated_stress if equal else np.nan)
+
+    @cached_property
+    def label(self) -> str:
+        """Short name for legends: what it is, and under which stress."""
+        kind, mark = "FCC" if self.crystal else "random", f", {MARK}" if self.unsettled else ""
+        under = f", {self.stress / 1e3:g} kPa" if np.isfinite(self.stress) else ""
+        return f"{kind}{under} ({self.case.short}{mark})"
+
+    # Waves: `yade` and `linear`, or the one that is to be measured, `wave`; `shear_...` likewise.
+
+    @cached_property
+    def records(self) -> list[Signals]:
+        """Recorded waves, each checked: S-waves by YADE first."""
+        return [self._checked(kind) for kind in SHEAR if self.case.has(kind)]
+
+    def _checked(self, kind: str) -> Signals:
+        record, path = self.case.read(kind), self.case.path(kind)
+        if (np.array(record.chain_displacement.shape) < FEWEST).any():
+            raise InputError(f"{path}: fewer than 50 times or 10 particles; record more")
+        books = record.balance
+        if books is not None and not books.kept:
+            self.case.notes.append(
+                f"{path}: the energy drifts by {books.drift:.1e}, limit "
+                f"{books.limit:.1e}, and {books.gap:.1e} of the source wall's work is not "
+                "accounted for; do not trust this run"
+            )
+        if record.chain_particle.max() >= self.network.n_particles:
+            raise InputError(f"{path}: its chain leaves the network; run it again")
+        if self.crystal:
+            layers = layer_distance(record) / self.lattice.distance
+            if abs(layers - 1) > UNEVEN:
+                raise InputError(
+                    f"{path}: its chain has a particle in every {layers:.3g} layers of "
+                    "the crystal, of which neither band nor wavelength can be read; record one in "
+                    "each"
+                )
+        return record
+
+    @cached_property
+    def recorded(self) -> Signals | None:
+        """The first record of a P-wave."""
+        return next((record for record in self.records if record.direction == "z"), None)
+
+    @cached_property
+    def yade(self) -> Signals | None:
+        """The P-wave of a DEM run; None where the springs themselves have made it."""
+        if self.recorded is None or self.recorded.producer != "linear":
+            return self.recorded
+        self.case.notes.append(
+            f"{self.case.path('signals')}: a linear wave, no run; its network's own is made anew, "
+            "with the same motion of the source"
+        )
+        return None
+
+    @cached_property
+    def linear(self) -> Signals:
+        """The P-wave of the springs, on every particle, from wall to wall and back."""
+        return self.linear_wave(particles=True)
+
+    def linear_wave(self, *, particles: bool) -> Signals:
+        """That wave, of the source's `motion`; on every particle it takes twice the time."""
+        self.require_walls()
+        interval = self.interval
+        return own_wave(self.network, self.motion, interval=interval, particles=particles)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """How the source wall moves: as recorded, else as given, else by the packing's pulse."""
+        if self.recorded is not None:
+            return recorded_motion(self.recorded)
+        return self.source or own_pulse(self.network)
+
+    @property
+    def interval(self) -> float:
+        """Between records of the linear wave, s, by `INTERVAL`.
+
+        Or a little less: a whole number of the run's intervals, so that the two share their times.
+        """
+        wanted = INTERVAL / affine_frequency(self.network)
+        if self.recorded is None:
+            return wanted
+        own = float(self.recorded.time[1] - self.recorded.time[0])
+        return own * max(1, int(wanted / own))
+
     @cached_property
     def wave(self) -> Signals:
-        """A P-wave along z: the first record of one, or that of the springs, on every particle."""
-        return self._wave("z")
+        """The P-wave to be measured: as a record has it, or that of the springs."""
+        self.require_walls()
+        return self._of_pulse(self.linear if self.recorded is None else self.recorded)
 
     @cached_property
     def shear_wave(self) -> Signals:
-        """The same of a wall that slides along x, or as a record has it."""
-        return self._wave("xy")
-
-    def _wave(self, directions: str) -> Signals:
+        """The same of a wall that slides, along x where it is not recorded."""
         self.require_walls()
-        for record in self.records:
-            if record.direction in directions:
-                return self._of_pulse(record)
-        return self._of_pulse(own_wave(self.network, self.source, directions[0]))
+        slid = next((record for record in self.records if record.direction != "z"), None)
+        return self._of_pulse(own_wave(self.network, self.source, "x") if slid is None else slid)
 
     def _of_pulse(self, record: Signals) -> Signals:
         """A record as it would be of a pulse, which rules on amplitudes are made for."""
@@ -143,11 +273,67 @@ class Measuring:
             return record
         return as_of_pulse(record, own_pulse(self.network))
 
+    @cached_property
+    def shear(self) -> dict[str, Signals]:
+        """Recorded S-waves: the first of each producer, by its name."""
+        found: dict[str, Signals] = {}
+        for record in self.records:
+            if record.direction != "z":
+                found.setdefault(record.producer, record)
+        return found
+
+    def record(self, key: str) -> Signals | None:
+        """A wave: wave, yade, linear, beside, shear_wave, shear_yade or shear_linear."""
+        if key.startswith("shear_") and key != "shear_wave":
+            return self.shear.get(key.removeprefix("shear_"))
+        return getattr(self, key)
+
+    def linear_at(self, pre_stress: str) -> Signals:
+        """The linear wave of the network at the times of the recorded wave.
+
+        Where there is no record, ten times a period of the pulse for one passage. Like everything
+        called linear here it is that of the springs alone; `pre_stress`
+        (`modal.system.contacts`) adds what the contacts' forces do.
+        """
+        interval, duration = 0.1 / self.motion.frequency, self.affine_passage
+        if self.recorded is not None:
+            duration = float(self.recorded.time[-1])
+            interval = float(self.recorded.time[1] - self.recorded.time[0])
+        given = {"motion": self.motion, "interval": interval, "pre_stress": pre_stress}
+        return propagate(self.network, duration, **given).signals
+
+    @cached_property
+    def beside(self) -> Signals:
+        """That of the springs alone."""
+        return self.linear_at("none")
+
     @property
-    def short_wave(self) -> Signals:
-        """The P-wave up to when the wave of even strains has come a third of the way back."""
-        network = self.network
-        return cut(self.wave, PASSAGES * network.length / of_contacts(network).velocity)
+    def shown(self) -> Signals:
+        """What YADE recorded, or the linear wave where it has not run."""
+        return self.yade or self.linear
+
+    def record_of(self, frequency: float) -> Signals:
+        """The run of a pulse of this frequency, Hz, where there is one; else what is shown."""
+        kind = f"{frequency / 1e3:g}kHz.signals"
+        return self.case.read(kind) or self.shown
+
+    @cached_property
+    def affine_passage(self) -> float:
+        """Time from wall to wall, s, of a wave that strains the packing evenly: none is faster."""
+        return self.network.length / of_contacts(self.network).velocity
+
+    @once
+    def cut(self, key: str) -> Signals:
+        """A P-wave up to when the affine one has come a third of the way back.
+
+        The linear wave as far as a run's record goes; a run as it is.
+        """
+        record, run = self.record(key), self.yade
+        assert record is not None
+        if key == "yade":
+            return record
+        as_run = key == "linear" and run is not None
+        return cut(record, float(run.time[-1]) if as_run else PASSAGES * self.affine_passage)
 
     @cached_property
     def finite(self) -> FiniteAmplitude:
@@ -158,47 +344,13 @@ class Measuring:
         rate = affine_frequency(self.network) * self.diameter / self.network.length
         return finite_amplitude(self.sample, self.amplitudes, motion.frequency, PASSAGES / rate)
 
-    @cached_property
-    def first_peaks_of_columns(self) -> tuple[float, float]:
-        """V_P, m/s, of first peaks along every column of spheres: mean and scatter."""
-        return first_peaks_of_columns(self.short_wave, self.network)
-
-    @property
-    def coherent(self) -> Coherent:
-        """The coherent part of the P-wave."""
-        return self.coherents[0]
-
-    @cached_property
-    def coherents(self) -> list[Coherent]:
-        """The same under windows of three dampings, which tell how far the window decides."""
-        return [coherent_of(self.network, self.wave, self.crystal, decay) for decay in WINDOWS]
-
-    @cached_property
-    def velocity(self) -> float:
-        """V_P, m/s, of the longest waves; NaN where none is read."""
-        if not self.walls:
-            return float(self.moduli.velocities((0, 0, 1))[0])
-        if self.crystal:
-            return chain_dispersion(self.wave).velocity
-        return longest_waves(self.coherent)[0]
-
-    @property
-    def needed_velocity(self) -> float:
-        """V_P; InputError where none is read."""
-        if not self.velocity > 0:
-            raise InputError("no coherent wave goes through enough of the packing to be read")
-        return self.velocity
-
-    @cached_property
-    def passband(self) -> Passband:
-        """The threshold rule on the P-wave."""
-        self.require_walls()
-        velocity = self.needed_velocity
-        return Passband(self.network, self.wave, None, velocity=velocity, crystal=self.crystal)
+    # Spectra, modes and moduli: of files, where these are there.
 
     @cached_property
     def highest(self) -> ModeSet:
-        """The highest mode."""
+        """The highest modes of a file, with their shapes; else the highest mode without."""
+        if self.case.has("highest.modes"):
+            return self.case.read("highest.modes")
         return eigenmodes(self.network, highest=1, certify=False, shapes=False)
 
     @cached_property
@@ -206,85 +358,57 @@ class Measuring:
         """Width of a line of spectra, Hz."""
         return line_width(self.network)
 
-    def _kept(self, kind: str) -> Case | None:
-        """The case that has a file of this kind: given, or kept in a folder; None without one.
+    def kept(self, kind: str) -> Any:
+        """What a file of this kind holds, given, or kept in a folder; None without one.
 
         One that lies in that folder and is stale is made again.
         """
-        folder = None if self._keep is None else Path(self._keep)
-        case = self._case
-        given = case is not None and case.has(kind)
-        if given and (folder is None or case.path(kind).parent.resolve() != folder.resolve()):
-            return case
+        case, folder = self.case, None if self._keep is None else Path(self._keep)
+        elsewhere = folder is None or case.path(kind).parent.resolve() != folder.resolve()
+        if case.has(kind) and elsewhere:
+            return case.read(kind)
         if folder is None:
             return None
         folder.mkdir(parents=True, exist_ok=True)
-        if self._case is None:
+        if case.files == {}:
             name = self.network.fingerprint[:16]
             packing = folder / f"{name}.network.h5"
             if not packing.is_file():
                 write_network(packing, self.network)
         else:
-            name, packing = self._case.name, self._case.packing_path
-        of = "sample" if self._case is not None and self._case.has("sample") else "network"
+            name, packing = case.name, case.packing_path
+        of = "sample" if case.has("sample") else "network"
         kept = Case(name, folder, {of: packing})
-        prepare(kept, [kind])
+        prepare(kept, self.network, kind)
         kept.files = {of: packing, kind: kept.path(kind)}
-        return kept
+        return kept.read(kind) if kept.path(kind).is_file() else None
 
     @cached_property
     def density(self) -> tuple[Floats, Floats, Floats]:
         """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
-        if (kept := self._kept("density")) is not None and kept.density is not None:
-            return kept.density
+        if (kept := self.kept("density")) is not None:
+            return kept
         states = density_of_states(self.network, resolution=self.line, tolerance=DENSITY_TOLERANCE)
         grid = states.grid()
         return grid, states.density(grid)[0][:, 6], states.count_below(grid)[0][:, 6]
 
     @cached_property
-    def scattering(self) -> Scattering:
-        """Width of the ridge of standing waves over frequency, as far as their limit needs it.
-
-        Of some waves first, then of those on both sides of where the width reaches the frequency.
-        """
-        kept = self._kept("structure")
-        velocity, diameter = self.needed_velocity, self.diameter
-        if kept is not None and kept.structure is not None:
-            return Scattering.of(kept.structure, velocity, diameter)
-        line, highest = COARSE * self.line, 0.75 * velocity / diameter
-        # Waves in a length: halves of standing waves between walls, whole ones in a cell without.
-        fit = 2 if self.walls else 1
-
-        def ridge(orders: Floats) -> Scattering:
-            whole = np.unique(orders.round()).astype(int)
-            if self.walls:
-                found = structure_factor(self.network, whole, line, highest)
-            else:
-                along = whole[:, None] * np.array([0, 0, 1])
-                found = plane_structure_factor(self.network, along, "L", line, highest)
-            return Scattering.of(found, velocity, diameter)
-
-        most = max(1.0, 0.5 * fit * self.network.length / diameter)
-        first = ridge(np.geomspace(max(1.0, most / 20), most, 8))
-        if not np.isfinite(first.limit):
-            return first
-        near = fit * self.network.length * first.limit / velocity
-        return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
-
-    @cached_property
     def gain(self) -> Gain:
         """Gain factor of P-waves from wall to wall, without damping."""
         self.require_walls()
-        if (kept := self._kept("response")) is not None and (found := kept.response) is not None:
-            return Gain(found.frequency, found.gain, found.resolution)
-        passage = self.network.length / of_contacts(self.network).velocity
-        return network_gain(self.network, passage)
+        if (kept := self.kept("response")) is not None:
+            return Gain(kept.frequency, kept.gain, kept.resolution)
+        return network_gain(self.network, self.affine_passage)
 
     @cached_property
     def moduli(self) -> ElasticModuli:
         """Elastic moduli by the springs' static response."""
-        known = None if self._case is None else self._case.moduli
-        return elastic_moduli(self.network) if known is None else known
+        return self.case.read("moduli") or elastic_moduli(self.network)
+
+    @cached_property
+    def z_shapes(self) -> Floats | None:
+        """Shape (k, n), kg^-1/2: how each mode of the file moves the particles along z."""
+        return read_z_shapes(self.case.product("modes")) if self.case.has("modes") else None
 
     @cached_property
     def modes(self) -> tuple[ModeSet, Floats, str]:
@@ -292,8 +416,8 @@ class Measuring:
 
         Of a file where there is one with shapes, else some that are searched for.
         """
-        n, case = 6 * self.network.n_particles, self._case
-        modes, along_z = (None, None) if case is None else (case.modes, case.z_shapes)
+        n = 6 * self.network.n_particles
+        modes, along_z = self.case.read("modes"), self.z_shapes
         if modes is None or along_z is None:
             modes = eigenmodes(self.network, lowest=min(LOWEST, n - 6))
             if modes.mode_shape is None:
@@ -306,6 +430,8 @@ class Measuring:
         if modes.missing:
             lacks += f"; {modes.missing} of them are missing"
         return modes, along_z, lacks
+
+    # What to know of a quantity.
 
     @cached_property
     def first_wave(self) -> float:
@@ -329,12 +455,8 @@ class Measuring:
         if self.crystal:
             return ()
         caveats = ["one sample: how samples differ is not in the error; measure further seeds"]
-        # Three stresses that differ, as of a triaxial compression, are no fault.
-        study = self.network.study
-        equal = not {"stress_ratio", "oedometric"} & set(study)
-        target = float(study.get("stress", np.nan)) if equal else np.nan
-        if left := why_unsettled(self.network, target):
-            caveats.append(f"not in equilibrium: {left}")
+        if self.unsettled:
+            caveats.append(f"not in equilibrium: {self.unsettled}")
         shares = crystalline_shares(self.network, profile(self.network))
         share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
         if share > CRYSTALLINE:
@@ -348,21 +470,3 @@ class Measuring:
             return self.of_one_sample
         text = f"narrow: {self.width:.1f} D wide; waves longer than that feel their images"
         return (*self.of_one_sample, text)
-
-    def of_frequency(self, frequency: float) -> tuple[str, ...]:
-        """The same of what is read at a frequency, Hz, where the wave may be wider than the cell.
-
-        As the wave of V_P has it, of which none is shorter at this frequency.
-        """
-        longest = self.velocity / frequency / self.diameter
-        if self.crystal or not longest > self.width:
-            return self.of_waves
-        text = (
-            f"wavelength above the width: {longest:.0f} D at {hertz(frequency)}, the "
-            f"packing is {self.width:.1f} D wide"
-        )
-        return (*self.of_waves, text)
-
-
-LOWEST = 40
-"""Modes that are searched for where no file has any."""

@@ -5,13 +5,13 @@ Each is made from the contact network alone; `measure --keep` makes it, and what
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.case import Case
+from analysis.estimators.effective_medium import of_contacts
+from analysis.estimators.layer_lattice import is_fcc
 from analysis.estimators.structure_factor import structure_factor, write_structure
 from analysis.estimators.transfer import gain_settings
 from modal.formats.provenance import Provenance, is_current
@@ -21,7 +21,6 @@ from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.operator import ContactOperator
 from modal.waves.response import frequency_response, write_response
 
-KINDS = "response", "density", "structure"
 LINE = 0.005
 """Width of a line of the structure factor and of the density of states, in parts of the highest
 frequency: 1 kHz in the study's packings under 100 kPa."""
@@ -29,45 +28,36 @@ DENSITY_TOLERANCE = 1e-3
 """Standard error of a count in parts of all modes."""
 
 
-def prepare(case: Case, kinds: Sequence[str] = KINDS) -> list[Path]:
-    """Make what is missing or stale: the gain, and for a random case density and structure factor.
+def prepare(case: Case, network: Network, kind: str) -> None:
+    """Make a file of a case, response, density or structure, where it is missing or stale.
 
-    Of `kinds` alone. Says of what is stale which setting or source has changed; returns what was
-    made.
+    A crystal has the first alone. Says of what is stale which setting or source has changed.
     """
-    network, digest, made = case.network, case.packing[0].sha256, []
-
-    def wanted(kind: str, **settings: Any) -> Provenance | None:
-        """What the file is to be made from, if it has to be made."""
-        if kind not in kinds:
-            return None
-        command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
-        provenance = Provenance(command, settings, case.packing)
-        if is_current(case.path(kind), provenance):
-            return None
-        made.append(case.path(kind))
-        return provenance
-
-    if "response" in kinds:
-        gain: dict[str, Any] = gain_settings(network, case.passage)
-        if of_gain := wanted("response", **gain, pre_stress="none"):
-            write_response(made[-1], frequency_response(network, **gain), digest, of_gain)
-    if case.is_crystal or not {"density", "structure"} & set(kinds):
-        return made
-    line = line_width(network)
-    settings: dict[str, Any] = {"resolution": line, "tolerance": DENSITY_TOLERANCE}
-    if of_density := wanted("density", **settings):
-        states = density_of_states(network, **settings)
-        write_density(made[-1], states, digest, of_density)
-    if "structure" not in kinds:
-        return made
-    layers = int(network.length / case.diameter)
-    ridge: dict[str, Any] = {"resolution": line, "highest": 1.5 * layers / (2 * case.passage)}
-    orders = standing_orders(layers)
-    if of_structure := wanted("structure", **ridge, orders=orders):
-        found = structure_factor(network, orders, **ridge)
-        write_structure(made[-1], found, digest, of_structure)
-    return made
+    settings: dict[str, Any]
+    if kind == "response":
+        passage = network.length / of_contacts(network).velocity
+        settings = gain_settings(network, passage)
+    elif is_fcc(network):
+        return
+    elif kind == "density":
+        settings = {"resolution": line_width(network), "tolerance": DENSITY_TOLERANCE}
+    else:
+        layers = int(network.length / (2 * float(network.radius.mean())))
+        highest = 1.5 * layers / (2 * network.length / of_contacts(network).velocity)
+        settings = {"resolution": line_width(network), "highest": highest}
+        settings["orders"] = standing_orders(layers)
+    noted = settings | ({"pre_stress": "none"} if kind == "response" else {})
+    command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
+    made, path = Provenance(command, noted, case.packing), case.path(kind)
+    if is_current(path, made):
+        return
+    digest = case.packing[0].sha256
+    if kind == "response":
+        write_response(path, frequency_response(network, **settings), digest, made)
+    elif kind == "density":
+        write_density(path, density_of_states(network, **settings), digest, made)
+    else:
+        write_structure(path, structure_factor(network, **settings), digest, made)
 
 
 def line_width(network: Network) -> float:

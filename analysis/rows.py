@@ -6,17 +6,14 @@ into memory, and its cases are measured side by side.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.case import Case
 from analysis.estimators.power_law import PowerLaw, power_law
-from analysis.measures import Measures
-from analysis.measuring import Measuring
-from analysis.quantities import QUANTITIES
+from analysis.measuring import Measuring, once
+from analysis.quantities import QUANTITIES, gain, spectrum
 from analysis.quantities.records import (
     HIGH,
     LOW_PASS,
@@ -24,9 +21,31 @@ from analysis.quantities.records import (
     OF_MODULI,
     PERCENT,
     SHEAR,
-    column_of,
 )
+from analysis.quantities.registry import ABSENT
+from analysis.quantities.scattering import whole_ridge
+from analysis.quantities.velocity import longest
 from analysis.value import NOTHING, Value, estimate
+
+COLUMNS = {
+    "v_p_first_peaks_all_columns": ("v_p_first_peaks_columns_m_per_s", 1.0),
+    "coordination": ("coordination_number", 1.0),
+    "coordination_of_bearing": ("coordination_number_bearing", 1.0),
+    "resonances_found": ("resonances", 1.0),
+    "gain_resolution": ("gain_resolution_hz", 1.0),
+    "ioffe_regel_of_ridge": ("ioffe_regel_khz", 1e-3),
+    "excess_largest": ("excess_peak", 1.0),
+    "excess_largest_at": ("excess_peak_khz", 1e-3),
+}
+UNITS = {"m/s": ("_m_per_s", 1.0), "Hz": ("_khz", 1e-3), "Pa": ("_mpa", 1e-6), "1": ("", 1.0)}
+"""Ends of a column's name by the unit of its quantity, and the factor of its numbers."""
+OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{}_m_per_s"} | {
+    f"{quantity}_{percent}_{unit}": f"{quantity}_{percent}_{{}}_{unit}"
+    for percent in PERCENT.values()
+    for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d"))
+}
+"""Columns that a case has of its record, and the same with `{}` for its producer."""
+MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "response"
 
 
 @dataclass
@@ -65,6 +84,13 @@ class Row:
     provenance: list[list[str]] = field(default_factory=list)
     stated: dict[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
+    @classmethod
+    def of(cls, m: Measuring) -> Row:
+        """Of a case of which nothing has been measured."""
+        mu = 0.0 if m.crystal else m.mu_comp
+        about = m.case.number, m.case.name, m.label, m.crystal, m.stress, mu
+        return cls(*about, "linear" if m.yade is None else "yade", m.unsettled)
+
     def value(self, name: str) -> float:
         """A number; NaN where it is not known."""
         return self.values.get(name, NOTHING).value
@@ -75,19 +101,33 @@ class Row:
 
     def spread(self, name: str) -> float:
         """Its uncertainty, or the scatter over packings where that is larger: it has both in it."""
-        known = [e for e in (self.error(name), self.samples.get(name, np.nan)) if np.isfinite(e)]
-        return max(known, default=np.nan)
+        return float(np.fmax(self.error(name), self.samples.get(name, np.nan)))
 
     @property
     def group(self) -> str:
         """What the paper joins by lines: FCC, or a friction."""
         return "FCC" if self.crystal else f"random, mu_comp {self.mu_comp:g}"
 
-
-def number_of(name: str) -> int | None:
-    """The case's number in the study, from its name."""
-    match = re.fullmatch(r"case(\d+)", name)
-    return int(match[1]) if match else None
+    def add(self, m: Measuring, names: Iterable[str]) -> None:
+        """Add quantities by name; those of S-waves and moduli where their files are there."""
+        keys = {name: key for key, (name, _) in LOW_PASS.items()}
+        recorded = {"", *m.shear}
+        for name in names:
+            if (
+                name in OF_MODULI
+                and not m.case.has("moduli")
+                or SHEAR.get(name, "") not in recorded
+            ):
+                continue
+            value = QUANTITIES[name].measured(m)
+            end, factor = UNITS[value.unit]
+            column, factor = COLUMNS.get(name, (name + end, factor))
+            self.values[column] = estimate(factor * value.value, factor * value.error or np.nan)
+            if name in keys:
+                self.flat[keys[name]] = value.known and not value.caveats
+            if not value.known:
+                told = [one for one in value.caveats if one not in ("no plateau", ABSENT)]
+                self.notes += [f"{column}: {caveat}" for caveat in told]
 
 
 def groups_of(rows: Iterable[Row]) -> dict[str, list[Row]]:
@@ -104,82 +144,54 @@ def law_of(members: list[Row], x: str, y: str) -> PowerLaw:
     return power_law(np.array(at), np.array([row.value(y) for row in members]))
 
 
-def row_of(m: Measures) -> Row:
+def of_one_producer(members: Iterable[Row], column: str) -> tuple[str, str]:
+    """A column of `OF_RECORD`, or one with `{}`, of one producer, and what that is called.
+
+    YADE's where all have a run, else the linear wave's: never some of one and some of the other,
+    which differ where contacts slide.
+
+    >>> of_one_producer([], "f_low_pass_2_khz")
+    ('f_low_pass_2_linear_khz', 'linear')
+    """
+    members = list(members)
+    yade = bool(members) and all(row.record == "yade" for row in members)
+    name = OF_RECORD.get(column, column).format("yade" if yade else "linear")
+    return name, "YADE" if yade else "linear"
+
+
+@once
+def row_of(m: Measuring) -> Row:
     """All numbers that a case's products allow, each measured once."""
-    if m.row is None:
-        m.row = _measured(m)
-    return m.row
-
-
-def bare_row(case: Case) -> Row:
-    """The row of a case that nothing has been measured of."""
-    return Row(
-        number_of(case.name),
-        case.name,
-        case.label,
-        case.is_crystal,
-        case.stress,
-        0.0 if case.is_crystal else case.mu_comp,
-        "linear" if case.signals is None else "yade",
-        case.unsettled,
-    )
-
-
-def _measured(m: Measures) -> Row:
-    case, row = m.case, bare_row(m.case)
-    add_values(row, m, OF_CASE)
-    own = "yade" if row.record == "yade" else "linear"
-    row.of_record["v_p_first_peaks_m_per_s"] = "v_p_first_peaks_{}_m_per_s"
+    case, row = m.case, Row.of(m)
+    row.add(m, OF_CASE)
+    row.of_record = dict(OF_RECORD)
     for percent in PERCENT.values():
-        for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d")):
-            name = f"{quantity}_{percent}"
-            row.of_record[f"{name}_{unit}"] = f"{name}_{{}}_{unit}"
-        row.flat[percent] = row.flat[f"{percent}_{own}"]
-    row.values |= {name: row.values[column.format(own)] for name, column in row.of_record.items()}
-    row.texts["gain_height"] = m.gain_height
-    row.texts["chi_z_high"] = m.largest_chi(HIGH * m.f_max, np.inf, chain=True)[1]
+        row.flat[percent] = row.flat[f"{percent}_{row.record}"]
+    row.values |= {
+        name: row.values[column.format(row.record)] for name, column in OF_RECORD.items()
+    }
+    row.texts["gain_height"] = gain.height(m)
+    row.texts["chi_z_high"] = spectrum.largest_chi(m, HIGH * spectrum.f_max(m), np.inf)[1]
     _curves(m, row)
-    row.absent = [
-        kind
-        for kind in ("signals", "highest.modes", "modes", "density", "structure", "response")
-        if not case.has(kind) and not (case.is_crystal and kind in ("density", "structure"))
-    ]
+    lacking = [kind for kind in MAY_LACK if not case.has(kind)]
+    row.absent = [k for k in lacking if not (m.crystal and k in ("density", "structure"))]
     row.notes += case.notes
     return row
 
 
-def add_values(row: Row, m: Measures, names: Iterable[str]) -> None:
-    """Quantities by name, to the row; those of S-waves and moduli where their files are there."""
-    packing = Measuring.of_case(m)
-    keys = {name: key for key, (name, _) in LOW_PASS.items()}
-    recorded = {"", *(wave.record.producer for wave in m.shear)}
-    for name in names:
-        if name in OF_MODULI and not m.case.has("moduli") or SHEAR.get(name, "") not in recorded:
-            continue
-        value = QUANTITIES[name].measured(packing)
-        column, shown = column_of(name, value)
-        row.values[column] = shown
-        if name in keys:
-            row.flat[keys[name]] = value.known and not value.caveats
-        if not value.known:
-            row.notes += [
-                f"{column}: {caveat}" for caveat in value.caveats if caveat != "no plateau"
-            ]
-
-
-def _curves(m: Measures, row: Row) -> None:
+def _curves(m: Measuring, row: Row) -> None:
     """What figures over several cases draw."""
-    gain = m.gain
-    row.curves["gain"] = (gain.frequency, gain.gain)
-    row.curves["gain_orders"] = m.gain_orders
-    for k, order in enumerate(m.gain_orders[0][:5]):
+    row.curves["gain"] = (m.gain.frequency, m.gain.gain)
+    row.curves["gain_orders"] = gain.orders(m)
+    for k, order in enumerate(gain.orders(m)[0][:5]):
         row.values[f"gain_order_{k + 1}"] = estimate(float(order))
-    row.curves["free_held"] = (m.free_held,)
-    row.curves["first"] = (np.array([m.first_resonance]),)
-    row.curves["resonances"] = m.resonances
-    if m.scattering is not None:
-        frequency, width, path = m.scattering.of_waves()
-        passed = m.case.diameter / m.long_wave.value
+    row.curves["free_held"] = (gain.free_held(m),)
+    row.curves["first"] = (np.array([gain.first_resonance(m)]),)
+    row.curves["resonances"] = spectrum.standing_waves(m)
+    if (ridge := whole_ridge(m)) is not None:
+        frequency, width, path = ridge.of_waves()
+        passed = m.diameter / longest(m, "linear").value
         row.curves["ridge"] = (frequency * passed, width / frequency, path)
-    if m.case.density is not None:
-        row.curves["excess"] = (m.excess.frequency, m.excess.reduced)
+    if m.case.has("density"):
+        found = spectrum.excess(m)
+        row.curves["excess"] = (found.frequency, found.reduced)

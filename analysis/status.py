@@ -7,10 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.case import Case
-from analysis.case_files import EXTRA_KINDS, KINDS, OTHER_WAVES
-from analysis.estimators import structure_factor
-from modal.elasticity import moduli
+from analysis.case import KINDS, LISTED, OTHER_WAVES, Case, format_of
 from modal.formats.hdf5 import open_h5
 from modal.formats.provenance import (
     PACKING,
@@ -21,29 +18,15 @@ from modal.formats.provenance import (
     packing_of,
     read_provenance,
 )
-from modal.modes import density, mode_set
-from modal.packing import network, sample
 from modal.tools.errors import InputError
-from modal.waves import response, signals
 
-FORMATS = {
-    "network": network,
-    "sample": sample,
-    "signals": signals,
-    "modes": mode_set,
-    "density": density,
-    "response": response,
-    "structure": structure_factor,
-    "moduli": moduli,
-}
-"""Last word of a kind: the module that has its SCHEMA and VERSION."""
 OTHER_NAMES = {"friction": "mu_wave"}
 """Settings that the tables call by another name."""
 
 
 def names_in(folder: Path) -> list[str]:
     """Names of the cases that have any product in a folder, in order."""
-    kinds = sorted((*KINDS, *EXTRA_KINDS), key=len, reverse=True)  # x.translations.modes is no case
+    kinds = sorted(KINDS, key=len, reverse=True)  # x.translations.modes is no case
     names = set()
     for path in folder.glob("*.h5"):
         kind = next((kind for kind in kinds if path.name.endswith(f".{kind}.h5")), None)
@@ -70,13 +53,13 @@ def status_table(folder: Path, settings: Settings) -> str:
     """
     names = names_in(folder)
     width = max(map(len, ("case02", *names)))
-    lines, reasons = ["  ".join(("case".ljust(width), *KINDS))], []
+    lines, reasons = ["  ".join(("case".ljust(width), *LISTED))], []
     for name in names:
         case = Case(name, folder)
         stale = _stale(case, settings)
-        if any(case.has(kind) for kind in KINDS):
-            marks = ("stale" if k in stale else "yes" if case.has(k) else "-" for k in KINDS)
-            cells = (mark.ljust(len(kind)) for mark, kind in zip(marks, KINDS, strict=True))
+        if any(case.has(kind) for kind in LISTED):
+            marks = ("stale" if k in stale else "yes" if case.has(k) else "-" for k in LISTED)
+            cells = (mark.ljust(len(kind)) for mark, kind in zip(marks, LISTED, strict=True))
             lines.append((case.name.ljust(width) + "  " + "  ".join(cells)).rstrip())
         reasons += [f"{case.path(k).name}: stale, {'; '.join(why)}" for k, why in stale.items()]
     if len(lines) == 1:
@@ -87,13 +70,12 @@ def status_table(folder: Path, settings: Settings) -> str:
 def _stale(case: Case, settings: Settings) -> dict[str, list[str]]:
     """Kinds of a case's products that are stale, and what of each has changed."""
     row = settings.get(case.name, {})
-    kinds = [kind for kind in (*KINDS, *EXTRA_KINDS) if case.has(kind)]
-    return {kind: why for kind in kinds if (why := _changes(case, kind, row))}
+    return {kind: why for kind in case.there if (why := _changes(case, kind, row))}
 
 
 def _changes(case: Case, kind: str, row: Mapping[str, Any]) -> list[str]:
     """What has changed since the product was made, as far as its file and those beside it tell."""
-    form = FORMATS[kind.split(".")[-1]]
+    form, _ = format_of(kind)
     try:
         with open_h5(case.path(kind), form.SCHEMA, form.VERSION):
             made = read_provenance(case.path(kind))

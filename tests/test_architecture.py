@@ -16,9 +16,9 @@ ORDER = {
         *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
     ),
     "analysis": (
-        *("table", "watch", "estimators", "agreement", "case_files", "case"),
-        *("belonging", "prepare", "value", "measures", "measuring", "quantities", "measurement"),
-        *("status", "crystal", "rows", "comparable", "figures", "study"),
+        *("table", "watch", "estimators", "agreement", "case"),
+        *("belonging", "prepare", "value", "measuring", "quantities", "measurement"),
+        *("status", "crystal", "rows", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

@@ -11,7 +11,7 @@ from analysis.cli.options import CASE, add_command, add_products
 from analysis.figures import FIGURES, draw
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
-from analysis.measures import Measures
+from analysis.measuring import Measuring
 from modal.cli.options import NewFolder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
@@ -45,7 +45,7 @@ def _figure(options: argparse.Namespace) -> None:
             paths = save(read_picture(name), output / Path(name).stem)
         else:
             stem = output / ".".join([*(case.name for case in cases), name])
-            paths = draw(name, [Measures(case) for case in cases], stem)
+            paths = draw(name, [Measuring.of(case) for case in cases], stem)
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
     put("\n".join(map(str, paths)))

@@ -40,10 +40,18 @@ def own_pulse(network: Network) -> Pulse:
     return Pulse(AMPLITUDE * diameter, FREQUENCY * affine_frequency(network))
 
 
-def own_wave(network: Network, motion: Motion | None = None, direction: str = "z") -> Signals:
+def own_wave(
+    network: Network,
+    motion: Motion | None = None,
+    direction: str = "z",
+    *,
+    interval: float | None = None,
+    particles: bool = True,
+) -> Signals:
     """The linear wave of a packing's own pulse, or another motion, of the wall along `direction`.
 
-    P-waves are recorded on every particle, S-waves for longer, as they are slower.
+    P-waves are recorded on every particle, S-waves for longer, as they are slower. `interval`
+    between records, s, by default `INTERVAL`.
     """
     frequency = affine_frequency(network)
     duration = RECORD * network.length / (2 * float(network.radius.mean())) / frequency
@@ -51,8 +59,8 @@ def own_wave(network: Network, motion: Motion | None = None, direction: str = "z
         network,
         duration if direction == "z" else duration / SLOWER,
         motion=own_pulse(network) if motion is None else motion,
-        interval=INTERVAL / frequency,
-        particles=direction == "z",
+        interval=interval or INTERVAL / frequency,
+        particles=particles and direction == "z",
         direction=direction,
     ).signals
 

@@ -11,7 +11,7 @@ from analysis.figures import beyond, modes, packing, shear, spectra, velocities,
 from analysis.figures import cases as of_cases
 from analysis.figures.picture import Picture
 from analysis.figures.render import save
-from analysis.measures import Measures
+from analysis.measuring import Measuring
 from analysis.rows import row_of
 from modal.tools.errors import InputError
 
@@ -55,7 +55,7 @@ FIGURES: dict[str, Entry] = {
 }
 
 
-def compose(name: str, cases: list[Measures]) -> Picture:
+def compose(name: str, cases: list[Measuring]) -> Picture:
     """One figure of the given cases; InputError where its name or a product is missing."""
     if name not in FIGURES:
         known = ", ".join(FIGURES)
@@ -64,6 +64,6 @@ def compose(name: str, cases: list[Measures]) -> Picture:
     return entry.function([row_of(m) for m in cases] if entry.of_rows else cases)
 
 
-def draw(name: str, cases: list[Measures], stem: Path) -> list[Path]:
+def draw(name: str, cases: list[Measuring], stem: Path) -> list[Path]:
     """Draw one figure; returns the PNG and CSV files written."""
     return save(compose(name, cases), stem)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.comparable import of_one_producer
 from analysis.figures.groups import column, legend, mark, points, styles
 from analysis.figures.picture import Panel, Picture
-from analysis.rows import Row
+from analysis.rows import Row, of_one_producer
 from modal.tools.errors import InputError
 
 SHOWN = 15
@@ -154,7 +153,7 @@ def _common_stress(rows: list[Row]) -> float:
 def low_pass_rules(rows: list[Row]) -> Picture:
     """Beyond the paper: f_low-pass by each rule over that by the paper's words."""
     random, panels = [row for row in rows if not row.crystal], []
-    base, producer = of_one_producer(random, "f_low_pass_2")
+    base, producer = of_one_producer(random, "f_low_pass_2_khz")
     own = "yade" if producer == "YADE" else "linear"
     for name, text in (
         (f"f_low_pass_1_{own}_khz", "1 %"),

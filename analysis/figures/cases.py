@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparable import of_one_producer
 from analysis.estimators.power_law import straight_to
 from analysis.figures.groups import STATED, column, legend, points, side_by_side, styles
 from analysis.figures.picture import Panel, Picture, columns_for
-from analysis.rows import Row, law_of
+from analysis.rows import Row, law_of, of_one_producer
 from modal.tools.errors import InputError
 
 THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
@@ -18,7 +17,7 @@ THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
 
 def velocity_cases(rows: list[Row]) -> Picture:
     """Fig. 6: V_P by first peaks against void ratio, with its trend to FCC, and against stress."""
-    name, producer = of_one_producer(rows, "v_p_first_peaks")
+    name, producer = of_one_producer(rows, "v_p_first_peaks_m_per_s")
     label = f"$V_P$, first peaks, {producer} (m/s)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
     right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
@@ -83,7 +82,7 @@ def _stated(panel: Panel, rows: list[Row], x, name: str, over=1.0) -> None:
 
 def low_pass_cases(rows: list[Row]) -> Picture:
     """Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress."""
-    name, producer = of_one_producer(rows, "f_low_pass_2")
+    name, producer = of_one_producer(rows, "f_low_pass_2_khz")
     label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
     right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
@@ -102,8 +101,8 @@ def low_pass_cases(rows: list[Row]) -> Picture:
 
 def velocity_low_pass(rows: list[Row]) -> Picture:
     """Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
-    velocity, producer = of_one_producer(rows, "v_p_first_peaks")
-    name = of_one_producer(rows, "f_low_pass_2")[0]
+    velocity, producer = of_one_producer(rows, "v_p_first_peaks_m_per_s")
+    name = of_one_producer(rows, "f_low_pass_2_khz")[0]
     panel = Panel(
         f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)",
         xscale="log", yscale="log", legend="outside",
@@ -131,7 +130,7 @@ def wavelength_cases(rows: list[Row]) -> Picture:
     """Fig. 18: lambda_low-pass / D of random packings against void ratio, 2 % and 1 %."""
     panels = []
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
-        name, producer = of_one_producer(rows, f"lambda_{percent}")
+        name, producer = of_one_producer(rows, f"lambda_{percent}_over_d")
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
         panel.yscale = "log"
         random = [row for row in rows if not row.crystal]

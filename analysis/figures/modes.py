@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.figures.picture import Panel, Picture, columns_for, merged
-from analysis.measures import Measures
+from analysis.measuring import Measuring
 from analysis.quantities.records import HIGH, LOW
+from analysis.quantities.spectrum import chi_lists, f_max, standing
+from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
 
@@ -15,35 +17,36 @@ TOP = 0.03
 """Highest density that is drawn, 1/kHz; the crystal's narrow peaks go on beyond it."""
 
 
-def natural_frequencies(cases: list[Measures]) -> Picture:
+def natural_frequencies(cases: list[Measuring]) -> Picture:
     """Fig. 7: cumulative share and density of the natural frequencies, with and without rotations.
 
     Of all modes where the file has them; else of the density of states.
     """
     panels = []
     for m in cases:
-        case, dof = m.case, 6 * m.case.network.n_particles
+        modes, only = m.case.read("modes"), m.case.read("translations.modes")
+        dof = 6 * m.network.n_particles
         left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
         right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)")
         right.ylim = (0, TOP)
-        if case.is_crystal and case.modes is not None and len(case.modes.frequency) == dof:
-            _spectrum(left, right, case.modes.frequency, case.label, color="k", lw=0.9)
-            if case.translations is not None:
+        if m.crystal and modes is not None and len(modes.frequency) == dof:
+            _spectrum(left, right, modes.frequency, m.label, color="k", lw=0.9)
+            if only is not None:
                 look = {"color": "0.55", "ls": ":"}
-                text = f"{case.label}, translations only"
-                _spectrum(left, right, case.translations.frequency, text, **look)
-        elif case.density is not None:
-            f, density, below = case.density
-            loose = case.mu_comp > 0.2
+                text = f"{m.label}, translations only"
+                _spectrum(left, right, only.frequency, text, **look)
+        elif m.case.has("density"):
+            f, density, below = m.density
+            loose = m.mu_comp > 0.2
             look = {"color": "#c05000" if loose else "#0060a8", "ls": "-." if loose else "--"}
             # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
             share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
-            left.line(share, height, case.label, **look)
+            left.line(share, height, m.label, **look)
             right.line(f / 1e3, 1e3 * density / dof, **look)
         else:
             continue
-        if top := case.stated.get("f_max_khz"):
-            text = "stated, highest" if case.is_crystal else ""
+        if top := m.stated.get("f_max_khz"):
+            text = "stated, highest" if m.crystal else ""
             left.line([1.0], top[:1], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
         panels += [left, right]
     if not panels:
@@ -62,16 +65,16 @@ def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **lo
     right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), **look)
 
 
-def chi_z(cases: list[Measures]) -> Picture:
+def chi_z(cases: list[Measuring]) -> Picture:
     """Fig. 9: chi_z (Eq. 2) of the modes in the files; all particles, the chain, and the paper's.
 
     Where no mode of a random packing was computed, up to 20 kHz, the panel is shaded.
     """
     panels = []
     for m in _with_modes(cases):
-        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.case.label, ylim=(-0.03, 1.12))
+        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.label, ylim=(-0.03, 1.12))
         panel.legend = "outside" if m is cases[-1] else "center right"
-        for k, (frequency, every, along) in enumerate(m.moved):
+        for k, (frequency, every, along) in enumerate(chi_lists(m)):
             for values, text, style in (
                 (every, "all particles", {"color": "0.45", "marker": ".", "ms": 2}),
                 (along, "chain", {"color": "#c05000", "marker": ".", "ms": 2, "alpha": 0.5}),
@@ -80,28 +83,31 @@ def chi_z(cases: list[Measures]) -> Picture:
                 panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
         _not_computed(panel, m)
         _across(panel, m)
-        f_r = m.standing.frequency if m.standing else m.case.modes.resonance_frequency
+        bearers = standing(m)
+        f_r = bearers.frequency if bearers else m.case.read("modes").resonance_frequency
         if f_r is not None and len(f_r):
             style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
             panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
         for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
-            if name in m.case.stated:
-                level = [m.case.stated[name][0]] * 2
-                panel.line([end * m.f_max / 1e3 for end in ends], level, "stated", color="k", ls=ls)
+            if name in m.stated:
+                level = [m.stated[name][0]] * 2
+                panel.line(
+                    [end * f_max(m) / 1e3 for end in ends], level, "stated", color="k", ls=ls
+                )
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 
 
-def _across(panel: Panel, m: Measures) -> None:
+def _across(panel: Panel, m: Measuring) -> None:
     """Where the first waves fit across a random packing: below them only waves along it exist."""
-    if m.case.is_crystal:
+    if m.crystal:
         return
-    width = float(min(m.case.network.cell_size[:2]))
-    moduli = m.case.moduli
+    width = float(min(m.network.cell_size[:2]))
+    moduli = m.case.read("moduli")
     shear = np.nan if moduli is None else moduli.velocities((0, 0, 1))[1:].mean()
     for velocity, text, ls in (
         (shear, "$V_S$ / width", "-."),
-        (m.long_wave.value, "$V_P$ / width", ":"),
+        (longest(m, "linear").value, "$V_P$ / width", ":"),
     ):
         if np.isfinite(velocity):
             panel.add("vline", [velocity / width / 1e3], [0], None, text, color="#0060a8", ls=ls)
@@ -111,11 +117,11 @@ TO = 2e4
 """Hz up to which the paper shows chi_z of a random packing."""
 
 
-def _not_computed(panel: Panel, m: Measures) -> None:
+def _not_computed(panel: Panel, m: Measuring) -> None:
     """Shade frequencies of a random packing, up to `TO`, between and beyond the lists of modes."""
-    if m.case.is_crystal:
+    if m.crystal:
         return
-    ends = [(float(f[0]), float(f[-1])) for f, _, _ in m.moved]
+    ends = [(float(f[0]), float(f[-1])) for f, _, _ in chi_lists(m)]
     above = [first for first, _ in ends[1:]] + [TO]
     text = "not computed"
     for (_, last), first in zip(ends, above, strict=True):
@@ -133,35 +139,35 @@ def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np
     return frequency[kept], values[kept]
 
 
-def mode_shapes(cases: list[Measures]) -> Picture:
+def mode_shapes(cases: list[Measuring]) -> Picture:
     """Fig. 10: z-shapes along the chain of the P resonances r = 1, 2, 5, 10, ..., and the sine."""
     panels = []
     for m in _with_modes(cases):
-        case, f, shapes = m.case, m.case.modes.resonance_frequency, m.case.modes.resonance_shape
-        chain = case.record.chain_particle
-        if m.standing is not None:
+        modes, bearers = m.case.read("modes"), standing(m)
+        f, shapes = modes.resonance_frequency, modes.resonance_shape
+        chain = m.shown.chain_particle
+        if bearers is not None:
             # A sphere that little holds swings by itself, far beyond the standing wave.
-            chain = chain[firmly_held(case.network)[chain]]
-            f = m.standing.frequency
-            shapes = case.z_shapes[m.standing.row][:, chain]
+            chain = chain[firmly_held(m.network)[chain]]
+            f, shapes = bearers.frequency, m.z_shapes[bearers.row][:, chain]
         if shapes is None or len(shapes) == 0:
             continue
-        z = case.network.position[chain, 2] - case.network.wall_position[0]
-        orders = (1, 2, 5, 10, 50, 200) if case.is_crystal else (1, 2, 5, 10, 15, 20)
+        z = m.network.position[chain, 2] - m.network.wall_position[0]
+        orders = (1, 2, 5, 10, 50, 200) if m.crystal else (1, 2, 5, 10, 15, 20)
         known = sorted({min(r, len(shapes)) for r in orders})
         known += [r for r in (3, 7) if r < len(shapes)][: len(orders) - len(known)]
         for r in sorted(known):
-            sine = np.sin(np.pi * r * z / case.network.length)
+            sine = np.sin(np.pi * r * z / m.network.length)
             shape = shapes[r - 1] * np.sign(shapes[r - 1] @ sine)
             shape = shape / np.percentile(abs(shape), 98)
-            title = f"{case.short}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
+            title = f"{m.case.short}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
             panel = Panel("distance (mm)", "$u_z$ (-)", title, ylim=(-1.3, 2.2))
             panel.legend, panel.legend_columns = "upper right", 2
             if r <= 20:
                 order = np.argsort(z)
                 panel.line(1e3 * z[order], sine[order], "Eq. 3", color="0.6", lw=2)
             text = "mode"
-            if said := case.stated.get(f"f_{r}_khz"):
+            if said := m.stated.get(f"f_{r}_khz"):
                 text += f"; stated: {said[0]:g} kHz"
             panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
             panels.append(panel)
@@ -170,9 +176,9 @@ def mode_shapes(cases: list[Measures]) -> Picture:
     return Picture(panels, columns=3, shape=(11, 0.4 + 1.5 * -(-len(panels) // 3)))
 
 
-def _with_modes(cases: list[Measures]) -> list[Measures]:
+def _with_modes(cases: list[Measuring]) -> list[Measuring]:
     """The cases that have modes; InputError if none does."""
-    found = [m for m in cases if m.case.modes is not None]
+    found = [m for m in cases if m.case.read("modes") is not None]
     if not found:
         raise InputError(f"{cases[0].case.path('modes')}: no such file; make it before this figure")
     return found

@@ -5,24 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.figures.picture import Panel, Picture, share_limits
-from analysis.measures import Measures
+from analysis.measuring import Measuring
 from modal.packing.state import contacts_per_particle, void_ratio
 
 
-def samples(cases: list[Measures]) -> Picture:
+def samples(cases: list[Measuring]) -> Picture:
     """Fig. 1: spheres of a slab one diameter thick, by their number of contacts."""
     panels = []
-    for measured in cases:
-        case = measured.case
-        network, d = case.network, case.diameter
+    for m in cases:
+        network, d = m.network, m.diameter
         y, middle = network.position[:, 1], 0.5 * float(network.cell_size[1])
         near = np.argsort(abs((y % network.cell_size[1]) - middle))
         chosen = near[abs((y[near] % network.cell_size[1]) - middle) < 0.5 * d]
         x = network.position[chosen, 0] % network.cell_size[0]
         z = network.position[chosen, 2] - network.wall_position[0]
         number = contacts_per_particle(network)
-        known = np.isfinite(case.mu_comp) and not case.is_crystal
-        title = case.label + (f", friction {case.mu_comp:g}" if known else "")
+        known = np.isfinite(m.mu_comp) and not m.crystal
+        title = m.label + (f", friction {m.mu_comp:g}" if known else "")
         title += f": void ratio {void_ratio(network):.3f}, {number.mean():.2f} contacts a sphere"
         panel = Panel(
             "distance from the source wall (mm)", "x (mm)", title=title, equal=True,
@@ -31,7 +30,7 @@ def samples(cases: list[Measures]) -> Picture:
         )  # fmt: skip
         panel.add("spheres", 1e3 * z, 1e3 * x, number[chosen], diameter=1e3 * d, cmap="viridis")
         panels.append(panel)
-    random = [panel for m, panel in zip(cases, panels, strict=True) if not m.case.is_crystal]
+    random = [panel for m, panel in zip(cases, panels, strict=True) if not m.crystal]
     seen = [panel.series[0].z for panel in random or panels]
     ends = float(min(z.min() for z in seen)), float(max(z.max() for z in seen))
     for panel in panels:  # one scale; the crystal's twelve contacts would waste half of it
@@ -43,11 +42,11 @@ LINES = {1e5: "-", 2e5: "--"}
 """Of the study's pulses, by their frequency, Hz."""
 
 
-def source(cases: list[Measures]) -> Picture:
+def source(cases: list[Measuring]) -> Picture:
     """Fig. 2: displacement of the source wall and its spectrum, for each pulse among the cases."""
     left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
     right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
-    pulses = sorted({(m.case.wave.input_frequency, m.case.wave.amplitude) for m in cases})
+    pulses = sorted({(m.linear.input_frequency, m.linear.amplitude) for m in cases})
     for input_frequency, amplitude in pulses:
         style = LINES.get(input_frequency, ":")
         time = np.linspace(0, 2e-5, 401)

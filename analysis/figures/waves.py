@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.case import Case
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
 from analysis.figures.picture import Panel, Picture, columns_for, share_limits
-from analysis.measures import Measures
+from analysis.measuring import Measuring
+from analysis.quantities.passband import passband
+from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
+from modal.packing.state import void_ratio
 from modal.waves.signals import Signals
 
 POINTS = 130
@@ -26,42 +28,42 @@ def _thin(count: int) -> slice:
     return slice(None, None, max(1, count // POINTS))
 
 
-def producer_name(record: Signals) -> str:
+def producer_name(producer: str) -> str:
     """How a legend calls what made a record."""
-    return {"yade": "YADE", "linear": "linear wave"}.get(record.producer, record.producer)
+    return {"yade": "YADE", "linear": "linear wave"}.get(producer, producer)
 
 
-def _nearest(case: Case, record: Signals, wanted: float) -> tuple[int, float]:
+def _nearest(m: Measuring, record: Signals, wanted: float) -> tuple[int, float]:
     """Place in the record's chain of the particle nearest to `wanted` diameters; its depth in D."""
-    depth = (record.chain_position - case.network.wall_position[0]) / case.diameter
+    depth = (record.chain_position - m.network.wall_position[0]) / m.diameter
     n = int(np.argmin(abs(depth - wanted)))
     return n, float(depth[n])
 
 
-def _end(case: Case, record: Signals) -> float:
+def _end(m: Measuring, record: Signals) -> float:
     """Time, s, up to which motions are drawn: before the reflection comes back to 100 D."""
-    return min(float(record.time[-1]), SHOWN * case.passage)
+    return min(float(record.time[-1]), SHOWN * m.affine_passage)
 
 
-def _signal(case: Case, wanted: float) -> Panel:
+def _signal(m: Measuring, wanted: float) -> Panel:
     """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
-    record = case.record
-    n, depth = _nearest(case, record, wanted)
-    title = f"{case.label}, {depth:.0f} D, pulse {record.input_frequency / 1e3:.3g} kHz"
+    record = m.shown
+    n, depth = _nearest(m, record, wanted)
+    title = f"{m.label}, {depth:.0f} D, pulse {record.input_frequency / 1e3:.3g} kHz"
     u = 1e9 * record.chain_displacement[:, n]
     panel = Panel("time (ms)", "$u_z$ (nm)", title)
-    end = _end(case, record)
+    end = _end(m, record)
     panel.xlim = (0, 1e3 * end)
     # The legend stands above the wave.
     panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
-    _curve(panel, record, n, end, producer_name(record), color="0.6", lw=2.2)
+    _curve(panel, record, n, end, producer_name(record.producer), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
-    if case.is_crystal:
-        twin = exact_twin(record, case.lattice)
+    if m.crystal:
+        twin = exact_twin(record, m.lattice)
         _curve(panel, twin, n, end, "exact lattice", **thin)
-    elif record is not case.wave:
-        m = int(np.flatnonzero(case.wave.chain_particle == record.chain_particle[n])[0])
-        _curve(panel, case.wave, m, end, "linear wave", **thin)
+    elif record is not m.linear:
+        own = int(np.flatnonzero(m.linear.chain_particle == record.chain_particle[n])[0])
+        _curve(panel, m.linear, own, end, "linear wave", **thin)
     return panel
 
 
@@ -77,15 +79,15 @@ DISTANCES = np.array([10.0, 50.0, 100.0])
 """From the source wall, D, of the particles that are shown (Fig. 3)."""
 
 
-def distances(case: Case) -> np.ndarray:
+def distances(m: Measuring) -> np.ndarray:
     """`DISTANCES`, D; of a sample that is too short for them, the same parts of the length."""
-    length = case.network.length / case.diameter
+    length = m.network.length / m.diameter
     return DISTANCES * min(1.0, length / 140)
 
 
-def signals(cases: list[Measures]) -> Picture:
+def signals(cases: list[Measuring]) -> Picture:
     """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
-    panels = [_signal(m.case, wanted) for m in cases for wanted in distances(m.case)]
+    panels = [_signal(m, wanted) for m in cases for wanted in distances(m)]
     for first in range(3):
         share_limits(panels[first::3])
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
@@ -95,86 +97,91 @@ LOOKS = ("0.5", "-"), ("k", "-"), ("#0060a8", "--"), ("#c05000", ":")
 """Colour and line of a stress, by its power of ten."""
 
 
-def signals_stress(cases: list[Measures]) -> Picture:
+def signals_stress(cases: list[Measuring]) -> Picture:
     """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction.
 
     Time is over that of long waves, by which the first arrivals of all stresses are at one place.
     """
     panels: dict[str, Panel] = {}
-    for m in sorted(cases, key=lambda m: (not m.case.is_crystal, m.case.mu_comp, m.case.stress)):
-        case, record = m.case, m.case.record_of(1e5)
-        n, depth = _nearest(case, record, distances(case)[1])
-        group = "FCC" if case.is_crystal else rf"$\mu_{{comp}}$ = {case.mu_comp:g}"
+    for m in sorted(cases, key=lambda m: (not m.crystal, m.mu_comp, m.stress)):
+        record = m.record_of(1e5)
+        n, depth = _nearest(m, record, distances(m)[1])
+        group = "FCC" if m.crystal else rf"$\mu_{{comp}}$ = {m.mu_comp:g}"
         group += f", pulse {record.input_frequency / 1e3:.3g} kHz, {depth:.0f} D"
         axis = "time over that of long waves"
         panel = panels.setdefault(group, Panel(axis, "$u_z$ (nm)", group, xlim=(0.8, 1.8)))
         panel.legend = "upper right"
-        passed = record.time / (depth * case.diameter / m.long_wave.value)
-        seen = (passed > 0.8) & (passed < 1.8) & (record.time <= _end(case, record))
+        passed = record.time / (depth * m.diameter / longest(m, "linear").value)
+        seen = (passed > 0.8) & (passed < 1.8) & (record.time <= _end(m, record))
         u = 1e9 * record.chain_displacement[seen, n]
-        text = f"{case.stress / 1e3:g} kPa, e {m.void_ratio:.3f}, {producer_name(record)}"
-        shade, ls = LOOKS[round(np.log10(case.stress)) % 4 if case.stress > 0 else 0]
+        text = f"{m.stress / 1e3:g} kPa, e {void_ratio(m.network):.3f}, "
+        text += producer_name(record.producer)
+        shade, ls = LOOKS[round(np.log10(m.stress)) % 4 if m.stress > 0 else 0]
         keep = _thin(int(seen.sum()) // 2)
         panel.line(passed[seen][keep], u[keep], text, color=shade, ls=ls)
     return Picture(list(panels.values()), columns_for(len(panels)), (12, 3.6))
 
 
-def space_time(cases: list[Measures]) -> Picture:
+def space_time(cases: list[Measuring]) -> Picture:
     """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
     panels = []
-    for measured in cases:
-        record, case = measured.case.record, measured.case
-        z = 1e3 * (record.chain_position - case.network.wall_position[0])
-        time = record.time[record.time <= _end(case, record) * (1 + 1e-9)]
-        step, every = _thin(len(time)), _thin(len(z))  # every second layer alone would beat
-        order = np.argsort(z)[every]  # a chain may step back
-        time = time[step]
-        u = 1e9 * record.chain_displacement[: record.time.searchsorted(time[-1], "right")]
-        u = u[step][:, order]
-        top = float(f"{np.percentile(abs(u), 99.9):.3g}")
-        panel = Panel(
-            "distance from the source wall (mm)", "time (ms)", title=case.label,
-            colour_label="$u_z$ (nm)", legend="upper left",
-            xlim=(float(z.min()), float(z.max())),
-        )  # fmt: skip
-        panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
-        line = z / measured.long_wave.value
-        seen = line < 1e3 * time[-1]
-        panel.line(z[seen], line[seen], "long-wave $V_P$", color="k", ls="--")
-        panels.append(panel)
+    for m in cases:
+        speed = longest(m, "linear").value
+        panels.append(motion(m, m.shown, speed, "$V_P$", _end(m, m.shown) * (1 + 1e-9)))
     return Picture(panels, columns=columns_for(len(panels)))
 
 
-def spectrum_distance(cases: list[Measures]) -> Picture:
+def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -> Panel:
+    """Displacement of the chain over distance and time, up to `end`, s, and the line of a speed."""
+    z = 1e3 * (record.chain_position - m.network.wall_position[0])
+    time = record.time[record.time <= end]
+    step, every = _thin(len(time)), _thin(len(z))  # every second layer alone would beat
+    order = np.argsort(z)[every]  # a chain may step back
+    u = 1e9 * record.chain_displacement[: len(time)][step][:, order]
+    time = time[step]
+    top = float(f"{np.percentile(abs(u), 99.9):.3g}") or 1.0
+    panel = Panel(
+        "distance from the source wall (mm)", "time (ms)", title=m.label,
+        colour_label=f"$u_{record.direction}$ (nm)", legend="upper left",
+        xlim=(float(z.min()), float(z.max())),
+    )  # fmt: skip
+    panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
+    line = z / speed
+    seen = line < 1e3 * time[-1]
+    panel.line(z[seen], line[seen], f"long-wave {name}", color="k", ls="--")
+    return panel
+
+
+def spectrum_distance(cases: list[Measuring]) -> Picture:
     """Figs. 12 and 13: spectra of one chain over distance, and where they fall to 2 % and 1 %."""
     panels = []
     for m in cases:
-        case, band = m.case, m.passband
-        record, edges = case.record, band.of_yade if case.signals else band.low_pass
+        band = passband(m)
+        record, edges = m.shown, band.of_yade if m.yade else band.low_pass
         distance, frequency, amplitude = band.map(record, passages=band.common)
         order = np.argsort(distance)
-        if not case.is_crystal:  # a sphere that little holds swings by itself: an outlying column
-            order = order[firmly_held(case.network)[record.chain_particle[order]]]
+        if not m.crystal:  # a sphere that little holds swings by itself: an outlying column
+            order = order[firmly_held(m.network)[record.chain_particle[order]]]
         distance, amplitude = distance[order], amplitude[:, order]
-        top = (0.8 if case.is_crystal else 0.4) * band.highest
+        top = (0.8 if m.crystal else 0.4) * band.highest
         found = [edge.value for edge in edges[:2] if np.isfinite(edge.value)]
         top = min(max([top, *(1.4 * value for value in found)]), band.highest)  # the legend's room
         rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
         shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
         panel = Panel(
             "distance from the source wall (mm)", "frequency (kHz)",
-            title=f"{case.label}, {producer_name(record)}", colour_label="amplitude (dB)",
-            ylim=(0, top / 1e3), legend="lower left" if case.is_crystal else "upper right",
+            title=f"{m.label}, {producer_name(record.producer)}", colour_label="amplitude (dB)",
+            ylim=(0, top / 1e3), legend="lower left" if m.crystal else "upper right",
         )  # fmt: skip
         # A layer is drawn only with all others: every third alone would show a false band.
         panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
         curves = threshold_curves(frequency, amplitude)
-        ends = np.array(band.stretch) * case.network.length
+        ends = np.array(band.stretch) * m.network.length
         for row, edge, text, style in zip(
             curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
         ):
             look = {"color": "#c05000", "ls": style}
-            middle, level = _slabs(distance, row, case.network.length)
+            middle, level = _slabs(distance, row, m.network.length)
             text_of = f"{text} threshold, medians"
             panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, **look)
             value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
@@ -183,34 +190,34 @@ def spectrum_distance(cases: list[Measures]) -> Picture:
                 continue
             place = [edge.value / 1e3] * 2
             panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
-        if said := case.stated.get("f_low_pass_2_khz"):
+        if said := m.stated.get("f_low_pass_2_khz"):
             dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
             panel.add("hline", [0], said[:1], None, f"stated: {said[0]:g} kHz", **dashed)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 
 
-def low_pass_chains(cases: list[Measures]) -> Picture:
+def low_pass_chains(cases: list[Measuring]) -> Picture:
     """Beyond the paper: f_low-pass (2 %) over distance by one chain, each of it, and the layers."""
     panels = []
     for m in cases:
-        case, band = m.case, m.passband
+        band = passband(m)
         panel = Panel(
-            "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", case.label,
+            "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", m.label,
             ylim=(0, 0.5 * band.highest / 1e3), legend="lower center", legend_columns=2,
         )  # fmt: skip
-        if case.is_crystal:
+        if m.crystal:
             panel.ylim = (0, band.highest / 1e3)
         for whose, reference, text, style in (
             ("chain", "map", "chain, whole map", {"color": "k"}),
             ("chain", "own", "chain, own maxima", {"color": "0.55", "ls": "-."}),
             ("layers", "map", "layers, whole map", {"color": "#c05000", "ls": "--"}),
         ):
-            distance, frequency, amplitude = band.map(case.wave, whose, band.common)
+            distance, frequency, amplitude = band.map(m.linear, whose, band.common)
             curve = threshold_curves(frequency, amplitude, reference)[0]
-            middle, medians = _slabs(distance, curve, case.network.length)
+            middle, medians = _slabs(distance, curve, m.network.length)
             panel.line(1e3 * middle, medians / 1e3, text, **style)
-        ends = 1e3 * np.array(band.stretch) * case.network.length
+        ends = 1e3 * np.array(band.stretch) * m.network.length
         values = band.of_columns[:, 0]
         if np.isfinite(values).any():
             low, high = np.nanpercentile(values, (16, 84)) / 1e3

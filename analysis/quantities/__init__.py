@@ -15,6 +15,7 @@ for _room in (
     "scattering",
     "spectrum",
     "soft_modes",
+    "gain",
     "elasticity",
     "packing",
     "records",

@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.chain_wavenumber import chain_wavenumber
+from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.layer_lattice import LayerLattice
-from analysis.estimators.low_pass import SHORTEST
-from analysis.measuring import Measuring
+from analysis.estimators.low_pass import SHORTEST, Edge, Passband
+from analysis.estimators.ridge import Ridge
+from analysis.estimators.ridge import ridge as ridge_of
+from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
+from analysis.quantities.velocity import LOST, chain, coherent, coherents, longest, of_frequency
 from analysis.value import Value, hertz, unknown
+from modal.packing.rattlers import force_bearing
+from modal.tools.errors import InputError
 
 LEFT = 0.02
 """Of the amplitude, `SHORTEST` diameters on, at the unbiased low-pass of a random packing."""
@@ -22,6 +28,91 @@ def _exact(lattice: LayerLattice) -> float:
     return lattice.low_pass_frequency
 
 
+@once
+def passband(m: Measuring, key: str = "linear") -> Passband:
+    """The threshold rule on a record; on the linear wave with a run beside it."""
+    m.require_walls()
+    record, velocity = m.record(key), longest(m, key).value
+    if record is None or not velocity > 0:
+        raise InputError(LOST)
+    run = m.yade if key == "linear" else None
+    return Passband(m.network, record, run, velocity=velocity, crystal=m.crystal)
+
+
+@once
+def edges(m: Measuring, producer: str, whose: str, reference: str) -> list[Edge]:
+    """f_low-pass by the thresholds, of `yade` or `linear`: `Passband.edges`."""
+    band = passband(m)
+    if (whose, reference) == ("chain", "map"):
+        return band.of_yade if producer == "yade" else band.low_pass
+    return band.edges(m.record(producer), whose, reference, band.common)
+
+
+def low_pass_2(m: Measuring) -> float:
+    """f_low-pass, Hz, by the 2 % rule of the paper on the linear wave."""
+    return passband(m).low_pass[0].value
+
+
+def scale(m: Measuring) -> float:
+    """What figures scale their frequencies by, Hz: f_low-pass, or a guess without one."""
+    found = low_pass_2(m)
+    return found if np.isfinite(found) else 0.05 * longest(m, "linear").value / m.diameter
+
+
+def band_edge(m: Measuring, key: str) -> float:
+    """f_low-pass of a crystal, Hz, without the threshold's bias; NaN for others."""
+    return chain(m, key).low_pass_frequency if m.crystal and m.record(key) else np.nan
+
+
+def modal_edge(m: Measuring) -> float:
+    """The same of its modes."""
+    modes = m.case.read("modes")
+    if not m.crystal or modes is None or modes.resonance_shape is None:
+        return np.nan
+    f, shape = modes.resonance_frequency, modes.resonance_shape
+    return mode_dispersion(f, shape, m.lattice.distance).low_pass_frequency
+
+
+@once
+def ridge(m: Measuring, key: str) -> Ridge:
+    """Frequency over wave number along the chain of a crystal."""
+    record = m.record(key)
+    assert record is not None
+    return ridge_of(record)
+
+
+def edge_wavelength(m: Measuring, key: str) -> float:
+    """Wavelength at a crystal's band edge / D; NaN for others.
+
+    Measured where the waves of the record turn round, not computed from the lattice (Eq. 7).
+    """
+    known = m.crystal and m.record(key) is not None
+    return ridge(m, key).edge_wavelength / m.diameter if known else np.nan
+
+
+def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
+    """Wavelength, m, along the chain of a record at a frequency, Hz; NaN without a record.
+
+    From the record as the threshold rule cuts it. Of a crystal from its ridge; NaN beyond the
+    band edge, where no wave travels.
+    """
+    record = m.record(key)
+    if record is None:
+        return np.nan
+    if m.crystal:
+        return ridge(m, key).wavelength(frequency)
+    band = passband(m)
+    kappa = chain_wavenumber(
+        record,
+        frequency,
+        m.network.length,
+        velocity=band.velocity,
+        end=band.end(record, band.common),
+        part=force_bearing(m.network)[record.chain_particle],
+    )
+    return 2 * np.pi / kappa
+
+
 @quantity(
     "low_pass",
     "Hz",
@@ -29,25 +120,25 @@ def _exact(lattice: LayerLattice) -> float:
     exact=_exact,
     bias=0.03,
 )
-def low_pass(packing: Measuring) -> Value:
+def low_pass(m: Measuring) -> Value:
     """The 2 % rule of Otsubo et al. (2017), section 5.1, as `analysis.estimators.low_pass` has it.
 
     Of random packings the mean over all columns of spheres, with their scatter; of crystals, and of
     records without single particles, along the one chain.
     """
-    band, caveats = packing.passband, packing.of_waves
+    band, caveats = passband(m, "wave"), m.of_waves
     edge = band.low_pass[0]
     if not edge.flat and np.isfinite(edge.value):
         caveats += (f"no plateau: it changes by {100 * edge.change:.0f} % to either side",)
-    length = packing.network.length / packing.diameter
-    if not packing.crystal and length < SHORTEST:
+    length = m.network.length / m.diameter
+    if not m.crystal and length < SHORTEST:
         text = f"too short: {length:.1f} D long, the rule needs {SHORTEST:g} D and reads too high"
         caveats += (text,)
-    elif not packing.crystal and len(band.of_columns):
+    elif not m.crystal and len(band.of_columns):
         edge = band.mean_of_columns
     if not np.isfinite(edge.value):
         return unknown("Hz", edge.why or "the rule finds no frequency", *caveats)
-    caveats += packing.of_frequency(edge.value)
+    caveats += of_frequency(m, edge.value)
     return Value(edge.value, "Hz", {"chain": edge.error}).with_caveats(*caveats)
 
 
@@ -57,7 +148,7 @@ def low_pass(packing: Measuring) -> Value:
     "upper end of the band of P-waves, without a threshold on a record",
     exact=_exact,
 )
-def low_pass_unbiased(packing: Measuring) -> Value:
+def low_pass_unbiased(m: Measuring) -> Value:
     """Of a crystal the edge of its band; of disorder where little is left of the coherent wave.
 
     Disorder has no band edge. What stands for it is the frequency at which the coherent wave fades
@@ -72,20 +163,18 @@ def low_pass_unbiased(packing: Measuring) -> Value:
     whose layers average more: three of 8,000 spheres, 55 D long and 11 D wide, scattered by 1.0
     kHz, with errors of 3.3.
     """
-    if packing.crystal:
-        value, other = (
-            chain_dispersion(packing.wave, order=order).low_pass_frequency for order in (2, 3)
-        )
-        return Value(value, "Hz", {"fit": abs(value - other)}, packing.of_waves)
-    wanted = np.log(1 / LEFT) / (SHORTEST * packing.diameter)
+    if m.crystal:
+        value, other = (chain(m, "wave", order).low_pass_frequency for order in (2, 3))
+        return Value(value, "Hz", {"fit": abs(value - other)}, m.of_waves)
+    wanted = np.log(1 / LEFT) / (SHORTEST * m.diameter)
     ends = np.array(
-        [_rise(w.frequency, w.attenuation, wanted) for w in packing.coherents]  # (windows, 3)
+        [_rise(w.frequency, w.attenuation, wanted) for w in coherents(m)]  # (windows, 3)
     )
     if not np.isfinite(ends).all():
-        return unknown("Hz", "the coherent wave is lost before it fades as much", *packing.of_waves)
+        return unknown("Hz", "the coherent wave is lost before it fades as much", *m.of_waves)
     first, value, last = ends[0]
-    caveats = packing.of_frequency(value)
-    line = packing.coherent.resolution / np.sqrt(12)
+    caveats = of_frequency(m, value)
+    line = coherent(m, "wave").resolution / np.sqrt(12)
     parts = {"fit": (last - first) / 2, "chain": abs(ends[1, 1] - ends[2, 1]), "resolution": line}
     found = Value(value, "Hz", parts, caveats)
     if not np.hypot(parts["fit"], parts["chain"]) <= SURE * value:

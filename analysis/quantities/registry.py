@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 from analysis.estimators.layer_lattice import LayerLattice
 from analysis.measuring import Measuring
-from analysis.value import Value, unknown
+from analysis.value import Value, estimate, unknown
 from modal.tools.errors import InputError
 
 QUANTITIES: dict[str, Quantity] = {}
@@ -21,6 +22,8 @@ QUICK = (
 Exact = Callable[[LayerLattice], float]
 """What a quantity of the exact planar crystal is (`analysis.estimators.layer_lattice`)."""
 DISORDER = "a crystal, of which signals are known exactly, has none"
+ABSENT = "what it is read from is not among the packing's files"
+Of = TypeVar("Of", bound=Callable[[Measuring], Value | float])
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Quantity:
     name: str
     unit: str
     definition: str
-    of: Callable[[Measuring], Value]
+    of: Callable[[Measuring], Value | float]
     exact: Exact | str
     bias: float = 0.0
     asked: bool = False
@@ -45,11 +48,15 @@ class Quantity:
         InputError where the reason is a file that was given.
         """
         try:
-            return self.of(packing)
+            found = self.of(packing)
         except InputError as error:
-            if any(str(error).startswith(f"{path}:") for path in packing.files):
+            files = (packing.case.files or {}).values()
+            if any(str(error).startswith(f"{path}:") for path in files):
                 raise
             return unknown(self.unit, str(error))
+        found = found if isinstance(found, Value) else estimate(found)
+        caveats = found.caveats if found.known or found.caveats else (ABSENT,)
+        return replace(found, unit=self.unit, caveats=caveats)
 
 
 def quantity(
@@ -60,10 +67,10 @@ def quantity(
     exact: Exact | str,
     bias: float = 0.0,
     asked: bool = False,
-) -> Callable[[Callable[[Measuring], Value]], Callable[[Measuring], Value]]:
-    """Register a function as the one that measures a quantity."""
+) -> Callable[[Of], Of]:
+    """Register a function as the one that measures a quantity: a `Value`, or its number alone."""
 
-    def register(of: Callable[[Measuring], Value]) -> Callable[[Measuring], Value]:
+    def register(of: Of) -> Of:
         QUANTITIES[name] = Quantity(name, unit, definition, of, exact, bias, asked)
         return of
 

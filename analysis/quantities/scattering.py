@@ -9,9 +9,15 @@ import numpy as np
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
 from analysis.estimators.plane_waves import plane_structure_factor
-from analysis.measuring import Measuring
+from analysis.estimators.scattering import Scattering
+from analysis.estimators.structure_factor import structure_factor
+from analysis.measuring import Measuring, once
+from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import DISORDER, on_request, quantity
-from analysis.value import Value, hertz, unknown
+from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, velocity_of
+from analysis.value import NOTHING, Value, estimate, hertz, unknown
+from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 MOST = 8.0
 """Nepers over the part of the length that is read: beyond them what is left of the wave is less
@@ -20,37 +26,40 @@ SHORTEST = 4.0
 """Wavelength, mean diameters, of the shortest plane waves whose lines are read."""
 FAINT = 0.02
 """Of the source's largest amplitude: less is not sent."""
+COARSE = 2.0
+"""Width of the lines in which the Ioffe-Regel limit is sought, in those of the whole ridge: waves
+are a third as wide there as their frequency, hence a tenth of the highest one."""
 
 
-def attenuation_of(packing: Measuring) -> tuple[Value, np.ndarray]:
+def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     """Decay of the coherent amplitude, 1/m, at independent frequencies, and their group velocity.
 
     A window of another damping cuts the record elsewhere and passes on other noise: what it changes
     is the error, at a frequency or at its neighbours. A bias that grows as the square of the
     damping is as large.
     """
-    wave, *others = packing.coherents
+    wave, *others = coherents(m)
     every = max(1, round(wave.resolution / (wave.frequency[1] - wave.frequency[0])))
     some = np.arange(every - 1, len(wave.frequency), every)
-    told = np.isfinite([one.attenuation[some] for one in packing.coherents]).all(axis=0)
-    span = (STRETCH[1] - STRETCH[0]) * packing.network.length
-    sent_to = _sent_to(packing, wave.frequency[-1])
+    told = np.isfinite([one.attenuation[some] for one in coherents(m)]).all(axis=0)
+    span = (STRETCH[1] - STRETCH[0]) * m.network.length
+    sent_to = _sent_to(m, wave.frequency[-1])
     some = some[told & (wave.attenuation[some] * span < MOST) & (wave.frequency[some] <= sent_to)]
     if not len(some):
         return unknown("1/m", "no coherent wave is left to be read"), np.empty(0)
     error = abs(others[0].attenuation - others[1].attenuation)[some]
     error = np.maximum.reduce([error, np.roll(error, 1), np.roll(error, -1)])
     f = wave.frequency[some]
-    caveats = packing.of_frequency(f[0])
+    caveats = of_frequency(m, f[0])
     if sent_to < wave.frequency[-1]:
         caveats += (f"faint source: above {hertz(sent_to)} it sends less than {100 * FAINT:g} %",)
     value = Value(wave.attenuation[some], "1/m", {"resolution": error}, caveats, f)
     return value, wave.group_velocity[some]
 
 
-def _sent_to(packing: Measuring, highest: float) -> float:
+def _sent_to(m: Measuring, highest: float) -> float:
     """The frequency, Hz, up to which the source sends something, or `highest`."""
-    record = packing.wave
+    record = m.wave
     frequency, sent = spectra(record.time, record.source_displacement[:, None], 1.01 * highest)
     lost = np.flatnonzero(sent[:, 0] < FAINT * sent.max())
     lost = lost[frequency[lost] > frequency[np.argmax(sent)]]
@@ -63,9 +72,9 @@ def _sent_to(packing: Measuring, highest: float) -> float:
     "decay of the coherent wave's amplitude along z, over frequency",
     exact=lambda lattice: 0.0,
 )
-def attenuation(packing: Measuring) -> Value:
+def attenuation(m: Measuring) -> Value:
     """Of means over layers, from a pulse of the wall."""
-    return attenuation_of(packing)[0]
+    return attenuation_of(m)[0]
 
 
 @quantity(
@@ -74,9 +83,9 @@ def attenuation(packing: Measuring) -> Value:
     "quality factor omega / (2 alpha v) of the coherent wave, over frequency",
     exact=DISORDER,
 )
-def quality(packing: Measuring) -> Value:
+def quality(m: Measuring) -> Value:
     """alpha the attenuation, v the group velocity; unknown where alpha is not told from zero."""
-    alpha, velocity = attenuation_of(packing)
+    alpha, velocity = attenuation_of(m)
     if alpha.at is None:
         return unknown("1", *alpha.caveats)
     told = np.asarray(alpha.value) > 2 * np.asarray(alpha.error)
@@ -94,17 +103,17 @@ def quality(packing: Measuring) -> Value:
     "frequency at which the mean free path falls to half a wavelength",
     exact=DISORDER,
 )
-def ioffe_regel(packing: Measuring) -> Value:
+def ioffe_regel(m: Measuring) -> Value:
     """Between two standing waves; half of their distance is the error."""
-    if packing.crystal:
+    if m.crystal:
         return unknown("Hz", "a crystal does not scatter its waves")
-    found = packing.scattering
+    found = scattering(m)
     if not np.isfinite(found.limit):
         return unknown("Hz", "no standing wave is as wide as it is high, as far as they are told")
     near = np.sort(abs(found.frequency[np.isfinite(found.width)] - found.limit))[:2].sum()
-    caveats = packing.of_one_sample
-    if found.velocity / found.limit > packing.width * packing.diameter:
-        caveats = packing.of_frequency(found.limit)
+    caveats = m.of_one_sample
+    if found.velocity / found.limit > m.width * m.diameter:
+        caveats = of_frequency(m, found.limit)
     return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
 
 
@@ -121,7 +130,7 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
     if most < 1:
         return unknown("Hz", "the cell is narrower than the shortest waves that are read")
     orders = np.concatenate([n * np.eye(3, dtype=int) for n in range(1, most + 1)])
-    highest = 1.5 * packing.velocity / (SHORTEST * packing.diameter)
+    highest = 1.5 * velocity_of(packing) / (SHORTEST * packing.diameter)
     found = plane_structure_factor(network, orders, polarisation, packing.line, highest)
     places, widths = (each.reshape(most, 3) for each in found.ridge())
     power = found.power.reshape(most, 3, -1).mean(axis=1)
@@ -144,3 +153,57 @@ def scattering_of_p(packing: Measuring) -> Value:
 def scattering_of_s(packing: Measuring) -> Value:
     """The same of both directions across."""
     return _width_of_lines(packing, "T")
+
+
+@once
+def scattering(m: Measuring) -> Scattering:
+    """Width of the ridge of standing waves over frequency, as far as their limit needs it.
+
+    Of some waves first, then of those on both sides of where the width reaches the frequency.
+    """
+    velocity, kept = velocity_of(m), m.kept("structure")
+    if not velocity > 0:
+        raise InputError(LOST)
+    if kept is not None:
+        return Scattering.of(kept, velocity, m.diameter)
+    line, highest = COARSE * m.line, 0.75 * velocity / m.diameter
+    # Waves in a length: halves of standing waves between walls, whole ones in a cell without.
+    fit = 2 if m.walls else 1
+
+    def ridge(orders: Floats) -> Scattering:
+        whole = np.unique(orders.round()).astype(int)
+        if m.walls:
+            found = structure_factor(m.network, whole, line, highest)
+        else:
+            along = whole[:, None] * np.array([0, 0, 1])
+            found = plane_structure_factor(m.network, along, "L", line, highest)
+        return Scattering.of(found, velocity, m.diameter)
+
+    most = max(1.0, 0.5 * fit * m.network.length / m.diameter)
+    first = ridge(np.geomspace(max(1.0, most / 20), most, 8))
+    if not np.isfinite(first.limit):
+        return first
+    near = fit * m.network.length * first.limit / velocity
+    return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
+
+
+@once
+def whole_ridge(m: Measuring) -> Scattering | None:
+    """The same of all waves of a file's structure factor; None without one."""
+    found = m.case.read("structure")
+    return found and Scattering.of(found, longest(m, "linear").value, m.diameter)
+
+
+def free_path(m: Measuring) -> float:
+    """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters; NaN without a file."""
+    found = whole_ridge(m)
+    return np.nan if found is None else found.free_path(low_pass_2(m))
+
+
+def width_power(m: Measuring) -> Value:
+    """Power of the frequency that the ridge's width follows about f_low-pass of the linear wave."""
+    found = whole_ridge(m)
+    if found is None:
+        return NOTHING
+    law = found.power(scale(m))
+    return estimate(law.exponent, law.error)

@@ -4,24 +4,181 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.excess import Excess
-from analysis.estimators.resonances import standing_modes
-from analysis.measuring import Measuring
+from analysis.estimators.resonances import (
+    Standing,
+    fitted_wavenumbers,
+    long_wave_velocity,
+    standing_modes,
+)
+from analysis.measuring import Measuring, once
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
-from analysis.value import Value, hertz, unknown
+from analysis.quantities.velocity import LOW_ORDER
+from analysis.value import NOTHING, Value, estimate, hertz, unknown
 from modal.modes.eigenmodes import eigenmodes
+from modal.modes.mode_set import ModeSet
+from modal.packing.rattlers import force_bearing
+from modal.packing.state import contacts_per_particle
+from modal.tools.arrays import Floats
 
 FEWEST = 30
 """Modes below a peak of D(f) / f^2: from fewer each single one is a peak."""
+SAME = 1e-6
+"""Relative difference of two frequencies that are one mode's, of two searches."""
+
+
+@once
+def standing(m: Measuring) -> Standing | None:
+    """Modes of a file that bear the standing waves of a random packing; None without shapes."""
+    if m.crystal or m.z_shapes is None:
+        return None
+    return standing_modes(m.case.read("modes").frequency, m.z_shapes, m.network)
+
+
+@once
+def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
+    """f_r (Hz), kappa_r (1/m, Eq. 4): pure modes of a crystal, else those that bear the waves.
+
+    Of files: beyond the modes that can be told, and without their shapes, the structure factor's
+    ridge.
+    """
+    modes, structure, bearers = m.case.read("modes"), m.case.read("structure"), standing(m)
+    if modes is not None and modes.resonance_frequency is not None and m.crystal:
+        return modes.resonance_frequency, modes.resonance_wavenumber
+    own: Floats = np.empty(0) if bearers is None else bearers.frequency
+    if structure is not None:
+        f = structure.ridge()[0]
+        known = structure.order <= len(own)
+        f[known] = own[structure.order[known] - 1]
+        return f, structure.wavenumber
+    kappa: Floats = np.pi * np.arange(1.0, len(own) + 1) / m.network.length
+    return own, kappa
+
+
+def modal_first(m: Measuring) -> float:
+    """V_P, m/s, of the first resonance by Eqs. 3 and 4: 2 L f_1; NaN without modes."""
+    f = standing_waves(m)[0]
+    return 2 * m.network.length * float(f[0]) if len(f) else np.nan
+
+
+def modal_velocity(m: Measuring) -> Value:
+    """V_P, m/s, of the modes' wave numbers by Eq. 4, from omega = V kappa (1 + b kappa^2)."""
+    return estimate(*long_wave_velocity(*standing_waves(m)))
+
+
+def modal_fitted(m: Measuring) -> Value:
+    """V_P, m/s, of wave numbers that are fitted to the modes' shapes."""
+    modes, bearers = m.case.read("modes"), standing(m)
+    if m.crystal and modes is not None and modes.resonance_shape is not None:
+        f, distance = standing_waves(m)[0], m.lattice.distance
+        return estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
+    if bearers is None or m.z_shapes is None:
+        return NOTHING
+    bearing = force_bearing(m.network)
+    depth = m.network.position[bearing, 2] - m.network.wall_position[0]
+    rows = bearers.row[:LOW_ORDER]
+    kappa = fitted_wavenumbers(m.z_shapes[rows][:, bearing], depth, m.network.length)
+    return estimate(*long_wave_velocity(bearers.frequency[:LOW_ORDER], kappa))
+
+
+@once
+def f_max(m: Measuring) -> float:
+    """Highest natural frequency, Hz: of a list of all, else of the highest modes."""
+    modes = m.case.read("modes")
+    complete = modes is not None and len(modes.frequency) == 6 * m.network.n_particles
+    return float((modes if complete else m.highest).frequency[-1])
+
+
+def highest_seat(m: Measuring) -> tuple[float, float]:
+    """How many spheres move in the highest mode (participation), contacts of the first.
+
+    NaN without its shape.
+    """
+    found = m.case.read("highest.modes")
+    if found is None or found.mode_shape is None:
+        return np.nan, np.nan
+    moved = (found.mode_shape[-1] ** 2)[:, :3].sum(axis=1)
+    contacts = contacts_per_particle(m.network)[int(np.argmax(moved))]
+    return float(moved.sum() ** 2 / (moved**2).sum()), float(contacts)
+
+
+def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
+    """A natural frequency, Hz; its error from the residual in the list that holds it.
+
+    |A v - omega^2 v| of a unit vector bounds the distance of omega^2 from an eigenvalue, for A is
+    symmetric: half the relative residual is that of the frequency.
+    """
+    for modes in lists:
+        if modes is not None and frequency in modes.frequency:
+            at = int(np.argmax(modes.frequency == frequency))
+            return estimate(frequency, 0.5 * frequency * float(modes.residual[at]))
+    return estimate(frequency)
+
+
+@once
+def chi_lists(m: Measuring) -> list[tuple[Floats, Floats, Floats]]:
+    """Frequency (k,) Hz, chi_z of all particles and of the chain (k,), of each list of modes.
+
+    Lists are complete in their intervals: of a later one only what lies beyond the one before.
+    """
+    lists = [s for s in map(m.case.read, ("modes", "band.modes")) if s and len(s.frequency)]
+    found: list[tuple[Floats, Floats, Floats]] = []
+    end = -np.inf
+    for modes in sorted(lists, key=lambda s: float(s.frequency[0])):
+        new = modes.frequency > end * (1 + SAME)
+        if new.any():
+            found.append((modes.frequency[new], modes.chi_z[new], modes.chi_z_chain[new]))
+            end = float(modes.frequency[-1])
+    return found
+
+
+def chi_between(m: Measuring, low: float, high: float, chain: bool) -> tuple[Floats, Floats]:
+    """Natural frequencies (k,) between two Hz, and chi_z of each (k,).
+
+    Of the chain, as in the paper, or of all particles; empty where no mode is at hand.
+    """
+    if not (lists := chi_lists(m)):
+        return np.empty(0), np.empty(0)
+    f, every, along = (np.concatenate(part) for part in zip(*lists, strict=True))
+    inside = (f > low) & (f < high)
+    return f[inside], (along if chain else every)[inside]
+
+
+def largest_chi(m: Measuring, low: float, high: float, chain: bool = True) -> tuple[float, str]:
+    """Largest chi_z between two Hz, and of which modes."""
+    f, chi = chi_between(m, low, high, chain)
+    if not len(f):
+        return np.nan, ""
+    return float(chi.max()), f"{len(f)} modes, {f.min() / 1e3:.2f}-{f.max() / 1e3:.2f} kHz"
+
+
+def mean_chi(m: Measuring, low: float, high: float) -> Value:
+    """Mean chi_z of the chain between two Hz, 1/3 where motion has no direction.
+
+    Its error is the standard error of as many independent modes.
+    """
+    chi = chi_between(m, low, high, chain=True)[1]
+    if len(chi) < 2:
+        return NOTHING
+    return estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))
+
+
+@once
+def excess(m: Measuring) -> Excess:
+    """Density of states over that of plane waves."""
+    frequency, density, _ = m.density
+    return Excess.of(frequency, density, 6 * m.network.n_particles, f_max(m))
+
 
 HIGHEST_BRANCH = 0.15
 """Of the highest frequency: the modes of a narrow cell are not listed beyond."""
 
 
 @without_signal("highest_frequency", "Hz", "highest natural frequency")
-def highest_frequency(packing: Measuring) -> Value:
+def highest_frequency(m: Measuring) -> Value:
     """Of the mode that products with K find at the top; its residual bounds its error."""
-    modes = packing.highest
+    modes = m.highest
     value, residual = float(modes.frequency[-1]), float(modes.residual[-1])
     return Value(value, "Hz", {"fit": residual * value / 2})
 
@@ -32,45 +189,43 @@ def highest_frequency(packing: Measuring) -> Value:
     "frequency at which D(f) / f^2 is largest: where soft modes are",
     exact=DISORDER,
 )
-def excess_peak(packing: Measuring) -> Value:
+def excess_peak(m: Measuring) -> Value:
     """The boson peak; its error is half the width of a line of the density."""
-    if packing.crystal:
+    if m.crystal:
         return unknown("Hz", "a crystal has no soft modes beside its waves")
-    frequency, density, below = packing.density
-    found = Excess.of(
-        frequency, density, 6 * packing.network.n_particles, packing.highest.frequency[-1]
-    )
+    frequency, _, below = m.density
+    found = excess(m)
     line = 4 * float(frequency[1] - frequency[0])
     if not np.isfinite(found.peak_frequency):
         text = f"resolution: no peak above {hertz(2.5 * line)}, below which lines of zero modes are"
-        return unknown("Hz", text, *packing.of_one_sample)
+        return unknown("Hz", text, *m.of_one_sample)
     first, count = np.interp([2.5 * line, found.peak_frequency], frequency, below)
     if count - first < FEWEST:
         text = (
             f"resolution: {count - first:.0f} modes lie below the largest value at "
             f"{hertz(found.peak_frequency)}, the packing is too small to tell a peak from them"
         )
-        return unknown("Hz", text, *packing.of_one_sample)
-    return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, packing.of_one_sample)
+        return unknown("Hz", text, *m.of_one_sample)
+    return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)
 
 
 @on_request("resonances", "Hz", "of standing P-waves r = 1, 2, ... among the lowest modes")
-def resonances(packing: Measuring) -> Value:
+def resonances(m: Measuring) -> Value:
     """Of a crystal its pure modes, else the modes that bear the largest share of each wave."""
-    modes, along_z, lacks = packing.modes
+    modes, along_z, lacks = m.modes
     f = modes.resonance_frequency
-    if not packing.crystal or f is None:
-        f = standing_modes(modes.frequency, along_z, packing.network).frequency
+    if not m.crystal or f is None:
+        f = standing_modes(modes.frequency, along_z, m.network).frequency
     if not len(f):
         return unknown("Hz", "no mode bears a standing wave", lacks)
-    return Value(np.asarray(f), "Hz", {}).with_caveats(*packing.of_waves, *filter(None, [lacks]))
+    return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *filter(None, [lacks]))
 
 
 @on_request("chi_z", "1", "share of a mode's motion that is along z, over frequency (Eq. 2)")
-def chi_z(packing: Measuring) -> Value:
+def chi_z(m: Measuring) -> Value:
     """Of all spheres, of each of the lowest modes."""
-    modes, _, lacks = packing.modes
-    caveats = packing.of_one_sample + tuple(filter(None, [lacks]))
+    modes, _, lacks = m.modes
+    caveats = m.of_one_sample + tuple(filter(None, [lacks]))
     return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
 
 
@@ -83,17 +238,3 @@ def chi_z_of_branches(packing: Measuring) -> Value:
     modes = eigenmodes(packing.network, below=highest, shapes=False)
     lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
     return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)
-
-
-@quantity(
-    "gain",
-    "1",
-    "stress on the receiver over that on the source wall, over frequency",
-    exact="resonances without end, of which the record's window alone decides",
-    asked=True,
-)
-def gain(packing: Measuring) -> Value:
-    """Of P-waves, without damping."""
-    found = packing.gain
-    text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
-    return Value(found.gain, "1", {}, (text, *packing.of_waves), found.frequency)

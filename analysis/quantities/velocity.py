@@ -1,23 +1,31 @@
 """Velocities of the longest waves along z, P and S, and what other ways of reading them give.
 
 The one to quote is that of the coherent wave extrapolated to zero frequency: it does not depend on
-a threshold, a chain or the pulse. `v_p_static` comes from no wave at all and should agree.
+a threshold, a chain or the pulse. `v_p_static` comes from no wave at all and should agree. Waves
+are called by their names, of `Measuring.record`.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from analysis.estimators.coherent import coherent_wave, longest_waves
-from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
+from analysis.estimators.damped_transform import Dispersion, chain_dispersion
+from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
 from analysis.estimators.layer_lattice import LayerLattice
-from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
-from analysis.measuring import Measuring
+from analysis.estimators.own_wave import coherent_of
+from analysis.estimators.transfer import at_frequency, wall_velocity
+from analysis.estimators.travel_time import (
+    arrival_velocity,
+    first_peak_velocity,
+    first_peaks_of_columns,
+)
+from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity, without_signal
-from analysis.value import Value, unknown
+from analysis.value import NOTHING, Value, hertz, unknown
 from modal.elasticity.static_velocity import static_velocity
+from modal.packing.contact_law import sphere_volume
+from modal.packing.state import contacts_per_particle, void_ratio
 from modal.waves.signals import Signals
 
 ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
@@ -25,46 +33,154 @@ ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
 as they slide, so that S-waves need a higher one."""
 LONGEST = 8.0
 """Wavelength, mean diameters, from which on an S-wave of a random packing counts as long."""
+OTHERS = DECAY - 1, DECAY + 1
+"""Dampings of the window of the coherent wave that tell, beside the estimator's, an error."""
+LOW_ORDER = 10
+"""Low frequency means that of the standing wave r = 10, wavelength L / 5."""
+LOST = "no coherent wave goes through enough of the packing to be read"
 
 
 def _exact(lattice: LayerLattice) -> float:
     return lattice.velocity
 
 
-def _longest(packing: Measuring, record: Signals) -> Value:
-    """Velocity, m/s, of the longest waves of a record, with the standard error of its fit."""
-    if packing.crystal:
-        value, other = (
-            chain_dispersion(record, order=order).velocity for order in ORDERS[record.direction]
-        )
-        return Value(value, "m/s", {"fit": abs(value - other)})
+@once
+def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
+    """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
+    record = _needed(m, key)
+    return chain_dispersion(record, order=order or ORDERS[record.direction][0])
+
+
+@once
+def coherent(m: Measuring, key: str) -> Coherent:
+    """The coherent wave of a record, of S-waves as far as they are long."""
+    record = _needed(m, key)
     if record.direction == "z":
-        wave = packing.coherent
-    else:
-        wall = float(packing.network.wall_position[0])
-        first, _ = first_peak_velocity(record, wall, packing.network.length)
-        highest = first / (LONGEST * packing.diameter) if first > 0 else None
-        wave = coherent_wave(record, packing.network.length, highest=highest)
-    value, error = longest_waves(wave)
-    if not np.isfinite(value):
-        return unknown("m/s", "no coherent wave goes through enough of the packing to be read")
-    return Value(value, "m/s", {"fit": error})
+        return coherent_of(m.network, record, m.crystal)
+    first = _first_peaks(m, record)[0]
+    highest = first / (LONGEST * m.diameter) if first > 0 else None
+    return coherent_wave(record, m.network.length, highest=highest)
 
 
-def _by_moduli(packing: Measuring, places: slice) -> Value:
+@once
+def coherents(m: Measuring) -> list[Coherent]:
+    """That of the P-wave under windows of three dampings: how far the window decides."""
+    others = [coherent_of(m.network, m.wave, m.crystal, decay) for decay in OTHERS]
+    return [coherent(m, "wave"), *others]
+
+
+@once
+def longest(m: Measuring, key: str) -> Value:
+    """Velocity, m/s, of the longest waves of a record, with the error of its fit."""
+    record = m.record(key)
+    if record is None or (key == "yade" and not m.crystal and record.layer_displacement is None):
+        return NOTHING
+    if m.crystal:
+        value, other = (chain(m, key, order).velocity for order in ORDERS[record.direction])
+        return Value(value, "m/s", {"fit": abs(value - other)})
+    value, error = longest_waves(coherent(m, key))
+    return Value(value, "m/s", {"fit": error}) if np.isfinite(value) else unknown("m/s", LOST)
+
+
+def _needed(m: Measuring, key: str) -> Signals:
+    record = m.record(key)
+    assert record is not None, key
+    return record
+
+
+def _first_peaks(m: Measuring, record: Signals) -> tuple[float, float]:
+    wall = float(m.network.wall_position[0])
+    return first_peak_velocity(record, wall, m.network.length)
+
+
+@once
+def first_peak(m: Measuring, key: str) -> Value:
+    """dL/dt of a record's first peaks, middle half of the chain, m/s; NaN without a record.
+
+    Of P-waves with the error of the fit and of the choice of the chain.
+    """
+    record = m.record(key)
+    if record is None:
+        return NOTHING
+    if record.direction != "z":
+        return _travelled(*_first_peaks(m, record))
+    scatter = columns(m, "wave" if key == "wave" else "linear")[1]
+    return _travelled(*_first_peaks(m, m.cut(key)), scatter)
+
+
+@once
+def columns(m: Measuring, key: str) -> tuple[float, float]:
+    """V_P, m/s, of first peaks along every column, a sphere wide: mean and scatter.
+
+    NaN where single particles are not recorded.
+    """
+    return first_peaks_of_columns(m.cut(key), m.network)
+
+
+@once
+def walls(m: Measuring) -> tuple[float, float]:
+    """Phase and group velocity, m/s, between the wall stresses at the low frequency."""
+    found = wall_velocity(m.linear, m.network.length)
+    if found is None:
+        return np.nan, np.nan
+    f, phase, *_ = found
+    # The group velocity is a derivative: the slope of the phase over an octave about it.
+    low = low_frequency(m)
+    near = (f > 0.7 * low) & (f < 1.4 * low)
+    slope = np.polyfit(f[near], f[near] * m.network.length / phase[near], 1)[0]
+    return at_frequency(f, phase, low), m.network.length / slope
+
+
+def low_frequency(m: Measuring) -> float:
+    """Frequency, Hz, of the wavelength L / 5."""
+    return LOW_ORDER * longest(m, "linear").value / (2 * m.network.length)
+
+
+def effective(m: Measuring) -> tuple[float, float]:
+    """V_P, m/s, by effective medium theory: of the contacts, and of the means alone."""
+    network = m.network
+    means = of_means(
+        void_ratio(network),
+        float(contacts_per_particle(network).mean()),
+        m.stress,
+        0.5 * m.diameter,
+        moduli_of(network),
+        float(network.mass.sum() / sphere_volume(network.radius).sum()),
+    )
+    return of_contacts(network).velocity, means.velocity
+
+
+def velocity_of(m: Measuring) -> float:
+    """V_P, m/s, that is quoted; NaN where none is read."""
+    return float(v_p(m).value)
+
+
+def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
+    """What to know of what is read at a frequency, Hz, where the wave may be wider than the cell.
+
+    As the wave of V_P has it, of which none is shorter at this frequency.
+    """
+    length = velocity_of(m) / frequency / m.diameter
+    if m.crystal or not length > m.width:
+        return m.of_waves
+    text = (
+        f"wavelength above the width: {length:.0f} D at {hertz(frequency)}, the "
+        f"packing is {m.width:.1f} D wide"
+    )
+    return (*m.of_waves, text)
+
+
+def _by_moduli(m: Measuring, places: slice) -> Value:
     """Of a cell without walls, that no wall can push."""
-    moduli = packing.moduli
-    value = float(moduli.velocities((0, 0, 1))[places].mean())
+    value = float(m.moduli.velocities((0, 0, 1))[places].mean())
     why = "by the elastic moduli: there are no walls"
-    return Value(value, "m/s", {"fit": 0.5 * value * moduli.error}, (why, *packing.of_waves))
+    return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))
 
 
 @quantity("v_p", "m/s", "velocity of the longest P-waves along z; the one to quote", exact=_exact)
-def v_p(packing: Measuring) -> Value:
+def v_p(m: Measuring) -> Value:
     """Of the coherent wave from the wall; of a cell without walls by its moduli."""
-    if not packing.walls:
-        return _by_moduli(packing, slice(0, 1))
-    return _longest(packing, packing.wave).with_caveats(*packing.of_waves)
+    return longest(m, "wave").with_caveats(*m.of_waves) if m.walls else _by_moduli(m, slice(0, 1))
 
 
 @quantity(
@@ -73,18 +189,18 @@ def v_p(packing: Measuring) -> Value:
     "velocity of the longest S-waves along z; the one to quote",
     exact="the exact lattice is that of P-waves; S-waves of the crystal against Bloch's in tests",
 )
-def v_s(packing: Measuring) -> Value:
+def v_s(m: Measuring) -> Value:
     """The same of a wall that slides along x."""
-    if not packing.walls:
-        return _by_moduli(packing, slice(1, 3))
-    return _longest(packing, packing.shear_wave).with_caveats(*packing.of_waves)
+    if not m.walls:
+        return _by_moduli(m, slice(1, 3))
+    return longest(m, "shear_wave").with_caveats(*m.of_waves)
 
 
 @without_signal("v_p_static", "m/s", "velocity of P-waves by the springs' answer to a steady push")
-def v_p_static(packing: Measuring) -> Value:
+def v_p_static(m: Measuring) -> Value:
     """Independent of every rule that reads waves."""
-    packing.require_walls()
-    return Value(static_velocity(packing.network)[0], "m/s", {}, packing.of_one_sample)
+    m.require_walls()
+    return Value(static_velocity(m.network)[0], "m/s", {}, m.of_one_sample)
 
 
 @quantity(
@@ -94,11 +210,9 @@ def v_p_static(packing: Measuring) -> Value:
     exact=_exact,
     bias=0.013,
 )
-def v_p_first_peaks(packing: Measuring) -> Value:
+def v_p_first_peaks(m: Measuring) -> Value:
     """Depends on pulse and chain: of disorder the first peak broadens on its way."""
-    chain = packing.first_peaks_of_columns[1]
-    value = _travelled(packing, *first_peak_velocity(*_chain(packing)), "first peaks")
-    return replace(value, parts=dict(value.parts) | {"chain": np.nan_to_num(chain)})
+    return first_peak(m, "wave").with_caveats(*m.of_waves)
 
 
 @quantity(
@@ -108,12 +222,12 @@ def v_p_first_peaks(packing: Measuring) -> Value:
     exact="exact signals are those of one chain",
     asked=True,
 )
-def v_p_first_peaks_columns(packing: Measuring) -> Value:
+def v_p_first_peaks_columns(m: Measuring) -> Value:
     """Each column is a chain of its own; its error is how they scatter."""
-    value, scatter = packing.first_peaks_of_columns
+    value, scatter = columns(m, "wave")
     if not np.isfinite(value):
         return unknown("m/s", "single spheres are not recorded, or no column is long enough")
-    return Value(value, "m/s", {"chain": scatter}, packing.of_waves)
+    return Value(value, "m/s", {"chain": scatter}, m.of_waves)
 
 
 @quantity(
@@ -124,17 +238,14 @@ def v_p_first_peaks_columns(packing: Measuring) -> Value:
     bias=0.02,
     asked=True,
 )
-def v_p_arrival(packing: Measuring) -> Value:
+def v_p_arrival(m: Measuring) -> Value:
     """Too fast where the wave broadens on its way."""
-    return _travelled(packing, *arrival_velocity(*_chain(packing)), "arrivals")
+    wall, length = float(m.network.wall_position[0]), m.network.length
+    found = _travelled(*arrival_velocity(m.cut("wave"), wall, length))
+    return found.with_caveats(*m.of_waves)
 
 
-def _chain(packing: Measuring) -> tuple[Signals, float, float]:
-    network = packing.network
-    return packing.short_wave, float(network.wall_position[0]), network.length
-
-
-def _travelled(packing: Measuring, value: float, error: float, what: str) -> Value:
+def _travelled(value: float, error: float, scatter: float = 0.0) -> Value:
     if not np.isfinite(value):
-        return unknown("m/s", f"{what} do not move on along the chain")
-    return Value(value, "m/s", {"fit": error}, packing.of_waves)
+        return unknown("m/s", "what comes first does not move on along the chain")
+    return Value(value, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})

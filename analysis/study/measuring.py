@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from analysis.case import Case
-from analysis.case_files import EXTRA_KINDS, KINDS
 from analysis.crystal import compare
 from analysis.estimators.low_pass import Edge
 from analysis.estimators.settled import why_unsettled
 from analysis.figures import compose
 from analysis.figures.picture import write_picture
 from analysis.measurement import measure
-from analysis.measures import Measures
+from analysis.measuring import Measuring
+from analysis.quantities.passband import passband
 from analysis.quantities.records import LOW_PASS
-from analysis.rows import Row, add_values, bare_row, row_of
+from analysis.quantities.spectrum import standing, standing_waves
+from analysis.rows import Row, row_of
 from analysis.study.results import write_result
 from analysis.table import number
 from analysis.value import estimate
 from modal.exchange.registry import read_packing, read_remarked
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
-from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle, void_ratio
 from modal.tools.errors import InputError
-from modal.waves.signals import Signals
 
 RESONANCES = 10
 """Rows of the table of resonances."""
@@ -38,20 +36,6 @@ SCATTERING = (
     *(name for key, names in LOW_PASS.items() if key.count("_") == 1 for name in names),
 )
 """Quantities of another seed's packing: Table 1's."""
-
-
-class OtherSeed(Case):
-    """Its packing without remarks for readers, its wave on one chain and the layers."""
-
-    @cached_property
-    def network(self) -> Network:
-        """Contact network."""
-        return read_packing(self.packing_path)
-
-    @cached_property
-    def wave(self) -> Signals:
-        """The linear wave, from wall to wall and back."""
-        return self.linear_wave(particles=False)
 
 
 def of_case(
@@ -65,9 +49,10 @@ def of_case(
 
     `stated` are lower and upper ends of numbers that figures show beside its own.
     """
-    case = Case(name, folder, stated=dict(stated or {}))
+    case = Case(name, folder)
     case.check()
-    m = Measures(case)
+    m = Measuring.of(case)
+    m.stated = dict(stated or {})
     row = row_of(m)
     _add_tables(row, m)
     row.provenance = _provenance(case)
@@ -87,10 +72,12 @@ def of_seed(name: str, folder: Path, output: Path) -> Row:
     These are Table 1's and what sets packings apart. Errors are not among them: along every column
     of a packing f_low-pass and V_P are had for the study's own packings alone.
     """
-    case = OtherSeed(name, folder)
+    case = Case(name, folder)
     case.check()
-    m, row = Measures(case), bare_row(case)
-    add_values(row, m, SCATTERING)
+    m = Measuring(read_packing(case.packing_path), None, None, case)
+    m.linear = m.linear_wave(particles=False)
+    row = Row.of(m)
+    row.add(m, SCATTERING)
     write_result(output, row)
     return row
 
@@ -100,7 +87,7 @@ def of_quantities(name: str, files: Sequence[Path], output: Path, quantities: Se
     packing, *records = files
     case = Case(name, packing.parent, {packing.name.split(".")[-2]: packing})
     found = measure(packing, *records, quantities=quantities)
-    row = bare_row(case)
+    row = Row.of(Measuring.of(case))
     for quantity, value in found.items():
         if value.at is None:
             row.values[quantity] = estimate(float(value.value), float(value.error))
@@ -125,20 +112,20 @@ def of_state(name: str, sample: Path, output: Path) -> Row:
     return row
 
 
-def _add_tables(row: Row, m: Measures) -> None:
+def _add_tables(row: Row, m: Measuring) -> None:
     """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
-    (f, kappa), lines = m.resonances, []
+    (f, kappa), bearers, lines = standing_waves(m), standing(m), []
     if len(f):
-        share = [] if m.standing is None else [f"{v:.2f}" for v in m.standing.share]
+        share = [] if bearers is None else [f"{v:.2f}" for v in bearers.share]
         columns = [[number(v) for v in f / 1e3], [number(v) for v in kappa]]
-        columns += [] if m.case.is_crystal else [share]
+        columns += [] if m.crystal else [share]
         head = ["r", "f_r, kHz", "kappa_r, rad/m", "share of the mode"][: 1 + len(columns)]
         lines = [[(c[r : r + 1] or [""])[0] for c in columns] for r in range(RESONANCES)]
         row.tables["resonances"] = [head, *([str(r + 1), *line] for r, line in enumerate(lines))]
-    choices = [[text, _chosen(edge)] for text, edge in m.passband.choices()]
+    choices = [[text, _chosen(edge)] for text, edge in passband(m).choices()]
     row.tables["choices"] = [["f_low-pass, kHz", "f_low-pass"], *choices]
-    if m.case.is_crystal:
-        row.tables["comparison"] = [line.cells() for line in compare(m.case)]
+    if m.crystal:
+        row.tables["comparison"] = [line.cells() for line in compare(m)]
 
 
 def _chosen(edge: Edge) -> str:
@@ -152,11 +139,9 @@ def _chosen(edge: Edge) -> str:
 def _provenance(case: Case) -> list[list[str]]:
     """Every file that was read, its digest, its command and its sources as far as it says."""
     lines = []
-    for kind in (*KINDS, *EXTRA_KINDS):
-        if case.has(kind):
-            path = case.path(kind)
-            made = read_provenance(path)
-            sources = ", ".join(map(str, made.sources))
-            how = made.command or "of unknown origin"
-            lines.append([path.name, sha256(path)[:16], how, sources])
+    for path in map(case.path, case.there):
+        made = read_provenance(path)
+        sources = ", ".join(map(str, made.sources))
+        how = made.command or "of unknown origin"
+        lines.append([path.name, sha256(path)[:16], how, sources])
     return lines

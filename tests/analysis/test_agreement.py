@@ -8,8 +8,8 @@ from packings import stepped
 
 from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
-from analysis.case import Case
-from analysis.case_files import OTHER_WAVES
+from analysis.case import OTHER_WAVES, Case
+from analysis.measuring import Measuring
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
@@ -152,7 +152,7 @@ def test_the_recorded_motion_of_the_source_is_sent_again(motion, within, produce
     wave = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6, pre_stress="full").signals
     springs = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6).signals
     write_signals(tmp_path / "a.signals.h5", replace(springs, producer=producer))
-    again = Case("a", tmp_path).linear()
+    again = Measuring.of(Case("a", tmp_path)).beside
     difference = again.chain_displacement - springs.chain_displacement
     assert abs(difference).max() < within * abs(springs.chain_displacement).max()
     pair = Agreement(NETWORK, replace(wave, time_step=1e-6))

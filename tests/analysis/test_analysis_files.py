@@ -16,7 +16,7 @@ from analysis.belonging import cases_of, cases_of_files, kind_of
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
 from analysis.figures.render import to_figure, write_png
-from analysis.measures import Measures
+from analysis.measuring import Measuring
 from analysis.rows import row_of
 from analysis.table import Table
 from modal.__main__ import main as modal_main
@@ -74,7 +74,7 @@ def test_kinds_are_found_from_the_schema(folder):
 def test_numbers_of_a_crystal_that_is_no_case(folder):
     """Its theory is found from the packing; every value is that of its own stress."""
     names = "quartz.network.h5", "run7.h5", "quartz_all.h5"
-    row = row_of(Measures(cases_of_files(files(folder, *names))[0]))
+    row = row_of(Measuring.of(cases_of_files(files(folder, *names))[0]))
     assert row.label == "FCC, 250 kPa (quartz)" and row.number is None
     chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
     # The damped transform's bias is below 1e-5, the modes' 1e-6.
@@ -87,9 +87,9 @@ def test_numbers_of_a_crystal_that_is_no_case(folder):
 def test_numbers_of_a_random_packing_that_is_no_case(folder):
     """Without stress or friction in its study: its contacts tell the one; f_max is its file's."""
     (case,) = cases_of_files(files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5"))
-    row = row_of(Measures(case))
+    row = row_of(Measuring.of(case))
     assert row.label == "random, 100 kPa (heap)" and row.record == "yade"
-    assert row.value("f_max_khz") == case.highest.frequency[-1] / 1e3
+    assert row.value("f_max_khz") == case.read("highest.modes").frequency[-1] / 1e3
 
 
 def test_files_of_two_packings_go_to_their_own(folder):
@@ -112,20 +112,23 @@ def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
     sample = tmp_path / "grains.sample.h5"
     write_sample(sample, sample_of_network(frictionless(), 0.1))
     (case,) = cases_of_files([sample])
-    assert case.name == "grains" and case.network.n_particles == 150 and not case.is_crystal
+    m = Measuring.of(case)
+    assert case.name == "grains" and m.network.n_particles == 150 and not m.crystal
     both = cases_of_files([sample, folder / "heap.h5"])  # not exported from it: two packings
     assert [case.name for case in both] == ["heap", "grains"]
 
 
 def test_stress_of_a_packing_that_states_none_is_what_its_contacts_bear(folder, tmp_path):
     """The packing was made at 100 kPa; its file here does not say so, and may hold no forces."""
-    (heap,) = cases_of_files([folder / "heap.h5"])
+    (case,) = cases_of_files([folder / "heap.h5"])
+    heap = Measuring.of(case)
     assert "stress" not in heap.network.study
     assert heap.stress == 1e5 and heap.label.startswith("random, 100 kPa")
     bare = replace(heap.network, force_normal=None, force_tangential=None)
     write_network(tmp_path / "bare.network.h5", bare)
     (case,) = cases_of_files([tmp_path / "bare.network.h5"])
-    assert np.isnan(case.stress) and case.under_stress == ""
+    unknown = Measuring.of(case)
+    assert np.isnan(unknown.stress) and unknown.label == "random (bare)"
 
 
 def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path):
@@ -159,7 +162,7 @@ def test_linear_waves_are_no_record(folder, tmp_path):
     assert modal_main(command) == 0
     (case,) = cases_of_files([folder / "heap.h5", wave])
     # The other program's record, which lies beside the packing, is.
-    assert case.signals.producer == "other DEM" and "linear wave" in case.notes[0]
+    assert Measuring.of(case).yade.producer == "other DEM" and "linear wave" in case.notes[0]
 
 
 def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):

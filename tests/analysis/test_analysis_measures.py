@@ -7,13 +7,13 @@ import pytest
 from packings import frictionless
 
 from analysis.case import Case
-from analysis.comparable import of_one_producer
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
-from analysis.measures import Measures
-from analysis.rows import law_of, row_of
+from analysis.measuring import Measuring
+from analysis.quantities import QUANTITIES, passband, spectrum, velocity
+from analysis.rows import law_of, of_one_producer, row_of
 from analysis.table import number
 from modal.modes.dense import all_modes
 from modal.modes.mode_set import ModeSet
@@ -26,20 +26,16 @@ from modal.waves.signals import write_signals
 
 
 @pytest.fixture(scope="module")
-def crystal(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("products")
-    write_network(folder / "case02.network.h5", fcc(cells=(1, 1, 200)))
-    return Measures(Case("case02", folder))
+def crystal():
+    return Measuring(fcc(cells=(1, 1, 200)))
 
 
 def test_standing_waves_of_a_crystal_are_its_pure_modes():
     """Without disorder one mode bears each standing wave, at the exact lattice's frequency."""
     network = fcc(cells=(1, 1, 40))
-    case = Case("case02", None)
-    case.network = network
     modes = all_modes(LinearSystem.of(network))
     found = standing_modes(modes.frequency, modes.shapes()[:, :, 2], network)
-    exact = case.lattice.eigenmodes()[0][:10] / (2 * np.pi)
+    exact = Measuring(network).lattice.eigenmodes()[0][:10] / (2 * np.pi)
     assert found.frequency[:10] == pytest.approx(exact, rel=1e-6)
     # The wall springs are not rigid, so the modes are sines of a length that is about a layer
     # longer: what is missing grows as (r / layers)^2, 6 % at r = 5 of 40 layers.
@@ -65,14 +61,17 @@ def test_power_law_and_its_error():
 
 def test_crystal_from_its_network_alone(crystal):
     """The linear wave stands in for a run; the short cell has one column alone."""
-    chain = crystal.case.lattice
-    assert crystal.long_wave.value == pytest.approx(chain.velocity, rel=2e-3)
-    assert crystal.band_edge == pytest.approx(chain.low_pass_frequency, rel=2e-3)
-    assert crystal.effective[0] == pytest.approx(chain.velocity, rel=1e-6)
-    assert crystal.columns.value == pytest.approx(chain.velocity, rel=0.015)
-    assert np.isnan(crystal.columns.error)  # of one column no scatter is known
-    assert np.isnan(crystal.yade_long_wave.value) and np.isnan(crystal.passband.of_yade[0].value)
-    low = [plateau.value for plateau in crystal.low_pass]
+    chain, band = crystal.lattice, passband.passband(crystal)
+    assert velocity.longest(crystal, "linear").value == pytest.approx(chain.velocity, rel=2e-3)
+    edge = passband.band_edge(crystal, "linear")
+    assert edge == pytest.approx(chain.low_pass_frequency, rel=2e-3)
+    assert velocity.effective(crystal)[0] == pytest.approx(chain.velocity, rel=1e-6)
+    mean, scatter = velocity.columns(crystal, "linear")
+    assert mean == pytest.approx(chain.velocity, rel=0.015)
+    assert np.isnan(scatter)  # of one column none is known
+    assert np.isnan(velocity.longest(crystal, "yade").value)
+    assert np.isnan(band.of_yade[0].value)
+    low = [plateau.value for plateau in band.low_pass]
     order = np.argsort(THRESHOLDS)
     assert (np.diff(np.array(low)[order]) <= 0).all()  # a higher threshold passes less
     assert low[0] == pytest.approx(chain.low_pass_frequency, rel=0.01)
@@ -80,11 +79,11 @@ def test_crystal_from_its_network_alone(crystal):
 
 def test_gain_peaks_midway_between_resonances(crystal):
     """1 / |cos kappa L| between rigid walls; the wall springs and the blur shift it a little."""
-    place = crystal.gain.first_maximum()[0] * 2 * crystal.passage
+    place = crystal.gain.first_maximum()[0] * 2 * crystal.network.length / crystal.lattice.velocity
     assert place == pytest.approx(0.5, abs=0.03)
 
 
-def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
+def test_crystal_is_found_from_the_packing_not_from_its_number():
     """An FCC crystal called case 30 has a theory; a random packing called case 2 has none."""
     packing = frictionless()
     rng = np.random.default_rng(1)
@@ -98,12 +97,11 @@ def test_crystal_is_found_from_the_packing_not_from_its_number(tmp_path):
         (column(9), False),  # layers of equal distance, but of straight springs
         (shaken, False),
     ):
-        case = Case("case30", tmp_path)
-        case.network = network
-        assert case.is_crystal == crystal
+        m = Measuring(network, case=Case("case30", None, {}))
+        assert m.crystal == crystal
         if not crystal:
             with pytest.raises(InputError, match="no FCC crystal"):
-                _ = case.lattice
+                _ = m.lattice
 
 
 @pytest.mark.parametrize(
@@ -124,17 +122,13 @@ def test_no_digit_beyond_the_error(value, error, text):
 
 
 @pytest.fixture(scope="module")
-def two_producers(tmp_path_factory):
+def two_producers():
     """FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
-    folder, cases = tmp_path_factory.mktemp("mixed"), []
-    for name, stress in (("case01", 1e4), ("case02", 1e5), ("case03", 1e6)):
-        case = Case(name, folder)
-        case.network = fcc(stress, (1, 1, 200))
-        if name == "case02":
-            time = np.arange(0, case.network.length / case.lattice.velocity, 5e-7)
-            slow = replace(case.lattice, mass=case.lattice.mass / 0.81)
-            case.signals = replace(lattice_signals(slow, time), producer="yade")
-        cases.append(Measures(case))
+    cases = [Measuring(fcc(stress, (1, 1, 200))) for stress in (1e4, 1e5, 1e6)]
+    lattice = cases[1].lattice
+    time = np.arange(0, cases[1].network.length / lattice.velocity, 5e-7)
+    slow = replace(lattice, mass=lattice.mass / 0.81)
+    cases[1].records = [replace(lattice_signals(slow, time), producer="yade")]
     return cases
 
 
@@ -144,9 +138,10 @@ def test_no_exponent_through_two_producers(two_producers):
     For a crystal it is 1/6 and what the overlap does to the distances, 2e-3 (Eq. 6).
     """
     middle = two_producers[1]
-    assert middle.yade_first_peak.value == pytest.approx(0.9 * middle.first_peak.value, rel=1e-2)
+    run, linear = (velocity.first_peak(middle, key).value for key in ("yade", "linear"))
+    assert run == pytest.approx(0.9 * linear, rel=1e-2)
     rows = [row_of(m) for m in two_producers]
-    assert of_one_producer(rows, "v_p_first_peaks")[1] == "linear"
+    assert of_one_producer(rows, "v_p_first_peaks_m_per_s")[1] == "linear"
     law = law_of(rows, "stress_pa", "v_p_first_peaks_linear_m_per_s")
     assert law.exponent == pytest.approx(1 / 6, abs=2e-3)
     # One case is no law.
@@ -157,47 +152,45 @@ def test_static_velocity_stands_beside_the_waves(two_producers):
     """Eq. 6 from a steady push: strain of the bulk to 1e-6, walls 5 diameters away."""
     for m in two_producers:
         static = row_of(m).value("v_p_static_m_per_s")
-        assert static == pytest.approx(m.case.lattice.velocity, rel=1e-3)
+        assert static == pytest.approx(m.lattice.velocity, rel=1e-3)
 
 
-def test_chi_z_says_of_which_modes_it_is(tmp_path):
+def test_chi_z_says_of_which_modes_it_is():
     """The largest of a narrow band is not passed for that of all modes above its lower end."""
-    case = Case("case06", tmp_path)
-    case.network = frictionless()
-    case.network.study.update(stress=1e5, mu_comp=0.0)
-
-    def some(frequency, chi):
-        zero = np.zeros(len(frequency))
-        return ModeSet(np.array(frequency), zero, np.array(chi), np.array(chi) / 2, zero)
-
-    case.modes = some([1e3, 2e3, 9.5e3, 1.2e4], [0.9, 0.8, 0.4, 0.99])
-    case.band = some([1.5001e4, 1.52e4, 1.5499e4], [0.2, 0.5, 0.3])
-    m = Measures(case)
-    assert m.largest_chi(0.0, 1e4, chain=True) == (0.45, "3 modes, 1.00-9.50 kHz")
-    assert m.largest_chi(1.5e4, np.inf, chain=True) == (0.25, "3 modes, 15.00-15.50 kHz")
-    assert m.largest_chi(1.5e4, np.inf, chain=False) == (0.5, "3 modes, 15.00-15.50 kHz")
+    lowest = some([1e3, 2e3, 9.5e3, 1.2e4], [0.9, 0.8, 0.4, 0.99])
+    m = with_modes(lowest, some([1.5001e4, 1.52e4, 1.5499e4], [0.2, 0.5, 0.3]))
+    assert spectrum.largest_chi(m, 0.0, 1e4) == (0.45, "3 modes, 1.00-9.50 kHz")
+    assert spectrum.largest_chi(m, 1.5e4, np.inf) == (0.25, "3 modes, 15.00-15.50 kHz")
+    every = spectrum.largest_chi(m, 1.5e4, np.inf, chain=False)
+    assert every == (0.5, "3 modes, 15.00-15.50 kHz")
 
 
-def test_modes_that_two_lists_share_count_once(tmp_path):
+def some(frequency, chi):
+    zero = np.zeros(len(frequency))
+    return ModeSet(np.array(frequency), zero, np.array(chi), np.array(chi) / 2, zero)
+
+
+def with_modes(modes, band):
+    held = {"modes": modes, "band.modes": band}
+    return Measuring(frictionless(), case=Case("case06", None, {}, held=held))
+
+
+def test_modes_that_two_lists_share_count_once():
     """All modes to 20 kHz beside the lowest, which another search gave with another last digit."""
-    case = Case("case06", tmp_path)
-    case.network = frictionless()
-
-    def some(frequency):
-        f = np.array(frequency)
-        return ModeSet(f, 0 * f, f / 2e4, f / 4e4, 0 * f)
-
     lowest, every = [1e3, 2e3, 9.5e3], [1e3 * (1 - 1e-10), 2e3, 9.5e3 * (1 + 1e-10), 1.6e4, 1.9e4]
-    case.modes, case.band = some(lowest), some(every)
-    m = Measures(case)
-    assert m.largest_chi(0, 1e4, chain=False) == (pytest.approx(0.475), "3 modes, 1.00-9.50 kHz")
-    assert m.largest_chi(1.5e4, np.inf, chain=True)[1] == "2 modes, 16.00-19.00 kHz"
-    mean = m.mean_chi(1.5e4, np.inf)  # of 0.4 and 0.475, whose standard error is half their gap
+    every = some(every, np.array(every) / 2e4)
+    m = with_modes(some(lowest, np.array(lowest) / 2e4), every)
+    largest = spectrum.largest_chi(m, 0, 1e4, chain=False)
+    assert largest == (pytest.approx(0.475), "3 modes, 1.00-9.50 kHz")
+    assert spectrum.largest_chi(m, 1.5e4, np.inf)[1] == "2 modes, 16.00-19.00 kHz"
+    # Of 0.4 and 0.475, whose standard error is half their gap.
+    mean = spectrum.mean_chi(m, 1.5e4, np.inf)
     assert (mean.value, mean.error) == pytest.approx((0.4375, 0.0375))
-    assert np.isnan(m.mean_chi(1.7e4, np.inf).value)
-    case.modes = some([1e3 * (1 - 2e-10), *lowest[1:]])  # now the short list begins first
-    assert Measures(case).largest_chi(0, np.inf, chain=True)[1] == "5 modes, 1.00-19.00 kHz"
-    assert [len(f) for f, _, _ in Measures(case).moved] == [3, 2]
+    assert np.isnan(spectrum.mean_chi(m, 1.7e4, np.inf).value)
+    first = [1e3 * (1 - 2e-10), *lowest[1:]]  # now the short list begins first
+    m = with_modes(some(first, first), every)
+    assert spectrum.largest_chi(m, 0, np.inf)[1] == "5 modes, 1.00-19.00 kHz"
+    assert [len(f) for f, _, _ in spectrum.chi_lists(m)] == [3, 2]
 
 
 def test_linear_at_a_runs_times(tmp_path):
@@ -206,7 +199,7 @@ def test_linear_at_a_runs_times(tmp_path):
     write_network(tmp_path / "case06.network.h5", network)
     own = propagate(network, 2e-4, interval=1e-6).signals
     write_signals(tmp_path / "case06.signals.h5", replace(own, producer="yade"))
-    measured = Measures(Case("case06", tmp_path))
-    again = measured.case.linear()
-    assert again.time == pytest.approx(own.time)
-    assert measured.off_linear < 1e-6  # the record is that very wave
+    m = Measuring.of(Case("case06", tmp_path))
+    assert m.beside.time == pytest.approx(own.time)
+    off = QUANTITIES["yade_less_linear_layers"].of(m)
+    assert off < 1e-6  # the record is that very wave

@@ -17,6 +17,7 @@ from analysis.estimators.power_law import power_law
 from analysis.estimators.ridge import ridge
 from analysis.estimators.transfer import wall_velocity
 from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
+from analysis.measuring import Measuring
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
@@ -153,4 +154,4 @@ def test_a_chain_that_leaves_out_layers_is_refused(tmp_path):
     write_network(tmp_path / "a.network.h5", network)
     write_signals(tmp_path / "a.signals.h5", chain(whole, slice(None, None, 2)))
     with pytest.raises(InputError, match="in every 2 layers"):
-        _ = Case("a", tmp_path).signals
+        _ = Measuring.of(Case("a", tmp_path)).yade

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from analysis.case import Case
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.ridge import ridge
-from analysis.measures import Measures
+from analysis.measuring import Measuring
+from analysis.quantities.passband import edge_wavelength, wavelength_at
 from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
@@ -98,13 +98,12 @@ def test_noise_that_hides_the_edge_gives_none_rather_than_another():
         assert found == pytest.approx(exact, rel=1e-2) if seen else np.isnan(found)
 
 
-def test_measured_case_has_no_wavelength_above_its_edge(tmp_path):
+def test_measured_case_has_no_wavelength_above_its_edge():
     """The linear wave of an FCC column: sqrt 2 measured at its edge, and nothing above."""
-    case = Case("case02", tmp_path)
-    case.network = fcc(cells=(1, 1, 200))
-    found = Measures(case)
-    assert found.edge_wavelength[0] == pytest.approx(np.sqrt(2), rel=1e-2)
-    edge = case.lattice.low_pass_frequency
-    assert np.isnan(found.wavelength_at(1.05 * edge)) and np.isnan(found.wavelength_at(2 * edge))
-    half = 2 * np.pi / (np.pi / 2 / case.lattice.distance)  # kappa l = pi / 2
-    assert found.wavelength_at(edge * np.sin(np.pi / 4)) == pytest.approx(half, rel=5e-3)
+    m = Measuring(fcc(cells=(1, 1, 200)))
+    assert edge_wavelength(m, "linear") == pytest.approx(np.sqrt(2), rel=1e-2)
+    edge = m.lattice.low_pass_frequency
+    assert np.isnan([wavelength_at(m, part * edge, "linear") for part in (1.05, 2)]).all()
+    half = 2 * np.pi / (np.pi / 2 / m.lattice.distance)  # kappa l = pi / 2
+    found = wavelength_at(m, edge * np.sin(np.pi / 4), "linear")
+    assert found == pytest.approx(half, rel=5e-3)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.case import Case
 from analysis.estimators.resonances import fitted_wavenumbers, long_wave_velocity
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.structure_factor import StructureFactor
 from analysis.estimators.transfer import Gain
-from analysis.measures import Measures
+from analysis.measuring import Measuring
+from analysis.quantities import gain
 from modal.packing.crystal import fcc
-from modal.packing.network import write_network
 
 
 @pytest.mark.parametrize("power", [2.0, 4.0])
@@ -82,30 +81,28 @@ def test_maxima_of_a_rod_lie_half_way():
     assert len(Gain(f, np.ones(len(f)), 100.0).maxima()) == 0
 
 
-def test_maxima_of_the_crystals_gain_are_half_orders(tmp_path):
+def test_maxima_of_the_crystals_gain_are_half_orders():
     """The springs of the crystal itself; without modes f_1 is V / 2 L.
 
     Walls that give way lengthen the column by a layer or so of a hundred: 1 to 2 % of an order.
     """
-    write_network(tmp_path / "case02.network.h5", fcc(cells=(1, 1, 100)))
-    at, expected = Measures(Case("case02", tmp_path)).gain_orders
+    at, expected = gain.orders(Measuring(fcc(cells=(1, 1, 100))))
     assert len(at) > 8
     assert at[:8] == pytest.approx(expected[:8], rel=0.025)
 
 
-def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source(tmp_path):
+def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source():
     """The stress at the source vanishes where the column with a free source end swings by itself.
 
     Exactly so without a window; that of 0.38 f_1 moves the maxima by its square over the orders'
     curvature, a thousandth of f_1 (the grid of the gain is 0.1 f_1).
     """
-    write_network(tmp_path / "case02.network.h5", fcc(cells=(1, 1, 100)))
-    m = Measures(Case("case02", tmp_path))
-    free = m.case.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi)
+    m = Measuring(fcc(cells=(1, 1, 100)))
+    free = m.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi)
     found = m.gain.maxima()
     assert len(found) > 11
-    assert abs(found[:12] - free[:12]).max() < 2e-3 * m.first_resonance
-    assert m.gain_orders[0][:12] == pytest.approx(m.free_held[:12], abs=2e-3)
+    assert abs(found[:12] - free[:12]).max() < 2e-3 * gain.first_resonance(m)
+    assert gain.orders(m)[0][:12] == pytest.approx(gain.free_held(m)[:12], abs=2e-3)
 
 
 def test_ridge_ends_at_the_limit():

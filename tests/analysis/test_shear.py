@@ -11,7 +11,10 @@ import modal
 from analysis.agreement import Agreement, relative
 from analysis.belonging import kind_of
 from analysis.case import Case
-from analysis.measures import Measures
+from analysis.estimators.transfer import network_gain
+from analysis.figures.shear import dispersion
+from analysis.measuring import Measuring
+from analysis.quantities.velocity import chain, first_peak, longest
 from analysis.study.measuring import of_case
 from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
@@ -39,9 +42,9 @@ def made(tmp_path_factory):
 
 
 def test_a_run_whose_wall_slid_is_no_p_wave(made):
-    case = Case("case02", made)
-    assert case.signals is None and case.record is case.wave and case.wave.direction == "z"
-    assert [record.producer for record in case.shear] == ["yade", "linear"]
+    m = Measuring.of(Case("case02", made))
+    assert m.yade is None and m.shown is m.linear and m.linear.direction == "z"
+    assert list(m.shear) == ["yade", "linear"]
     assert kind_of(made / "case02.signals.h5") == "shear_yade.signals"
     assert kind_of(made / "case02.shear.signals.h5") == "shear.signals"
     assert kind_of(made / "case02.moduli.h5") == "moduli"
@@ -49,20 +52,20 @@ def test_a_run_whose_wall_slid_is_no_p_wave(made):
 
 def test_numbers_of_the_crystals_s_wave(made):
     """V_S, band edge and dispersion against the closed form of its layers."""
-    m = Measures(Case("case02", made))
-    for wave in m.shear:
-        assert wave.long_wave.value == pytest.approx(EXACT.velocity, rel=1e-3)
+    m = Measuring.of(Case("case02", made))
+    for key in ("shear_yade", "shear_linear"):
+        assert longest(m, key).value == pytest.approx(EXACT.velocity, rel=1e-3)
         edge = EXACT.branches(np.array([np.pi / EXACT.crystal.layer_distance]))[0, 0]
-        assert wave.chain.low_pass_frequency == pytest.approx(edge / (2 * np.pi), rel=5e-3)
-        kappa, f = wave.dispersion
+        assert chain(m, key).low_pass_frequency == pytest.approx(edge / (2 * np.pi), rel=5e-3)
+        kappa, f = dispersion(m, key)
         low = slice(0, 80)
         branch = EXACT.branches(kappa[low])[0] / (2 * np.pi)
         assert f[low] == pytest.approx(branch, rel=5e-3)
         # As of P-waves: the gain is largest where the source end is free, a quarter of a wave.
-        first = wave.gain.first_maximum()[0]
-        assert first == pytest.approx(EXACT.velocity / (4 * m.case.network.length), rel=0.05)
+        first = network_gain(m.network, m.network.length / EXACT.velocity, "x").first_maximum()[0]
+        assert first == pytest.approx(EXACT.velocity / (4 * m.network.length), rel=0.05)
         # First peaks lag behind the front: near V_S.
-        assert wave.first_peak.value == pytest.approx(EXACT.velocity, rel=0.05)
+        assert first_peak(m, key).value == pytest.approx(EXACT.velocity, rel=0.05)
 
 
 def test_result_has_what_slides_and_the_moduli(made, tmp_path):
@@ -92,4 +95,4 @@ def test_a_response_that_is_not_the_reports_is_refused(made, tmp_path):
         tmp_path / "a.response.h5", frequency_response(network, highest=2e4, direction="x")
     )
     with pytest.raises(InputError, match="of an S-wave, which the report's gain is not"):
-        _ = Case("a", tmp_path).response
+        _ = Case("a", tmp_path).read("response")

@@ -16,7 +16,7 @@ pytest.importorskip("pandas")
 from analysis.__main__ import main
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures import FIGURES
-from analysis.quantities.records import natural_frequency
+from analysis.quantities.spectrum import natural_frequency
 from analysis.rows import Row
 from analysis.study.description import Study
 from analysis.study.powers import powers

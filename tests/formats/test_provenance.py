@@ -19,7 +19,8 @@ from places import ROOT
 
 from analysis.__main__ import main as analysis_main
 from analysis.case import find
-from analysis.measures import Measures
+from analysis.measuring import Measuring
+from analysis.quantities import QUANTITIES
 from analysis.study.measuring import of_case
 from modal.__main__ import main
 from modal.formats.hdf5 import sha256
@@ -381,9 +382,11 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = find("2", folder)
-        m = Measures(case)
-        assert m.of_balance("opened") == 17 and m.of_balance("drift") == balance.drift
-        assert m.of_balance("gap") == pytest.approx(balance.gap, nan_ok=True)
+        m = Measuring.of(case)
+        assert QUANTITIES["contacts_opened"].of(m) == 17
+        for name in ("drift", "gap"):
+            found = QUANTITIES[f"energy_{name}"].measured(m).value
+            assert found == pytest.approx(getattr(balance, name), nan_ok=True)
         assert sum("do not trust this run" in text for text in case.notes) == note
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from analysis.case import Case
 from analysis.estimators.settled import why_unsettled
+from analysis.measuring import Measuring
 from modal.packing.contact_law import GLASS
 from modal.packing.crystal import fcc
 from modal.packing.sample import read_sample
@@ -33,12 +33,11 @@ def shaken(sample):
     return replace(sample, position=moved)
 
 
-def test_reports_mark_the_state_in_every_label(sample, shaken, tmp_path):
+def test_reports_mark_the_state_in_every_label(sample, shaken):
     for state, marked in ((sample, False), (shaken, True)):
-        case = Case("case30", tmp_path)
-        case.network = state.network()
-        case.network.study.update(stress=1e3, mu_comp=0.4)
-        assert ("not settled" in case.label) == marked
+        m = Measuring(state.network())
+        m.network.study.update(stress=1e3, mu_comp=0.4)
+        assert ("not settled" in m.label) == marked
 
 
 def test_stress_off_its_target_is_not_settled(sample):
@@ -49,11 +48,10 @@ def test_stress_off_its_target_is_not_settled(sample):
     assert why_unsettled(network) == ""  # no target
 
 
-def test_crystal_is_settled_without_its_lateral_stress(tmp_path):
+def test_crystal_is_settled_without_its_lateral_stress():
     """Its walls, not its sides, have the stated stress: 4.5 % less between the layers of 20."""
-    case = Case("case02", tmp_path)
-    case.network = fcc(cells=(2, 2, 20))
-    assert case.unsettled == "" and "settled" not in case.label
+    m = Measuring(fcc(cells=(2, 2, 20)))
+    assert m.unsettled == "" and "settled" not in m.label
 
 
 @pytest.mark.parametrize("name, marked", [("mu0.4_1kPa", True), ("mu0_1kPa", False)])

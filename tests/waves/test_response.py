@@ -4,10 +4,10 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.case import find
 from analysis.crystal import compare
 from analysis.estimators.transfer import TRAVELS, gain_factor
-from analysis.measures import Measures
+from analysis.measuring import Measuring
+from analysis.quantities import gain
 from modal.__main__ import main
 from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL, write_network
@@ -118,13 +118,11 @@ def test_height_of_the_gain_is_the_windows(travels):
         assert frequency == pytest.approx(250, rel=2e-2)
 
 
-def test_report_and_comparison_state_one_gain(tmp_path):
+def test_report_and_comparison_state_one_gain():
     """The height of case 2 is the same in both, with the resolution and the undamped column's."""
-    network = gallery.fcc(cells=(1, 1, 200))
-    write_network(tmp_path / "case02.network.h5", network)
-    case = find("2", tmp_path)
-    row = next(row for row in compare(case) if row.id == "gain")
-    shown = Measures(case).gain_height
+    m = Measuring(gallery.fcc(cells=(1, 1, 200)))
+    row = next(row for row in compare(m) if row.id == "gain")
+    shown = gain.height(m)
     assert float(shown.split()[0]) == pytest.approx(row.values["linear"], rel=1e-2)
     assert "Hz (undamped column: 1.6" in shown and "undamped column has 1.6" in row.note
     assert float(shown.split()[0]) == pytest.approx(1.588, rel=5e-3)  # dense solve of the chain

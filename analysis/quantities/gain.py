@@ -1,0 +1,89 @@
+"""What is heard of one wall at the other: the gain factor, and where its maxima lie."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.measuring import Measuring
+from analysis.quantities.passband import low_pass_2
+from analysis.quantities.registry import quantity
+from analysis.quantities.spectrum import standing_waves
+from analysis.quantities.velocity import longest
+from analysis.value import Value, hertz
+from modal.tools.arrays import Floats
+
+MISCOUNTED = 0.75
+"""Orders between a maximum and where it is expected, above which it is another's: 1/2 would be a
+resonance of two held walls, 1 the next maximum."""
+
+
+@quantity(
+    "gain",
+    "1",
+    "stress on the receiver over that on the source wall, over frequency",
+    exact="resonances without end, of which the record's window alone decides",
+    asked=True,
+)
+def gain(m: Measuring) -> Value:
+    """Of P-waves, without damping."""
+    found = m.gain
+    text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
+    return Value(found.gain, "1", {}, (text, *m.of_waves), found.frequency)
+
+
+def passage(m: Measuring) -> float:
+    """Time, s, of the longest waves from wall to wall."""
+    return m.network.length / longest(m, "linear").value
+
+
+def first_resonance(m: Measuring) -> float:
+    """f_1, Hz, of the first P resonance: of its mode, else V_P / 2 L of the long waves."""
+    f = standing_waves(m)[0]
+    return float(f[0]) if len(f) else 0.5 / passage(m)
+
+
+def orders(m: Measuring) -> tuple[Floats, Floats]:
+    """The gain's maxima (k,) as orders of two columns: f = r f_1, both walls held, and r - 1/2.
+
+    Each maximum is looked up among the measured resonances r f_1, which bend with dispersion:
+    the first is the order r at which a standing wave has its frequency, by interpolation; the
+    second what is expected where the source wall is free of stress, 1/2, 3/2, ... They end
+    where a maximum is missing or one too many, an order off, and they no longer count.
+    """
+    f, end = m.gain.maxima(), low_pass_2(m)
+    if np.isfinite(end):  # beyond it the walls hear no common wave
+        f = f[f < end]
+    found = _orders(m, f)
+    expected: Floats = np.arange(0.5, len(f))
+    lost = np.flatnonzero(~(abs(found - expected) < MISCOUNTED))
+    counted = slice(None, lost[0] if len(lost) else None)
+    return found[counted], expected[counted]
+
+
+def free_held(m: Measuring) -> Floats:
+    """Orders (k,) of the exact modes of a crystal whose source end is free; empty for others.
+
+    There the stress at the source wall is zero while the receiver's is not: the gain's maxima.
+    """
+    if not m.crystal:
+        return np.empty(0)
+    return _orders(m, m.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi))
+
+
+def _orders(m: Measuring, f: Floats) -> Floats:
+    """Orders of frequencies (k,), Hz, among the measured resonances, by interpolation."""
+    f_r, kappa = standing_waves(m)
+    rising = np.isfinite(f_r) & (np.maximum.accumulate(np.nan_to_num(f_r)) == f_r)
+    if rising.sum() < 2:
+        return f / first_resonance(m)
+    order = np.append(0.0, kappa[rising] * m.network.length / np.pi)
+    return np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan)
+
+
+def height(m: Measuring) -> str:
+    """The gain at its first maximum with its resolution, and an undamped column's under it."""
+    found = m.gain.first_maximum()[1]
+    if not np.isfinite(found):
+        return ""
+    same = m.gain.undamped(passage(m))
+    return f"{found:.3g} at {m.gain.resolution:.0f} Hz (undamped column: {same:.3g})"
