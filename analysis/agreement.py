@@ -1,4 +1,4 @@
-"""A YADE run against the linear wave of its own contact network, and where they part.
+"""A run by YADE, or a non-linear wave, against the linear wave of its network, and where they part.
 
 The linear wave is computed with the DEM's own time step (`modal.waves.integrators`) and the exact
 tangent, so what is left is the packing's non-linearity and the run's noise. Leaving out one thing
@@ -32,6 +32,9 @@ OTHER_RUNS = {
     "half_step": "run with half the time step, recorded at the first run's times too",
 }
 """Further runs of the same sample that split the difference."""
+
+PROGRAMS = {"yade": "YADE", "nonlinear": "non-linear wave"}
+"""Producers of signals, as the causes name them."""
 
 SAME = 1e-3
 """Largest difference of two motions of the source that are one but for their size."""
@@ -190,29 +193,30 @@ def split_by_cause(
 
     The other runs are those of `OTHER_RUNS`; causes whose run is absent are left out.
     """
+    by = PROGRAMS.get(pair.run.producer, pair.run.producer)
     found, full = pair.measured(pair.run), pair.linear("full")
-    rows = [compare("YADE to linear, all causes", found, full)]
+    rows = [compare(f"{by} to linear, all causes", found, full)]
     exact = pair.linear("full", exact_in_time=True)
     rows.append(compare("time step (linear leapfrog to exact)", full, exact))
     rows.append(compare("pre-stress, all of it (linear)", pair.linear("none"), full))
     rows.append(compare("pre-stress of shear forces (linear)", pair.linear("normal"), full))
     if half_step is not None:
-        rows.append(compare("time step (YADE, half of it)", found, pair.measured(half_step)))
+        rows.append(compare(f"time step ({by}, half of it)", found, pair.measured(half_step)))
     if no_slip is not None:
         held = pair.measured(no_slip)
-        rows.append(compare("opened and slipped contacts (YADE, friction)", found, held))
-        rows.append(compare("YADE without slip to linear", held, full))
+        rows.append(compare(f"opened and slipped contacts ({by}, friction)", found, held))
+        rows.append(compare(f"{by} without slip to linear", held, full))
     if reverse is not None:
         odd = found.combine(pair.measured(reverse), 0.5, 0.5)
-        rows.append(compare("even part: quadratic terms and drift (YADE)", found, odd))
+        rows.append(compare(f"even part: quadratic terms and drift ({by})", found, odd))
         rows.append(compare("odd part to linear", odd, full))
     if tenth is not None:
         less = pair.measured(tenth)
-        rows.append(compare("non-linearity (YADE, a tenth of the amplitude)", found, less))
+        rows.append(compare(f"non-linearity ({by}, a tenth of the amplitude)", found, less))
         rows.append(compare("a tenth of the amplitude to linear", less, full))
     if small is not None:
         little = pair.measured(small)
-        rows.append(compare("non-linearity (YADE, two amplitudes)", found, little))
+        rows.append(compare(f"non-linearity ({by}, two amplitudes)", found, little))
         rows.append(compare("small amplitude to linear", little, full))
         if small_reverse is not None:
             odd = little.combine(pair.measured(small_reverse), 0.5, 0.5)

@@ -14,20 +14,20 @@ from analysis.cli.options import add_command
 from analysis.watch import watch_page
 from modal.cli.options import add_output
 from modal.cli.terminal import put
+from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import write_text
 from modal.formats.provenance import packing_of, require_same_packing
-from modal.packing.network import read_network
 from modal.tools.errors import InputError
 from modal.waves.signals import read_signals
 
 
 def add(commands: Any) -> None:
     """The commands' options."""
-    text = "a YADE run against the linear wave of its network, the difference split by cause"
+    text = "a YADE run or a non-linear wave against the linear one, the difference split by cause"
     example = "agreement case02.network.h5 case02.signals.h5 -o agreement.md"
     agree = add_command(commands, "agreement", text, example, _agreement)
-    agree.add_argument("network", help="*.network.h5 of the run")
-    agree.add_argument("signals", help="*.signals.h5 of the YADE run")
+    agree.add_argument("network", help="*.network.h5 or *.sample.h5 of the run")
+    agree.add_argument("signals", help="*.signals.h5 of the run")
     for name, what in OTHER_RUNS.items():
         agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
     agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")
@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
 def _agreement(options: argparse.Namespace) -> None:
     if options.output and options.output.endswith(".csv"):
         raise InputError(f"-o {options.output}: the tables are text, a *.csv is put beside; *.md")
-    network, run = read_network(options.network), read_signals(options.signals)
+    network, run = read_packing(options.network), read_signals(options.signals)
     within = np.inf
     if options.first is not None:
         if not 1 <= options.first <= len(run.chain_position):

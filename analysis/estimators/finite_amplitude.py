@@ -29,7 +29,7 @@ class FiniteAmplitude:
     of that; `even`: largest even part over the largest odd one; `harmonic`: root mean square over
     the chain of the even part at twice the frequency of the pulse, over that of the odd part at it;
     `slipping`, `opening`: shares of contacts that slid, or were seen to open, in one of both waves;
-    `loss`: what slip dissipated over the most that the source has given, mean of both waves;
+    `loss`: what slip dissipated over what the source has given in all, mean of both waves;
     `sharing`: number of contacts that would dissipate as much if all did alike, (sum e)^2 over
     sum e^2; `error`: of the time steps, and of what the packing does without a wave.
     """
@@ -72,7 +72,7 @@ def finite_amplitude(
                 second / first,
                 np.mean((ahead.dissipated > 0) | (back.dissipated > 0)),
                 np.mean(ahead.opened | back.opened),
-                np.mean([one.energy[-1, 3] / one.energy[:, 0].max() for one in (ahead, back)]),
+                np.mean([one.energy[-1, 3] / one.energy[-1, 0] for one in (ahead, back)]),
                 np.mean([_sharing(one.signals.slip_energy) for one in (ahead, back)]),
                 np.hypot(ahead.error, ahead.noise),
             )

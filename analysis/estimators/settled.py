@@ -29,7 +29,7 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     """What of a packing's state is beyond `SETTLED`; empty if nothing is, or without forces.
 
     `stress` is the target of its three stresses, Pa; NaN where it has none or only an axial one, as
-    a crystal has. Where anything is beyond, it also says how far the walls' pressures are off.
+    a crystal has. Where anything is beyond, it also says how far the pressures of walls are off.
     """
     if network.n_contacts == 0 or any(getattr(network, name) is None for name in FORCES):
         return ""
@@ -41,7 +41,7 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
         found.append(f"residual {residual:.1e} over {most_left:g}")
     if off > most_off:
         found.append(f"stress {100 * off:.2f} % off, over {100 * most_off:g} %")
-    if found and np.isfinite(stress):
+    if found and np.isfinite(stress) and not network.cell_periodic[2]:
         walls = 100 * (wall_stress(network) / stress - 1)
         found.append("walls " + ", ".join(f"{value:+.1f} %" for value in walls))
     return "; ".join(found)

@@ -83,6 +83,18 @@ def test_rough_contact_at_its_transitions_and_far_beyond():
     assert (stiffness[0] <= stiffness[1] * (1 + 1e-12)).all()
 
 
+def test_rough_contact_becomes_that_of_hertz_where_he_is_right_within_some_per_cent():
+    """Greenwood, Johnson, Matsubara 1984: alpha = S R* / a0^2 below 0.05, of Hertz's radius a0.
+
+    Farther below the law would be rough for longer than need be.
+    """
+    law, _ = laws_of(of(GIVEN["rough"]))
+    radius, roughness = RADIUS / 2, np.hypot(ROUGHNESS, ROUGHNESS)
+    force = law.normal_force(TOUCH_2 * roughness, radius)
+    contact = (0.75 * force * radius / GLASS.effective_young) ** (1 / 3)
+    assert 0.04 < roughness * radius / contact**2 < 0.05
+
+
 def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
     """Kinetic and elastic energy at whole steps; depth from the energy, times by quadrature."""
     side, approach = 20 * RADIUS, 0.05
