@@ -33,8 +33,8 @@ OTHER_RUNS = {
 }
 """Further runs of the same sample that split the difference."""
 
-PROGRAMS = {"yade": "YADE", "nonlinear": "non-linear wave"}
-"""Producers of signals, as the causes name them."""
+OTHER_PROGRAMS = {"nonlinear": "non-linear wave"}
+"""Producers of signals other than YADE, as the causes name them."""
 
 SAME = 1e-3
 """Largest difference of two motions of the source that are one but for their size."""
@@ -193,7 +193,7 @@ def split_by_cause(
 
     The other runs are those of `OTHER_RUNS`; causes whose run is absent are left out.
     """
-    by = PROGRAMS.get(pair.run.producer, pair.run.producer)
+    by = OTHER_PROGRAMS.get(pair.run.producer, "YADE")
     found, full = pair.measured(pair.run), pair.linear("full")
     rows = [compare(f"{by} to linear, all causes", found, full)]
     exact = pair.linear("full", exact_in_time=True)
