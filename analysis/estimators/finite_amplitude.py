@@ -72,7 +72,7 @@ def finite_amplitude(
                 second / first,
                 np.mean((ahead.dissipated > 0) | (back.dissipated > 0)),
                 np.mean(ahead.opened | back.opened),
-                np.mean([one.energy[-1, 3] / one.energy[-1, 0] for one in (ahead, back)]),
+                np.mean([one.energy[-1, 3] / abs(one.energy[-1, 0]) for one in (ahead, back)]),
                 np.mean([_sharing(one.signals.slip_energy) for one in (ahead, back)]),
                 np.hypot(ahead.error, ahead.noise),
             )
