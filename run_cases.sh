@@ -14,7 +14,8 @@
 #   --slurm         each job is one of Slurm's; --profile DIR: of another cluster (docs/workflow.md)
 #   --dry-run       what would be made; --status: what is there, and what is stale and why
 # Products go to products/. What is made is kept; a run that was killed is resumed by the same command.
-# Exit status: 0; 2 if what is wrong says what to do; else 1. The variable YADE names another YADE.
+# Exit status: 0; 3 for a page without some cases, which says why; 2 if what is wrong says what to do;
+# else 1. The variable YADE names another YADE.
 set -euo pipefail
 cd -P "$(dirname "$0")" # the name by which Slurm knows the folder
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
@@ -34,7 +35,7 @@ while [ $# -gt 0 ]; do
         --slurm) profile=slurm ;;
         --profile) profile=$(basename "${2:-none}"); shift ;;
         --dry-run | --status) only=${1#--} ;;
-        --help | -h) sed -n '4,17s/^# \{0,1\}//p' "$0"; exit 0 ;;
+        --help | -h) sed -n '4,18s/^# \{0,1\}//p' "$0"; exit 0 ;;
         *) fail "unknown option $1; see --help" ;;
     esac
     [ $# = 0 ] || shift

@@ -16,7 +16,6 @@ import yaml
 from places import ROOT
 
 pytest.importorskip("snakemake")
-LEFT_BEHIND = (".git", ".venv", ".snakemake", "products", "__pycache__", "*.egg-info", "results")
 PAPER = "studies/otsubo2017/study.yaml"
 TINY = """
 groups:
@@ -33,16 +32,19 @@ tables:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> Path:
-    """A copy of the project, without products and without Snakemake's own notes."""
+    """The project with studies of its own, without products and without Snakemake's own notes."""
     folder = tmp_path_factory.mktemp("study") / "project"
-    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
-    shutil.copytree(ROOT / "results/samples", folder / "results/samples")
+    for name in ("workflow", "studies"):
+        shutil.copytree(ROOT / name, folder / name)
+    for name in ("modal", "analysis", "yade_scripts", "results"):
+        (folder / name).symlink_to(ROOT / name)
+    (folder / "setup.sh").write_text("#!/bin/sh\n")
+    (folder / "setup.sh").chmod(0o755)
     return folder
 
 
 def run(folder: Path, profile: str, only: str, *settings: str) -> subprocess.CompletedProcess:
     """As ./run_cases.sh calls it, without setting anything up."""
-    (folder / "setup.sh").write_text("#!/bin/sh\n")
     command = [sys.executable, "workflow/run.py", profile, only, "2", *settings]
     variables = os.environ | {"PYTHONPATH": f"{folder}/workflow:{folder}"}
     return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
@@ -116,6 +118,14 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study):
     shutil.copy(study / "tiny/results/friction0_stress1e+06.json", study / "tiny/results/seed_2")
     assert planned(study, study="studies/tiny.yaml", products="tiny", stage="page") == {"page": 1}
     assert all(path.stat().st_mtime == made for path, made in before.items())
+    # A case that cannot be made is a row of the page that says why; the others stand as they are.
+    own.write_text(TINY + f"cases: {{{names[1]}: {{wave_friction: -1}}}}\n")
+    (study / f"tiny/results/{names[1]}.json").unlink()
+    done = run(study, "local", "", *settings)
+    assert done.returncode == 3
+    (line,) = (study / "tiny/study/absent.csv").read_text().splitlines()[1:]
+    assert line.startswith(f"{names[1]},") and "friction -1" in line
+    assert "No result of case 2" in (study / "tiny/study/study.html").read_text()
 
 
 def test_the_rules_pass_snakemakes_own_lint(study):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from pathlib import Path
 import yaml
 from jobs import PYTHON, Jobs
 
+from analysis.table import Table
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
 
@@ -82,7 +84,26 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     status_, *reasons = failed.read_text().splitlines() if failed.exists() else ["1"]
     for reason in reasons:
         print(f"run_cases.sh: {reason}", file=sys.stderr)
+    if done and reasons and jobs.stage == "page":
+        return page_without(jobs, study, reasons) or int(status_)
     return int(status_) if done else 0
+
+
+def page_without(jobs: Jobs, study: str, reasons: list[str]) -> int:
+    """The page of the results that are there, which says why the others are not; its status, 3."""
+    lines = []
+    for reason in reasons:
+        job, _, why = reason.partition(": ")
+        made = [
+            name for name in (*jobs.rows, *jobs.walks) if re.search(rf" {re.escape(name)}\b", job)
+        ]
+        name = max(made, key=len, default=job)
+        lines += [[case, why] for case in jobs.walks.get(name, [name])]
+    results = Path(jobs.results)
+    results.mkdir(parents=True, exist_ok=True)
+    Table("", ["case", "why"], lines).write_csv(results / "absent.csv")
+    command = [PYTHON, "-m", "analysis", "study", study, "--results", str(results)]
+    return subprocess.run([*command, "-o", f"{jobs.folder}/study"]).returncode
 
 
 def wait(path: Path, text: str):

@@ -28,7 +28,7 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     """Write tables, figures and the page of a study to `output`; the page, and missing cases.
 
     `results` is a folder of results with the panels of their figures, and of the tables that
-    `python -m analysis agreement` has made of a case.
+    `python -m analysis agreement` has made of a case; absent.csv says why cases have none.
     """
     rows = read_results(results)
     frame = frame_of(rows, study.cases)
@@ -38,7 +38,8 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     output.mkdir(parents=True, exist_ok=True)
     wanted = study.settings["tables"] or study.part("tables")
     pages = {spec["name"] for spec in wanted if spec.get("page")}
-    shown = [second_verdicts(found), *tables(wanted, frame, rules, rows)]
+    shown = [_absent(results / "absent.csv", frame), second_verdicts(found)]
+    shown += tables(wanted, frame, rules, rows)
     shown, pages = [table for table in shown if table.rows], {*pages, "second_verdicts"}
     for path in sorted(results.glob("*.agreement.csv")):
         case = path.name.split(".")[0]
@@ -85,6 +86,14 @@ def _of_state(frame: pd.DataFrame, row: Row) -> dict[str, Value]:
     if "void_ratio_of_state" not in frame or row.name not in frame.index:
         return {}
     return {"void_ratio_of_state": estimate(float(frame["void_ratio_of_state"][row.name]))}
+
+
+def _absent(path: Path, frame: pd.DataFrame) -> Table:
+    """The cases that could not be made, and why, as far as they still have no result."""
+    title = "Cases that could not be made"
+    table = read_csv(path, title) if path.is_file() else Table(title, ["case", "why"], [])
+    away = set(frame.index[~frame["there"]])
+    return Table(title, table.header, [row for row in table.rows if row[0] in away], "absent")
 
 
 def _summary(frame: pd.DataFrame, found: list[Answer]) -> list[str]:
