@@ -13,6 +13,9 @@ import modal
 from modal.dem.contacts import MovingContacts
 from modal.packing.sample import read_sample
 from modal.preparation.elastic_rest import elastic_motion
+from modal.preparation.frictionless import minimise
+from modal.preparation.random_packing import cloud
+from modal.preparation.relax import relax
 from modal.solvers.same_bits import same_bits_product
 from modal.system.operator import ContactOperator
 from modal.tools import loops, slabs
@@ -74,11 +77,18 @@ def moving() -> str:
     return digest(run(packing, 50).contacts.position)
 
 
+def descent() -> str:
+    """Some steps of spheres without friction down their energy."""
+    sample, _ = minimise(cloud(200, 1.5, seed=3), 1e7, tolerance=1e-3, max_steps=100)
+    return digest(sample.position)
+
+
 def springs() -> str:
     """A step to rest by conjugate gradients, and the loads after it."""
     from test_elastic_rest import made, shaken
 
-    packing = shaken(made(), 0.01)
+    rested, _ = relax(shaken(made(), 0.02, np.inf))
+    packing = shaken(rested, 0.01)
     slabs.ENOUGH = 1
     contacts = MovingContacts(packing)
     motion = elastic_motion(contacts, contacts.sample())
@@ -94,5 +104,5 @@ if __name__ == "__main__":
         slabs.ENOUGH = usual
         found[task.__name__] = task()
     found |= {f"products, {name}": products(name) for name in ("none", "full")}
-    found |= {task.__name__: task() for task in (linear, blas, nonlinear)}
+    found |= {task.__name__: task() for task in (linear, blas, nonlinear, descent)}
     print(json.dumps({"threads": loops.threads_for(1000), "found": found}))

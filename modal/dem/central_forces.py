@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modal.dem.downhill import longest_ways
 from modal.dem.forces import TOTALS, UPRIGHT, WITHOUT_HISTORY, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, near_enough, still_complete
 from modal.packing.sample import Sample
@@ -36,8 +37,7 @@ class NearContacts:
     def holds(self, position: np.ndarray, lengths: np.ndarray) -> bool:
         """Whether nothing outside the list can touch at these positions, (n, 3) m."""
         stretch = lengths / self.made_lengths
-        moved = position - self.made_at * stretch
-        largest = np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
+        largest = longest_ways(position, self.made_at, stretch).max()
         return still_complete(self.skin / self.radius, stretch, largest, self.radius)
 
 

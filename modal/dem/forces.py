@@ -125,11 +125,13 @@ def _forces_of_slab(
     touching = sliding = 0
     at_source = at_receiver = (0.0, 0.0, 0.0)
     turn_source = turn_receiver = 0.0
-    for c in range(first, last):
-        i, j = ends[c, 0], ends[c, 1]
+    # Numbers without sign: for others numba looks at each access whether it counts from the end.
+    for c in range(np.uint64(first), np.uint64(last)):
+        i, code = np.uint64(ends[c, 0]), ends[c, 1]
+        j = np.uint64(max(code, 0))
         overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
         size = radius[i]
-        if j >= 0:
+        if code >= 0:
             a, b, up = shift[c, 0], shift[c, 1], shift[c, 2]
             bx = position[j, 0] - position[i, 0] + a * side[0] + up * side[3]
             by = position[j, 1] - position[i, 1] + b * side[1] + up * side[4]
@@ -145,8 +147,8 @@ def _forces_of_slab(
                 nx, ny, nz = bx * inverse, by * inverse, bz * inverse
         else:
             a = b = up = 0
-            nx, ny, nz = 0.0, 0.0, -1.0 if j == SOURCE_WALL else 1.0
-            bx, by, bz = 0.0, 0.0, walls[0 if j == SOURCE_WALL else 1] - position[i, 2]
+            nx, ny, nz = 0.0, 0.0, -1.0 if code == SOURCE_WALL else 1.0
+            bx, by, bz = 0.0, 0.0, walls[0 if code == SOURCE_WALL else 1] - position[i, 2]
             overlap = size - nz * bz
             effective, law = size, of_walls
         if overlap <= 0:
@@ -164,16 +166,16 @@ def _forces_of_slab(
             n, lever = (nx, ny, nz), size - overlap / 2
             apart = -motion[i, 0], -motion[i, 1], -motion[i, 2]
             turning, second = (motion[i, 3], motion[i, 4], motion[i, 5]), (0.0, 0.0, 0.0)
-            if j >= 0:
+            if code >= 0:
                 apart = plus(apart, 1.0, (motion[j, 0], motion[j, 1], motion[j, 2]))
                 second = motion[j, 3], motion[j, 4], motion[j, 5]
                 turning = plus(turning, 1.0, second)
             gained = a * change[0, 0] + up * change[2, 0], b * change[0, 1] + up * change[2, 1]
             gained = gained[0], gained[1], up * change[0, 2]
             from_axis = 0.0, 0.0
-            if j < 0:
+            if code < 0:
                 from_axis = position[i, 0] - change[3, 1], position[i, 1] - change[3, 2]
-            if j == SOURCE_WALL:
+            if code == SOURCE_WALL:
                 spin = dt * change[3, 0]
                 gained = change[1, 0] - spin * from_axis[1], change[1, 1] + spin * from_axis[0]
                 gained = gained[0], gained[1], change[1, 2]
@@ -199,12 +201,12 @@ def _forces_of_slab(
             load[i, 3] += lever * mx
             load[i, 4] += lever * my
             load[i, 5] += lever * mz
-            if j >= 0:
+            if code >= 0:
                 lever += longer
                 load[j, 3] += lever * mx
                 load[j, 4] += lever * my
                 load[j, 5] += lever * mz
-            elif j == SOURCE_WALL:
+            elif code == SOURCE_WALL:
                 turn_source -= from_axis[0] * fy - from_axis[1] * fx
             else:
                 turn_receiver -= from_axis[0] * fy - from_axis[1] * fx
@@ -212,20 +214,20 @@ def _forces_of_slab(
         load[i, 0] += fx
         load[i, 1] += fy
         load[i, 2] += fz
-        if j >= 0:
+        if code >= 0:
             load[j, 0] -= fx
             load[j, 1] -= fy
             load[j, 2] -= fz
             if up != 0:
                 at_source = plus(at_source, 1.0 * up, (fx, fy, fz))
-        elif j == SOURCE_WALL:
+        elif code == SOURCE_WALL:
             at_source = plus(at_source, -1.0, (fx, fy, fz))
         else:
             at_receiver = plus(at_receiver, -1.0, (fx, fy, fz))
         kn = stiffness_normal(law, overlap, effective)
         if summed:
             stiffness[i] += kn
-            if j >= 0:
+            if code >= 0:
                 stiffness[j] += kn
         all_normal += pressed
         all_stiffness += kn
@@ -339,7 +341,7 @@ def _loop_of(law):
     own = {"Law": law, "NUMBERS": len(law._fields)}
     own |= {name: elementwise(getattr(law, name)) for name in LAW}
     of = fingerprint(module)
-    own["_forces_of_slab"] = compiled_part(_forces_of_slab, of, own)
+    own["_forces_of_slab"] = compiled_part(_forces_of_slab, of, own, fastmath={"contract"})
     return compiled(_forces_by_slabs, 1, of, own)
 
 

@@ -67,7 +67,7 @@ def _advance(
             part * n // SLABS, (part + 1) * n // SLABS, position, velocity, load, before, rates,
             dt, damping, masses, sought_at, stretch,
         )  # fmt: skip
-    return largest.max()
+    return largest
 
 
 def advance_by_arrays(
@@ -195,7 +195,8 @@ class Dynamics:
         )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
-        moved = float(np.sqrt(largest)) + self._source_way
+        # Not within the loop: threads pass over what is no number.
+        moved = float(np.sqrt(np.max(largest))) + self._source_way
         # Both are ways since the list was made: by their difference the farthest one has grown.
         if not moved - self._moved < contacts.smallest:
             raise InputError(

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.dem.central_forces import CentralForces
+from modal.dem.downhill import drive, go
 from modal.packing.sample import Sample
 
 CHECK_EVERY = 25
@@ -93,54 +94,36 @@ def minimise(
             # A large sphere among small ones has many contacts: omega^2 <= 2 sum kn / m.
             limit = min(limit, 1 / np.sqrt(max(forces.stiffness.max(), softest)))
         dt = min(max(dt, 0.02 * limit), limit)
-        power = _dot(forces.force, velocity) + pull @ drift
+        power, speed, size, fastest, strongest = drive(velocity, forces.force)
+        power += pull @ drift
+        keep, push = 0.0, 0.0
         if power > 0:
             downhill += 1
-            speed = np.sqrt(_dot(velocity, velocity) + drift @ drift)
-            size = np.sqrt(_dot(forces.force, forces.force) + pull @ pull)
-            velocity *= 1 - mixing
-            velocity += (mixing * speed / size) * forces.force
-            drift = (1 - mixing) * drift + (mixing * speed / size) * pull
+            keep = 1 - mixing
+            push = mixing * np.sqrt((speed + drift @ drift) / (size + pull @ pull))
             if downhill > 20:
                 dt, mixing = min(1.1 * dt, limit), 0.99 * mixing
         elif step:
-            _move(position, lengths, velocity, drift / scale, -0.5 * dt)
-            velocity[:], drift[:] = 0, 0
+            back = np.exp(-0.5 * dt * drift / scale)
+            lengths *= back
+            go(position, velocity, forces.force, 1.0, 0.0, back, -0.5 * dt)
             downhill, mixing, dt = 0, MIXING, 0.5 * dt
-        velocity += dt * forces.force
-        drift = drift + dt * pull
+        push += dt
+        drift = keep * drift + push * pull
         # Far from rest a step may not carry spheres through each other, nor crush the cell.
-        fastest = np.sqrt((velocity**2).sum(axis=1).max())
+        fastest = keep * fastest + push * strongest
         hold = min(
             1.0,
             0.05 * 2 * smallest / max(fastest * dt, 1e-300),
             0.01 / max(abs(drift).max() * dt / scale, 1e-300),
         )
-        if hold < 1:
-            velocity *= hold
-            drift = drift * hold
-        _move(position, lengths, velocity, drift / scale, dt)
+        drift *= hold
+        stretch = np.exp(drift * dt / scale)
+        lengths *= stretch
+        go(position, velocity, forces.force, hold * keep, hold * push, stretch, dt)
     position, lengths, reached = best
     reached.steps, reached.seconds = step, time.perf_counter() - start
     return _at(sample, position, lengths), reached
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
-    return float(np.einsum("ij,ij", a, b))
-
-
-def _move(
-    position: np.ndarray,
-    lengths: np.ndarray,
-    velocity: np.ndarray,
-    strain_rate: np.ndarray,
-    dt: float,
-) -> None:
-    stretch = np.exp(strain_rate * dt)
-    lengths *= stretch
-    position *= stretch
-    position += dt * velocity
 
 
 def _rest(

@@ -160,9 +160,10 @@ def random_packing(
     It is the packing that `modal pack` makes of these numbers. Without friction the energy is
     minimised, a second for 500 spheres; with it, a dilute state is compressed as
     `modal.preparation.protocol` says, some minutes. Equal numbers give equal packings, to the bit
-    where the installed packages are equal as well: without numba sums are rounded otherwise, and a
-    contact that opens for that makes another packing of the same kind (the void ratio of 500
-    spheres then differs by 2e-4). A warning says where a packing with friction has not settled.
+    where the installed packages and the kind of processor are equal as well: without numba sums
+    are rounded otherwise, and a contact that opens for that makes another packing of the same kind
+    (the void ratio of 500 spheres then differs by 2e-4). A warning says where a packing with
+    friction has not settled.
 
     Parameters
     ----------

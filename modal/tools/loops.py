@@ -95,9 +95,13 @@ def compiled_part(
     of: str,
     own: Mapping[str, Any] = MappingProxyType({}),
     *,
-    fastmath: bool = False,
+    fastmath: bool | set[str] = False,
 ) -> Loop:
-    """What a loop does with one slab, compiled; `of` and `own` as in `compiled`."""
+    """What a loop does with one slab, compiled; `of` and `own` as in `compiled`.
+
+    `fastmath` may name what is allowed, as {"contract"}: a product and a sum rounded together where
+    the processor has them in one.
+    """
     return numba.njit(cache=True, fastmath=fastmath)(_renamed(function, of, own))
 
 

@@ -26,8 +26,8 @@ def slabs_of(ends: Ints, n: int) -> Ints:
     if n < ENOUGH:
         return np.array([0, len(ends)])
     starts = np.searchsorted(ends[:, 0], np.arange(n + 1))
-    reach = np.arange(n)
-    np.maximum.at(reach, ends[:, 0], ends[:, 1])
+    reach, (rows,) = np.arange(n), np.nonzero(np.diff(starts))
+    reach[rows] = np.maximum(rows, np.maximum.reduceat(ends[:, 1], starts[rows]))
     reach = np.maximum.accumulate(reach)
     least = -(-n // SLABS)
     bounds = [0, min(least, n)]

@@ -21,8 +21,12 @@ def rested():
 
 
 def made():
-    """200 frictionless spheres, not quite at rest, given friction."""
-    return replace(random_sample(200, 1e6, aspect=1.5, tolerance=1e-3), friction=0.5)
+    """200 frictionless spheres, not quite at rest, given friction.
+
+    Of eight seeds two to four, which round-off decides, have a sphere so loosely held that the
+    springs leave it out; this one has none.
+    """
+    return replace(random_sample(200, 1e6, seed=3, aspect=1.5, tolerance=1e-3), friction=0.5)
 
 
 def shaken(sample, share, friction=None):
