@@ -88,7 +88,7 @@ def springs() -> str:
     from test_elastic_rest import made, shaken
 
     rested, _ = relax(shaken(made(), 0.02, np.inf))
-    packing = shaken(rested, 0.01)
+    packing = shaken(rested, 1e-3)
     slabs.ENOUGH = 1
     contacts = MovingContacts(packing)
     motion = elastic_motion(contacts, contacts.sample())
