@@ -8,7 +8,8 @@ packing, and what they feel of its motion, then follows from the contacts' tange
     pull = -sum k . e_c      whose product with the bodies' motion is what resists it, turned round,
     held =  sum e_a . k e_b  what holds the motion with all bodies at rest.
 
-Push and pull are the same where the tangent is symmetric.
+Push and pull are the same where the tangent is symmetric. To what a turning wall feels, the shear
+forces that it carries add their torque about arms that go with the spheres.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 from modal.packing.network import Network
 from modal.system.assembly import ENDS
-from modal.system.contacts import Contacts
+from modal.system.contacts import SHEAR, Contacts
 from modal.tools.arrays import Bools, Floats, Ints
 
 TURN = 5
@@ -176,6 +177,11 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
         e, k = imposed.on(part), Contacts.of(part, terms).tangent()
         pushed = np.einsum("cab,scb->sca", k, e)
         felt = np.einsum("cba,scb->sca", k, e)
+        if SHEAR in terms:
+            # A wall's force acts where the sphere is: going by u_i it adds the torque -u_i x t.
+            x, y, _ = part.require("force_tangential", "torque on a wall").T * part.with_wall
+            felt[:, :, 0] -= e[:, :, 8] * y
+            felt[:, :, 1] += e[:, :, 8] * x
         held += np.einsum("sca,tca->st", e, pushed)
         for end, bodies in enumerate((part.particle_i, part.particle_j)):
             on = bodies >= 0
