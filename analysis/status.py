@@ -13,8 +13,7 @@ from modal.formats.provenance import (
     PACKING,
     Provenance,
     Source,
-    differing_settings,
-    differing_sources,
+    differences,
     packing_of,
     read_provenance,
 )
@@ -85,11 +84,10 @@ def _changes(case: Case, kind: str, row: Mapping[str, Any]) -> list[str]:
         known = {name: column for name, column in known.items() if row.get(column) is not None}
         shared = {name: _given(column, row[column]) for name, column in known.items()}
         old = {name: made.settings[name] for name in shared} if made.settings else {}
-        changed = differing_settings(Provenance(settings=old), shared)
         now = tuple(source for old in made.sources for source in _as_it_is(case, kind, old))
         roles = {source.role for source in now}
         before = tuple(source for source in made.sources if source.role in roles)
-        return changed + differing_sources(Provenance(sources=before), Provenance(sources=now))
+        return differences(Provenance("", old, before), Provenance("", shared, now))
     except InputError as error:
         return [str(error)]
 

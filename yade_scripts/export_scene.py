@@ -30,8 +30,8 @@ if __name__ == "__main__":
 import numpy as np
 from yade import O, config
 
+from modal.formats.hdf5 import named
 from modal.formats.provenance import Provenance, versions
-from modal.packing.checks import named
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.errors import InputError

@@ -20,7 +20,8 @@ from modal.exchange.precision_checks import (
     refuse_one_place,
     unlisted,
 )
-from modal.packing.checks import WIDEST, named
+from modal.formats.hdf5 import named
+from modal.packing.checks import WIDEST
 from modal.packing.network import Network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Bools, Floats, Ints

@@ -16,7 +16,6 @@ import itertools
 import mmap
 import os
 import platform
-import re
 import stat
 import traceback
 import zlib
@@ -35,8 +34,6 @@ from modal.tools.interrupted import UNFINISHED
 CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
 _WRITTEN = itertools.count()
-_SCALED = re.compile(r"\b([mcdnuµk]m|[mu]?g|t|[kMGm](N|Pa|Hz)|[munµ]s)\b")
-"""Units of other size than those of SI, as they stand in an attribute."""
 _HEAP = b"GCOL\x01\0\0\0"
 """How a global heap begins: where HDF5 keeps texts."""
 
@@ -87,26 +84,20 @@ def write_whole(path: str | Path, data: bytes | memoryview) -> None:
 def refuse_unwritable(path: str | Path) -> None:
     """InputError where no file of this name can be put, before anything is computed for it."""
     place = Path(os.path.realpath(path))
-    if str(path).endswith(os.sep):
-        raise InputError(f"{path}: a folder; name the file to be written in it")
     try:
-        with suppress(FileNotFoundError):
-            mode = os.stat(path).st_mode
-            if stat.S_ISDIR(mode):
-                raise InputError(f"{path}: a folder; name the file to be written in it")
-            if not stat.S_ISREG(mode) or not place.exists():  # /dev/stdout, its file removed
-                raise InputError(f"{path}: a device or a pipe, no file; give the name of a file")
-            _require(place, os.W_OK)
+        if str(path).endswith(os.sep) or place.is_dir():
+            raise InputError(f"{path}: a folder; name the file to be written in it")
+        there = os.path.exists(path)
+        if there and not place.is_file():  # /dev/stdout, its file removed
+            raise InputError(f"{path}: a device or a pipe, no file; give the name of a file")
         with suppress(FileNotFoundError):
             os.lstat(_partial(place))  # whose name is longer
-        _require(next(p for p in place.parents if p.exists()), os.W_OK | os.X_OK)
+        folder = next(p for p in place.parents if p.exists())
+        allowed = os.access(folder, os.W_OK | os.X_OK)
+        if not (allowed and (not there or os.access(place, os.W_OK))):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise unwritable(path, error) from error
-
-
-def _require(path: Path, access: int) -> None:
-    if not os.access(path, access):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def unwritable(path: str | Path, error: OSError) -> InputError:
@@ -216,6 +207,15 @@ def complete(path: str | Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}; incomplete, make it again") from error
 
 
+@contextmanager
+def named(path: str | Path) -> Iterator[None]:
+    """Have what is refused begin with the file that it comes from."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
 def _refuse_endless_heap(path: Path) -> None:
     """Refuse a file whose strings HDF5 (up to 2.0) would read for ever.
 
@@ -247,39 +247,6 @@ def put(file: h5py.File | h5py.Group, name: str, data: Array, units: str) -> Non
     checked = {"fletcher32": True, "compression": "gzip", "shuffle": True}
     options = checked if np.size(data) > 0 else {}
     file.create_dataset(name, data=data, **options).attrs["units"] = units
-
-
-def get(
-    file: h5py.File,
-    name: str,
-    kind: str,
-    shape: tuple[int | None, ...],
-    *,
-    of: Any = (),
-) -> Array:
-    """Read one dataset as float ("f"), integer ("i") or boolean ("b"); None is any length.
-
-    `of` are the indices of the part that is read; by default all of it.
-    """
-    node = file.get(name)
-    if not isinstance(node, h5py.Dataset):
-        raise InputError(f"{file.filename}: dataset {name} is missing; write it as documented")
-    fits = len(node.shape) == len(shape) and all(
-        want is None or have == want for have, want in zip(node.shape, shape, strict=True)
-    )
-    if not fits:
-        wanted = tuple("any" if want is None else want for want in shape)
-        raise InputError(f"{file.filename}: {name} has shape {node.shape}, expected {wanted}")
-    units = node.attrs.get("units", "")
-    if _SCALED.search(str(units)):
-        raise InputError(
-            f"{file.filename}: {name} is in {units}; all numbers are SI: convert them to m, kg, s"
-        )
-    allowed = {"f": "fiu", "i": "iu", "b": "biu"}[kind]
-    if node.dtype.kind not in allowed:
-        raise InputError(f"{file.filename}: {name} has type {node.dtype}, which is not numeric")
-    data: Array = node[of].astype({"f": np.float64, "i": np.int64, "b": bool}[kind], copy=False)
-    return data
 
 
 def sha256(path: str | Path) -> str:

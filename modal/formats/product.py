@@ -19,6 +19,7 @@ The table is all that a format needs: files are written, read and refused by it 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,16 +28,25 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import complete, get, open_h5, put
-from modal.formats.provenance import Provenance, new_product
+from modal.formats.hdf5 import atomic_h5, complete, named, open_h5, put
+from modal.formats.provenance import Provenance
 from modal.tools.arrays import Array
 from modal.tools.errors import InputError
 
 CREATOR = "granular-wave-modes"
 OF_THE_FORMAT = ("schema", "schema_version", "creator")
 """Attributes that each product has, and that are none of its own."""
+KINDS = {
+    "f": ("fiu", "numbers", np.float64),
+    "i": ("iu", "whole numbers", np.int64),
+    "b": ("biu", "yes or no", np.bool_),
+    "c": ("fiu", "numbers", np.float64),
+}
+"""Of each kind of column: the kinds of array that are taken, its name, and what it is made. Complex
+numbers are stored as (..., 2), real and imaginary part."""
 STORED = {"f": np.float64, "i": np.int32, "b": np.bool_, "c": np.complex128}
-"""Kinds of numbers; complex ones are stored as (..., 2), real and imaginary part."""
+_SCALED = re.compile(r"\b([mcdnuµk]m|[mu]?g|t|[kMGm](N|Pa|Hz)|[munµ]s)\b")
+"""Units of other size than those of SI, as they stand in an attribute."""
 
 
 class Column(NamedTuple):
@@ -54,6 +64,36 @@ class Column(NamedTuple):
     optional: bool = False
     finite: bool = True
     since: int = 1
+
+    def array(self, name: str, given: Any, lengths: dict[int | str, int], of: Any = ()) -> Array:
+        """What is `given`, a dataset or like an array, as an array of this column; or InputError.
+
+        `of` has the indices of the part that is taken. Lengths with a name are those in `lengths`,
+        or new there. In memory indices may have any width, but a sign: a wall's are negative.
+        """
+        taken, words, made = KINDS[self.kind]
+        stored = isinstance(given, h5py.Dataset)
+        try:
+            given = given if stored else np.asarray(given)
+        except ValueError:  # rows of different lengths
+            given = np.array(None)
+        if given.dtype.kind not in taken:
+            raise InputError(f"{name} is no array of {words}; write it as documented")
+        shape = self.shape if self.kind != "c" else (*self.shape, 2)
+        wanted = tuple(lengths.get(n, n) for n in shape)
+        pairs = zip(wanted, given.shape, strict=False)
+        if given.ndim != len(wanted) or any(w != n for w, n in pairs if not isinstance(w, str)):
+            raise InputError(f"{name} has shape {given.shape}, expected {wanted}; mend it")
+        lengths.update(zip(shape, given.shape, strict=True))
+        data: Array = given[of]
+        if stored or not self.kind == data.dtype.kind == "i":
+            data = data.astype(made, copy=False)
+        if self.kind == "c":
+            data = data[..., 0] + 1j * data[..., 1]
+        if self.finite and not np.isfinite(data).all():
+            row = int(np.argwhere(~np.isfinite(data))[0, 0])
+            raise InputError(f"{name} is not finite in row {row}; make it again")
+        return data
 
 
 @dataclass(frozen=True)
@@ -87,8 +127,10 @@ class Product:
         usual = [name for name in self.since if values.get(name) == self.defaults[name]]
         said = [since for name, since in self.since.items() if name not in usual]
         version = max([1, *said, *(column.since for column in there.values())])
-        with new_product(path, self.schema, version, made) as file:
-            file.attrs["creator"] = CREATOR
+        with atomic_h5(path) as file:
+            if made:
+                made.write(file)
+            file.attrs.update(schema=self.schema, schema_version=version, creator=CREATOR)
             file.attrs.update(values[self.others] if self.others else {})
             for name, convert in self.attributes.items():
                 if name not in usual and (name in values or name not in self.defaults):
@@ -112,15 +154,15 @@ class Product:
         Columns to `leave` are not read, and are None. Of those in `parts` their indices are read.
         """
         with open_h5(path, self.schema, self.versions) as file:
-            self._refuse_unknown(file)
             values: dict[str, Any] = {}
             lengths: dict[int | str, int] = {}
-            for name, column in self.columns.items():
-                absent = column.optional and column.dataset not in file
-                left = absent or name in leave
-                values[name] = (
-                    None if left else _column(file, column, lengths, (parts or {}).get(name, ()))
-                )
+            with named(path):
+                self._refuse_unknown(file)
+                for name, column in self.columns.items():
+                    absent = column.optional and column.dataset not in file
+                    part = (parts or {}).get(name, ())
+                    left = absent or name in leave
+                    values[name] = None if left else _column(file, column, lengths, part)
             with complete(path):
                 for name, convert in self.attributes.items():
                     if name in file.attrs or name not in self.defaults:
@@ -146,20 +188,19 @@ class Product:
                 full = f"{folder}/{name}" if folder else name
                 if full not in known and isinstance(file[full], h5py.Dataset):
                     raise InputError(
-                        f"{file.filename}: {full} is unknown to this program and may change the "
-                        "answer; update the program, or leave it out"
+                        f"{full} is unknown to this program and may change the answer; update the "
+                        "program, or leave it out"
                     )
 
 
 def _column(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:
-    """A column as numbers, or a part `of` it; its named lengths are those in `lengths`, or new."""
-    shape = tuple(n if isinstance(n, int) else lengths.get(n) for n in column.shape)
-    if column.kind == "c":
-        parts = get(file, column.dataset, "f", (*shape, 2))
-        data: Array = parts[..., 0] + 1j * parts[..., 1]
-    else:
-        data = get(file, column.dataset, column.kind, shape, of=of)
-    lengths.update(zip(column.shape, file[column.dataset].shape, strict=False))
-    if column.finite and not np.isfinite(data).all():
-        raise InputError(f"{file.filename}: {column.dataset} is not finite; make it again")
-    return data
+    """A column of a file, or a part `of` it, unless it is missing or says that it is not SI."""
+    node = file.get(column.dataset)
+    if not isinstance(node, h5py.Dataset):
+        raise InputError(f"dataset {column.dataset} is missing; write it as documented")
+    units = str(node.attrs.get("units", ""))
+    if _SCALED.search(units):
+        raise InputError(
+            f"{column.dataset} is in {units}; all numbers are SI: convert them to m, kg, s"
+        )
+    return column.array(column.dataset, node, lengths, of)

@@ -12,8 +12,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from modal.formats.hdf5 import atomic_h5, complete, open_h5, refuse_absent, sha256
+from modal.formats.hdf5 import complete, open_h5, refuse_absent, sha256
 from modal.tools.errors import InputError
 
 GROUP = "provenance"
@@ -38,10 +37,13 @@ SHOWN = 8
 
 @dataclass(frozen=True)
 class Source:
-    """A file that a product was made from: its role, its name without folder, its digest."""
+    """A file that a product was made from: its role, its name without folder, its digest.
+
+    The same file under another name is the same source.
+    """
 
     role: str
-    name: str
+    name: str = field(compare=False)
     sha256: str
 
     @staticmethod
@@ -69,13 +71,14 @@ class Provenance:
     versions: str = field(default_factory=lambda: versions())
 
     def __post_init__(self) -> None:
-        if self.settings is not None:
-            kept = {name: _plain(value) for name, value in self.settings.items()}
-            kept = {name: value for name, value in kept.items() if value is not None}
-            for name, value in kept.items():
-                if isinstance(value, float) and not math.isfinite(value):
-                    raise InputError(f"{name} is {value}; give a number")
-            object.__setattr__(self, "settings", kept)
+        if self.settings is None:
+            return
+        kept = {name: _plain(value) for name, value in self.settings.items()}
+        for name, value in kept.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InputError(f"{name} is {value}; give a number")
+        there = {name: value for name, value in kept.items() if value is not None}
+        object.__setattr__(self, "settings", there)
 
     @property
     def packing(self) -> tuple[Source, ...]:
@@ -85,28 +88,14 @@ class Provenance:
     def attributes(self) -> dict[str, str]:
         """Attributes of the group `provenance`; the settings are one canonical JSON text."""
         sources = [vars(source) for source in self.sources]
-        return {
-            "command": self.command,
-            "versions": self.versions,
-            "settings": _json(self.settings or {}),
-            "sources": _json(sources),
-        }
+        said = {"settings": self.settings or {}, "sources": sources}
+        as_json = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
+        texts = {name: as_json(value) for name, value in said.items()}
+        return {"command": self.command, "versions": self.versions, **texts}
 
     def write(self, file: h5py.File) -> None:
         """Write the group into a file that is open for writing."""
         file.require_group(GROUP).attrs.update(self.attributes())
-
-
-@contextmanager
-def new_product(
-    path: str | Path, schema: str, version: int, made: Provenance | None
-) -> Iterator[h5py.File]:
-    """A new file of one schema that says what it was made from, whole or absent."""
-    with atomic_h5(path) as file:
-        if made:
-            made.write(file)
-        file.attrs.update(schema=schema, schema_version=version)
-        yield file
 
 
 def versions(**others: str) -> str:
@@ -144,28 +133,27 @@ def read_provenance(path: str | Path) -> Provenance:
     """What a product says of itself; files of earlier versions at least name their packing."""
     with open_h5(path) as file:
         said = dict(file[GROUP].attrs) if GROUP in file else {}
-        made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
         digest = str(file.attrs.get("network_sha256", ""))
-        if "settings" in said and "sources" in said:
-            with complete(path):
-                sources = tuple(Source(**source) for source in json.loads(said["sources"]))
-                made = replace(made, settings=json.loads(said["settings"]), sources=sources)
-            if digest and not made.packing:
-                raise InputError(
-                    f"{path}: names a network as its own, but no packing among its sources; make "
-                    "it again"
-                )
-            if digest and digest != made.packing[0].sha256:
-                raise InputError(f"{path}: names two networks as its own; make it again")
-            return made
-        if digest:
-            return replace(made, sources=(Source(PACKING, "", digest),))
-        if "parent_sha256" in said:
-            # A network is its parent in another form; a sample has been moved from where it was.
-            role = PACKING if file.attrs.get("schema") == NETWORK_SCHEMA else STATE
-            name = str(said.get("parent", ""))
-            return replace(made, sources=(Source(role, name, str(said["parent_sha256"])),))
+        schema = file.attrs.get("schema")
+    made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
+    sources: tuple[Source, ...] = ()
+    if "settings" in said and "sources" in said:
+        with complete(path):
+            sources = tuple(Source(**source) for source in json.loads(said["sources"]))
+            made = replace(made, settings=json.loads(said["settings"]), sources=sources)
+        if digest and digest not in [source.sha256 for source in made.packing[:1]]:
+            raise InputError(
+                f"{path}: names a network as its own that is not the packing among its sources; "
+                "make it again"
+            )
         return made
+    if digest:
+        sources = (Source(PACKING, "", digest),)
+    elif "parent_sha256" in said:
+        # A network is its parent in another form; a sample has been moved from where it was.
+        role = PACKING if schema == NETWORK_SCHEMA else STATE
+        sources = (Source(role, str(said.get("parent", "")), str(said["parent_sha256"])),)
+    return replace(made, sources=sources)
 
 
 def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:
@@ -243,34 +231,22 @@ def changes(path: str | Path, wanted: Provenance) -> list[str]:
     made = read_provenance(path)
     if made.settings is None:
         return ["it does not say with which settings it was made"]
-    return differing_settings(made, wanted.settings or {}) + differing_sources(made, wanted)
+    return differences(made, wanted)
 
 
-def differing_settings(made: Provenance, wanted: Mapping[str, Any]) -> list[str]:
-    """The settings that are not as wanted, each with its old and new value."""
-    old = made.settings or {}
-    new = {name: _plain(value) for name, value in wanted.items()}
-    return [
-        f"{name} was {_shown(old.get(name))}, is {_shown(new.get(name))}"
-        for name in sorted(old.keys() | new.keys())
-        if old.get(name) != new.get(name)
-    ]
-
-
-def differing_sources(made: Provenance, wanted: Provenance) -> list[str]:
-    """The sources that are other files than wanted.
+def differences(made: Provenance, wanted: Provenance) -> list[str]:
+    """Each setting and source that is not as wanted, with its old and its new value.
 
     Of several sources with one role, such as a network and its sample, the first is compared.
     """
-
-    def first(sources: tuple[Source, ...]) -> dict[str, Source]:
-        return {source.role: source for source in reversed(sources)}
-
-    old, new = first(made.sources), first(wanted.sources)
+    old, new = (
+        {**(said.settings or {}), **{source.role: source for source in reversed(said.sources)}}
+        for said in (made, wanted)
+    )
     return [
-        f"{role} was {old.get(role, 'none')}, is {new.get(role, 'none')}"
-        for role in sorted(old.keys() | new.keys())
-        if role not in old or role not in new or old[role].sha256 != new[role].sha256
+        f"{name} was {old.get(name, 'absent')}, is {new.get(name, 'absent')}"
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name)
     ]
 
 
@@ -312,12 +288,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return value.name if isinstance(value, Path) else value
-
-
-def _json(value: Any) -> str:
-    """Canonical JSON: sorted names, no blanks, nothing that is not a number."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def _shown(value: Any) -> str:
-    return "absent" if value is None else str(value)

@@ -11,23 +11,16 @@ mistakes make; `docs/formats.md` has the table. What no check can tell is in
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modal.packing.columns import COLUMNS, CONTACTS, PART, RECEIVER_WALL, Columns
 from modal.packing.contact_law import sphere_volume
-from modal.tools.arrays import Array, Bools, Floats
+from modal.packing.neighbours import canonical
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
-KINDS = {
-    "f": ("fiu", "numbers", np.float64),
-    "i": ("iu", "whole numbers", np.int64),
-    "b": ("biu", "yes or no", np.bool_),
-}
-"""Of each kind of column: the kinds of array that are taken, its name, and what it is made."""
 ANGLE = 0.02
 """Between normal and branch, rad. Sound: up to 3e-5; a permuted normal: 0.1 to pi."""
 DEEPEST = 0.3
@@ -64,148 +57,94 @@ def converted(given: Mapping[str, Any]) -> dict[str, Any]:
     """What a network is `given`, its columns as arrays of their kind and shape; or InputError."""
     own, lengths = dict(given), dict[int | str, int]()
     for name, column in COLUMNS.items():
-        if column.optional and given[name] is None:
-            continue
-        data = own[name] = _array(name, given[name], column.kind)
-        if isinstance(length := column.shape[0], str):
-            lengths.setdefault(length, len(data) if data.ndim else 0)
-        shape = tuple(lengths.get(n, n) for n in column.shape)
-        if data.shape != shape:
-            raise InputError(f"{name} has shape {data.shape}, not {shape}; mend the export")
+        if not (column.optional and given[name] is None):
+            own[name] = column.array(name, given[name], lengths)
     for name in ("study", "provenance"):
         if not isinstance(given[name], Mapping):
             raise InputError(f"{name} is {given[name]!r}, not a dict; give names and values")
     return own
 
 
-def _array(name: str, given: Any, kind: str) -> Array:
-    taken, words, dtype = KINDS[kind]
-    try:
-        data = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        data = np.array(None)
-    if data.dtype.kind not in taken:
-        raise InputError(f"{name} is no array of {words}; mend the export")
-    # Indices may have any width, but a sign: a wall's are negative.
-    keeps = data.dtype.kind == kind and (kind == "i" or data.dtype == dtype)
-    return data if keeps else data.astype(dtype)
+Faults = Iterator[tuple[str, Any, str]]
+"""One after the other: the kind of thing, which of them (k,) bool are at fault, and what that is;
+no kind and a single bool where it is the network as a whole."""
 
 
-@contextmanager
-def named(path: str | Path) -> Iterator[None]:
-    """Have what is refused begin with the file that it comes from."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+def refuse(faults: Faults, first: int = 0) -> None:
+    """InputError for the first fault that there is; `first` is the number of the first thing."""
+    for kind, wrong, fault in faults:
+        if np.any(wrong):
+            number = f"{kind} {first + int(np.argmax(wrong))} " if kind else ""
+            raise InputError(f"{number}{fault}" + "; mend the export" * (";" not in fault))
 
 
 def check(network: Columns) -> None:
     """InputError, of the first particle or contact at fault, for what no packing can have."""
-    n = network.n_particles
-    if n == 0:
-        raise InputError("it has no particles; export a packing with at least one")
-    for name, column in COLUMNS.items():
-        data = getattr(network, name)
-        if column.kind == "f" and data is not None and not np.isfinite(data).all():
-            row = int(np.argwhere(~np.isfinite(data))[0, 0])
-            raise InputError(f"{name} is not finite in row {row}; mend the export")
-    _refuse_first(_of_columns(network))
-    _check_cell(network)
-    _check_walls(network)
-    if (network.stiffness_rolling is None) != (network.stiffness_twisting is None):
-        raise InputError(
-            "one of stiffness_rolling and stiffness_twisting lacks; give both, zeros where a "
-            "contact does not resist"
-        )
-    spheres = network.inertia_tensor is None
-    _refuse_first(_of_particles(network) if spheres else _of_bodies(network))
-    if network.n_contacts:
-        pushed = network.force_tangential if network.force_normal is None else network.force_normal
-        least = 0.0 if pushed is None else SMALL_FORCE * float(abs(pushed).mean())
-        for first in range(0, network.n_contacts, PART):
-            part = network.some(slice(first, first + PART))
-            _refuse_first(_of_contacts(part, spheres, least), first)
-        if spheres:
-            _check_pairs(network)
-        _check_forces(network)
-
-
-Faults = Iterator[tuple[str, Bools, str]]
-"""Kind of thing, which of them (k,) are at fault, and what that is: one after the other."""
-
-
-def _refuse_first(faults: Faults, first: int = 0) -> None:
-    """InputError for the first fault that there is; `first` is the number of the first thing."""
-    for kind, wrong, fault in faults:
-        refuse(wrong, kind, fault, first)
+    spheres, m = network.inertia_tensor is None, network.n_contacts
+    refuse(_of_columns(network))
+    refuse(_of_cell(network))
+    refuse(_of_spheres(network) if spheres else _of_bodies(network))
+    pushed = network.force_tangential if network.force_normal is None else network.force_normal
+    least = 0.0 if pushed is None or m == 0 else SMALL_FORCE * float(abs(pushed).mean())
+    for first in range(0, m, PART):
+        refuse(_of_contacts(network.some(slice(first, first + PART)), spheres, least), first)
+    if m and spheres:
+        refuse(_of_pairs(network))
+    if m:
+        refuse(_of_forces(network))
 
 
 def _of_columns(network: Columns) -> Faults:
     """What each column must be by itself."""
+    n = network.n_particles
+    yield "", n == 0, "it has no particles; export a packing with at least one"
     for name in ("radius", "mass", "inertia"):
         yield "particle", getattr(network, name) <= 0, f"has {name} <= 0"
     for name in (name for name in CONTACTS if name.startswith("stiffness")):
         if (stiffness := getattr(network, name)) is not None:
             yield "contact", stiffness < 0, f"has negative {name}"
-    i, j, n = network.particle_i, network.particle_j, network.n_particles
+    i, j = network.particle_i, network.particle_j
     yield "contact", (i < 0) | (i >= n), f"has particle_i outside 0 to {n - 1}"
     yield "contact", (j < RECEIVER_WALL) | (j >= n), f"has particle_j outside -2 to {n - 1}"
+    lacks = (network.stiffness_rolling is None) != (network.stiffness_twisting is None)
+    yield "", lacks, "one of stiffness_rolling and stiffness_twisting lacks; give both, or zeros"
 
 
-def _check_cell(network: Columns) -> None:
-    """Widths of the periods, and contacts through periods that are there."""
+def _of_cell(network: Columns) -> Faults:
+    """Periods, contacts through periods that are there, and walls around the packing."""
     cell, axes, shift = network.cell_size, network.cell_periodic, network.cell_shift
-    if not ((cell[axes] > 0).all() and (cell >= 0).all()):
-        raise InputError(
-            "cell_size must be positive along the periodic axes, and 0 or the width of the "
-            "packing along the others; mend the export"
-        )
-    if shift is None:
-        return
-    own = network.particle_i == network.particle_j
-    fault = "joins a particle to itself without a period (cell_shift is zero)"
-    refuse(own & ~shift.any(axis=1) if own.any() else own, "contact", fault)
-    for axis in np.flatnonzero(~axes):
-        if shift[:, axis].any():
-            raise InputError(f"cell_shift along {'xyz'[axis]}, which is not periodic; mend it")
-
-
-def _check_walls(network: Columns) -> None:
-    """Walls apart and around the packing; coincident ones are none, if no contact needs them."""
+    fault = "cell_size must be positive along the periodic axes, and 0 or the packing's width else"
+    yield "", (cell[axes] <= 0).any() or (cell < 0).any(), fault
+    if shift is not None:
+        own = network.particle_i == network.particle_j
+        fault = "joins a particle to itself without a period (cell_shift is zero)"
+        yield "contact", own & ~shift.any(axis=1), fault
+        for axis in np.flatnonzero(~axes):
+            yield "", shift[:, axis].any(), f"cell_shift along {'xyz'[axis]}, which is not periodic"
     low, high = network.wall_position
-    if network.cell_periodic[2]:
-        period = network.cell_size[2]
-        if abs(high - low - period) > PERIOD * period:
-            raise InputError(
-                "the packing is periodic along z, but wall_position is not the two bounds of the "
-                "period; mend the export"
-            )
-        return
-    if low == high and not network.with_wall.any():
-        return
-    if not low < high:
-        raise InputError("the source wall does not lie below the receiver wall; mend the export")
-    z = network.position[:, 2]
-    refuse((z < low) | (z > high), "particle", "has its centre beyond a wall")
+    if axes[2]:
+        fault = "it is periodic along z, but wall_position is not the two bounds of the period"
+        yield "", abs(high - low - cell[2]) > PERIOD * cell[2], fault
+    elif low != high or network.with_wall.any():  # coincident walls are none, if none needs them
+        yield "", low >= high, "the source wall does not lie below the receiver wall"
+        z = network.position[:, 2]
+        yield "particle", (z < low) | (z > high), "has its centre beyond a wall"
 
 
-def _of_particles(network: Columns) -> Faults:
+def _of_spheres(network: Columns) -> Faults:
     """Inertia and mass of spheres of these radii."""
     share = network.inertia / (network.mass * network.radius**2)
-    fault = "has an inertia that no sphere of its mass and radius has (0.4 m R^2; a shell 2/3)"
+    fault = "has an inertia that no sphere of its mass and radius has (0.4 m R^2, a shell 2/3)"
     yield "particle", (share < INERTIA[0]) | (share > INERTIA[1]), fault
     density = density_of(network)
     median = float(np.median(density))
     factor = np.maximum(density / median, median / density)
     fault = f"is {DENSITY:g} times lighter or heavier for its radius than the median of all"
     yield "particle", factor > DENSITY, fault
-    stated = network.noted("density")
-    if stated is not None and not 1 / STATED_DENSITY < median / stated < STATED_DENSITY:
-        raise InputError(
-            f"masses and radii give {median:.4g} kg/m^3, the group study says "
-            f"{stated:.4g}; give mass in kg and radius in m"
-        )
+    stated = network.noted("density") or median
+    fault = f"masses and radii give {median:.4g} kg/m^3, the group study says {stated:.4g}"
+    off = not 1 / STATED_DENSITY < median / stated < STATED_DENSITY
+    yield "", off, f"{fault}; give mass in kg and radius in m"
 
 
 def density_of(network: Columns) -> Floats:
@@ -281,38 +220,20 @@ def _of_touching(network: Columns, branch: Floats) -> Faults:
         yield "contact", wrong, "has an overlap other than positions and radii give"
 
 
-def _check_pairs(network: Columns) -> None:
+def _of_pairs(network: Columns) -> Faults:
     """No contact twice: two spheres touch once through each period."""
-    i, j, n = network.particle_i, network.particle_j, network.n_particles
+    i, j = network.particle_i, network.particle_j
     # 32 bits, which a network may have, do not hold the square of 46,341 spheres.
-    key = np.minimum(i, j).astype(np.int64) * (n + 2) + np.maximum(i, j)
-    order = np.argsort(key, kind="stable")
-    again = np.flatnonzero(np.diff(key[order]) == 0)
-    if not len(again):
-        return
-    # Contacts of one pair that differ in their periods point elsewhere.
-    pairs = np.unique(key[order[again]])
-    rows = np.flatnonzero(np.isin(key, pairs))
-    rows = rows[np.argsort(key[rows], kind="stable")]
-    branch = network.some(rows).branch
-    branch *= np.where(i[rows] > j[rows], -1, 1)[:, None]
-    own = (i[rows] == j[rows])[:, None]
-    scale = network.radius[i[rows]][:, None]
-    step = 1
-    while True:
-        same = key[rows[step:]] == key[rows[:-step]]
-        if not same.any():
-            return
-        near = abs(branch[step:] - branch[:-step]) < scale[step:]
-        mirrored = own[step:] & (abs(branch[step:] + branch[:-step]) < scale[step:])
-        twice = same & (near.all(axis=1) | mirrored.all(axis=1))
-        if twice.any():
-            second, first = rows[step:][twice][0], rows[:-step][twice][0]
-            raise InputError(
-                f"contacts {min(first, second)} and {max(first, second)} are the same one; "
-                "list each contact once, with its whole stiffness"
-            )
-        step += 1
+    key = np.minimum(i, j).astype(np.int64) * (network.n_particles + 2) + np.maximum(i, j)
+    _, pair, count = np.unique(key, return_inverse=True, return_counts=True)
+    rows = np.flatnonzero(count[pair] > 1)
+    again = network.some(rows)
+    order, *said, _ = canonical(again.particle_i, again.particle_j, again.periods)
+    twice = ~np.column_stack([np.diff(column, axis=0) for column in said]).any(axis=1)
+    for here in np.flatnonzero(twice)[:1]:
+        first, second = np.sort(rows[order[here : here + 2]])
+        fault = f"contacts {first} and {second} are the same one"
+        yield "", True, f"{fault}; list each contact once, with its whole stiffness"
 
 
 def force_ratio(network: Columns) -> Floats:
@@ -327,46 +248,34 @@ def force_ratio(network: Columns) -> Floats:
 
 def check_force_ratio(network: Columns) -> None:
     """InputError where the median `force_ratio` is that of no law; without any nothing is told."""
-    ratio = force_ratio(network)
-    if _median_outside(ratio, *FORCE_RATIO):
-        raise InputError(
-            f"force over stiffness times overlap is {np.median(ratio):.3g} in the median contact, "
-            "which no law of contact has (Hertz 2/3, linear 1); give forces in N, stiffnesses "
-            "in N/m and overlaps in m"
-        )
+    fault = (
+        "force over stiffness times overlap is {:.3g} in the median contact, which no law of "
+        "contact has (Hertz 2/3, linear 1); give forces in N, stiffnesses in N/m, overlaps in m"
+    )
+    refuse(_of_median(force_ratio(network), FORCE_RATIO, fault))
 
 
-def _median_outside(ratio: Floats, low: float, high: float) -> bool:
-    """Whether a median lies outside two bounds: to count takes a tenth of finding it."""
-    half = len(ratio) / 2
-    return bool(np.count_nonzero(ratio < low) > half or np.count_nonzero(ratio > high) > half)
-
-
-def _check_forces(network: Columns) -> None:
+def _of_forces(network: Columns) -> Faults:
     """Units of forces, stiffnesses and overlaps agree."""
     force, overlap, kn = network.force_normal, network.overlap, network.stiffness_normal
     # A packing whose contacts pull or are bonded may have any ratio.
     if force is not None and overlap is not None and min(f.min() for f in (force, overlap, kn)) > 0:
         check_force_ratio(network)
     stiff = kn > 0
-    if not stiff.any():
-        raise InputError("no contact has a normal stiffness; mend the export")
-    ratio = network.stiffness_tangential / np.where(stiff, kn, np.inf)
-    if _median_outside(ratio[stiff], 0.0, STIFFNESS_RATIO):
-        raise InputError(
-            f"tangential over normal stiffness is {np.median(ratio[stiff]):.3g} in the median "
-            "contact (elastic bodies: 2/3 to 1); give both in N/m"
-        )
+    yield "", not stiff.any(), "no contact has a normal stiffness"
+    fault = (
+        "tangential over normal stiffness is {:.3g} in the median contact (elastic bodies: 2/3 to "
+        "1); give both in N/m"
+    )
+    ratio = network.stiffness_tangential[stiff] / kn[stiff]
+    yield from _of_median(ratio, (0.0, STIFFNESS_RATIO), fault)
 
 
-def refuse(wrong: Bools, kind: str, fault: str, first: int = 0) -> None:
-    """InputError about the first of the particles or contacts that are `wrong` (m,) bool.
-
-    `first` is the number of the first of them.
-    """
-    if wrong.any():
-        number = first + int(np.argmax(wrong))
-        raise InputError(f"{kind} {number} {fault}; mend the export")
+def _of_median(ratio: Floats, bounds: tuple[float, float], fault: str) -> Faults:
+    """Whether the median lies outside the bounds: to count takes a tenth of finding it."""
+    low, high = bounds
+    if max(np.count_nonzero(ratio < low), np.count_nonzero(ratio > high)) > len(ratio) / 2:
+        yield "", True, fault.format(np.median(ratio))
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

@@ -28,11 +28,8 @@ TURN, KG_M2 = "N m/rad", "kg m^2"
 
 
 def stored(folder: str, kind: str, *shape: int | str, unit: str = "1", name: str = "") -> Column:
-    """A column, named as its field unless it has another `name`.
-
-    What is not finite is refused by its row, with all else.
-    """
-    return Column(f"{folder}/{name}", kind, shape, unit, finite=False)
+    """A column, named as its field unless it has another `name`."""
+    return Column(f"{folder}/{name}", kind, shape, unit)
 
 
 def columns_of(table: type) -> dict[str, Column]:
@@ -136,19 +133,30 @@ class Columns:
         return np.where(self.with_wall, plane - self.position[self.particle_i, 2], 0.0)
 
     @property
-    def branch(self) -> Floats:
-        """Shape (m, 3), m: from the centre of i to that of j, or straight to the wall.
+    def periods(self) -> Ints:
+        """Shape (m, 3): the periods to add to j, `cell_shift`.
 
-        Where `cell_shift` is absent, through as many periods as bring it nearest to the levers.
+        Where that is absent, as many as bring the branch nearest to the levers.
         """
-        branch = self.position.take(self.partner, axis=0)
-        branch -= self.position.take(self.particle_i, axis=0)
-        period = np.where(self.cell_periodic, self.cell_size, 0.0)
         if self.cell_shift is not None:
-            branch += self.cell_shift * period
-        elif self.cell_periodic.any():
-            missing = self.lever_i - self.lever_j - branch
-            branch += np.round(missing / np.where(period > 0, period, np.inf)) * period
+            return self.cell_shift
+        apart = self.lever_i - self.lever_j - self._apart
+        period = np.where(self.cell_periodic & (self.cell_size > 0), self.cell_size, np.inf)
+        return np.round(apart / period).astype(int)
+
+    @property
+    def _apart(self) -> Floats:
+        """Shape (m, 3), m: from the centre of i to that of j in one and the same period."""
+        apart = self.position.take(self.partner, axis=0)
+        apart -= self.position.take(self.particle_i, axis=0)
+        return apart
+
+    @property
+    def branch(self) -> Floats:
+        """Shape (m, 3), m: from the centre of i to that of j through `periods`, or to the wall."""
+        branch = self._apart
+        if self.cell_periodic.any():
+            branch += self.periods * np.where(self.cell_periodic, self.cell_size, 0.0)
         wall = np.flatnonzero(self.with_wall)
         branch[wall] = 0
         branch[wall, 2] = self.some(wall).wall_distance

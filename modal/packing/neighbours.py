@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from modal.packing.columns import RECEIVER_WALL, SOURCE_WALL
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.workload import refuse_above_memory
 
 SPHERE_BYTES, PAIR_BYTES = 800.0, 150.0
@@ -48,6 +48,21 @@ def canonical_order(i: Ints, j: Ints, shift: Ints) -> Ints:
             number += shift[:, axis] + widest[axis]
         return np.argsort(number, kind="stable")
     return np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
+
+
+def canonical(i: Ints, j: Ints, shift: Ints) -> tuple[Ints, Ints, Ints, Ints, Bools]:
+    """Rows (m,) of contacts in canonical order; their ends and periods; which are turned round.
+
+    The lower-numbered end comes first, a sphere meets its own image on one side only, and a wall is
+    behind no period.
+    """
+    # The first period that is not 0 decides; no sphere reaches a hundred images.
+    own = (i == j) & (shift @ [10000, 100, 1] < 0)
+    turned = (j >= 0) & ((i > j) | own)
+    shift = np.where(j < 0, 0, np.where(turned, -1, 1))[:, None] * shift
+    first, second = np.where(turned, j, i), np.where(turned, i, j)
+    rows = canonical_order(first, second, shift)
+    return rows, first[rows], second[rows], shift[rows], turned[rows]
 
 
 def refuse_more_than_fit(spheres: int, pairs: float = 0.0) -> None:

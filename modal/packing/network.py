@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from modal.formats.hdf5 import named
 from modal.formats.product import Product
-from modal.packing.checks import check, converted, named
+from modal.packing.checks import check, converted
 from modal.packing.columns import COLUMNS, UNKNOWN, Columns
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SCHEMA as SCHEMA

@@ -13,12 +13,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from modal.formats.hdf5 import named
 from modal.formats.product import Column, Product
-from modal.packing.checks import density_of, named
+from modal.packing.checks import density_of
 from modal.packing.columns import columns_of, stored
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
 from modal.packing.contact_models import ContactLaw, laws_of
-from modal.packing.neighbours import ContactList, canonical_order, tangents, touching
+from modal.packing.neighbours import ContactList, canonical, tangents, touching
 from modal.packing.network import Network
 from modal.packing.sphere_network import constants, network_of
 from modal.tools.arrays import Floats, Ints
@@ -211,8 +212,10 @@ def shear_along(network: Network, contact: ContactList) -> tuple[Floats, Ints]:
 
     InputError where `contact`, those of spheres that overlap, are not the network's.
     """
-    rows, i, j, shift, sign = _canonical(network)
-    force = sign[:, None] * network.require("force_tangential", "sample with its history")[rows]
+    periods = network.require("cell_shift", "sample with its contacts in order")
+    rows, i, j, shift, turned = canonical(network.particle_i, network.particle_j, periods)
+    force = network.require("force_tangential", "sample with its history")[rows]
+    force[turned] *= -1
     theirs = contact.particle_i, contact.particle_j, contact.cell_shift
     if not all(map(np.array_equal, (i, j, shift), theirs)):
         raise InputError(
@@ -229,23 +232,6 @@ def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
     if notes.get("wall_young") is None:
         return None
     return Elasticity(float(notes["wall_young"]), float(notes["wall_poisson"]))
-
-
-def _canonical(network: Network) -> tuple[Ints, Ints, Ints, Ints, Ints]:
-    """Rows (m,) of the contacts in canonical order, their ends and periods, -1 where turned round.
-
-    The lower-numbered end comes first, and a sphere meets its own image on one side only.
-    """
-    i, j = network.particle_i.astype(int), network.particle_j.astype(int)
-    shift = network.require("cell_shift", "sample with its contacts in order")
-    # The first period that is not 0 decides; no sphere reaches a hundred images.
-    own = (i == j) & (shift @ [10000, 100, 1] < 0)
-    turned = (j >= 0) & ((i > j) | own)
-    first, second = np.where(turned, j, i), np.where(turned, i, j)
-    shift = np.where(turned[:, None], -shift, shift)
-    rows = canonical_order(first, second, shift)
-    sign = np.where(turned, -1, 1)
-    return rows, first[rows], second[rows], shift[rows], sign[rows]
 
 
 def write_sample(path: str | Path, sample: Sample) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import File, Option
-from modal.packing.checks import named
+from modal.formats.hdf5 import named
 from modal.packing.network import read_network
 from modal.packing.sample import read_sample
 

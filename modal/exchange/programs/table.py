@@ -22,7 +22,8 @@ from modal.exchange.programs import lammps
 from modal.exchange.registry import File, Option
 from modal.exchange.rows import Rows, fault, open_bytes, shown
 from modal.exchange.words import Words
-from modal.packing.checks import check_force_ratio, named
+from modal.formats.hdf5 import named
+from modal.packing.checks import check_force_ratio
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
