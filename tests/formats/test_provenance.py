@@ -197,7 +197,7 @@ def test_a_network_that_is_not_among_the_sources_is_refused(network):
     path = network.with_name("a.density.h5")
     states = density_of_states(gallery.fcc(1e5, (1, 1, 12)), resolution=2e4)
     write_density(path, states, "abc", Provenance("x", {}))
-    with pytest.raises(InputError, match=r"a\.density\.h5: names a network .* not the packing among"):
+    with pytest.raises(InputError, match=r"a\.density\.h5: names a network .* not the packing"):
         read_provenance(path)
 
 
