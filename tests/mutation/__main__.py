@@ -22,6 +22,7 @@ import sys
 import tempfile
 import time
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 from tests.mutation.mutants import Mutant, drawn, mutants_of
@@ -118,45 +119,36 @@ def key_of(mutant: Mutant) -> str:
 
 def results_of(path: Path) -> dict[str, dict]:
     """What was found so far; a last line that was cut off is left out."""
-    found = {}
-    for line in path.read_text().splitlines() if path.exists() else []:
-        if line.endswith("}"):
-            row = json.loads(line)
-            found[row["key"]] = row
-    return found
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = [json.loads(line) for line in lines if line.endswith("}")]
+    return {row["key"]: row for row in rows}
 
 
-def reasons() -> dict[tuple[str, str, str], str]:
-    """Why a mutant (path, line before, line after) computes the same as the original."""
+def reasons() -> set[tuple[str, str, str]]:
+    """Mutants (path, line before, line after) that compute the same as the original."""
     rows = tomllib.loads(EQUIVALENT.read_text())["mutant"]
-    return {(row["path"], row["before"], row["after"]): row["reason"] for row in rows}
+    return {(row["path"], row["before"], row["after"]) for row in rows}
 
 
 def report(mutants: list[Mutant], found: dict[str, dict]) -> str:
     """Markdown: a row for each module, then the survivors."""
-    equivalent = reasons()
-    rows, survivors, total = [], [], [0, 0, 0, 0]
-    for module in TESTS:
-        numbers = [0, 0, 0, 0]
-        for mutant in mutants:
-            row = found.get(key_of(mutant))
-            if row is None or module_of(mutant) != module:
-                continue
+    equivalent, kinds = reasons(), ("mutants", "noticed", "equivalent", "survivors")
+    numbers = {module: Counter() for module in (*TESTS, "all")}
+    survivors = []
+    for mutant in mutants:
+        if row := found.get(key_of(mutant)):
             same = (mutant.path, mutant.before, mutant.after) in equivalent
-            kind = 1 if row["outcome"] == "noticed" else 2 if same else 3
-            numbers[0] += 1
-            numbers[kind] += 1
-            if kind == 3:
+            kind = kinds[1 if row["outcome"] == "noticed" else 2 if same else 3]
+            if kind == "survivors":
                 survivors.append(f"{mutant.path}:{mutant.line}: {mutant.before} -> {mutant.after}")
-        if numbers[0]:
-            rows.append(f"| {module} | " + " | ".join(map(str, numbers)) + " |")
-        total = [a + b for a, b in zip(total, numbers, strict=True)]
-    share = total[1] / max(1, total[0] - total[2])
-    head = ["| module | mutants | noticed | equivalent | survivors |", "|---|---|---|---|---|"]
-    rows.append("| all | " + " | ".join(map(str, total)) + " |")
-    return "\n".join(
-        [*head, *rows, "", f"Noticed of those not equivalent: {share:.1%}", *survivors]
-    )
+            for module in (module_of(mutant), "all"):
+                numbers[module].update(("mutants", kind))
+    rows = [(name, *(count[kind] for kind in kinds)) for name, count in numbers.items() if count]
+    table = [("module", *kinds), ("---",) * 5, *rows]
+    total = numbers["all"]
+    share = total["noticed"] / max(1, total["mutants"] - total["equivalent"])
+    lines = [f"| {' | '.join(map(str, row))} |" for row in table]
+    return "\n".join([*lines, "", f"Noticed of those not equivalent: {share:.1%}", *survivors])
 
 
 def parsed(arguments: list[str] | None) -> argparse.Namespace:
@@ -169,7 +161,6 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=300, help="mutants to draw (300)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--modules", nargs="+", choices=TESTS, default=list(TESTS))
-    parser.add_argument("--again", action="store_true", help="test those that survived again")
     default = Path(tempfile.gettempdir()) / "granular-mutation.jsonl"
     parser.add_argument("-o", "--output", type=Path, default=default, help=f"results ({default})")
     return parser.parse_args(arguments)
@@ -182,8 +173,7 @@ def main(arguments: list[str] | None = None) -> int:
     mutants = drawn(pools, options.count, options.seed)
     found = results_of(options.output)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    again = {key for key, row in found.items() if options.again and row["outcome"] == "survived"}
-    waiting = {key_of(m): m for m in mutants if key_of(m) not in found or key_of(m) in again}
+    waiting = {key_of(mutant): mutant for mutant in mutants if key_of(mutant) not in found}
     limits: dict[str, float] = {}
     with (
         tempfile.TemporaryDirectory(prefix="mutation-") as folder,
@@ -198,16 +188,10 @@ def main(arguments: list[str] | None = None) -> int:
                     raise SystemExit(f"the tests of {module} fail without any mutant")
                 limits[module] = 20 + 3 * (time.monotonic() - started)
             outcome, by = place.judge(mutant, limits[module])
-            row = {"key": key, "outcome": outcome, "by": by}
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            found[key] = row
+            found[key] = {"key": key, "outcome": outcome, "by": by}
+            print(json.dumps(found[key]), file=file, flush=True)
             print(f"{number}/{len(waiting)} {mutant.path}:{mutant.line} {outcome} {by}", flush=True)
     print(report(mutants, found))
-    possible = {(m.path, m.before, m.after) for pool in pools for m in pool}
-    for path, before, after in reasons():
-        if path in {place for place, *_ in possible} and (path, before, after) not in possible:
-            print(f"equivalent.toml: no such mutant any more: {path}: {before} -> {after}")
     return 0
 
 

@@ -17,13 +17,8 @@ from pathlib import Path
 OPERATORS = {
     **{ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*")},
     **{ast.Pow: ("**", "*"), ast.FloorDiv: ("//", "*"), ast.Mod: ("%", "*")},
-    **{
-        ast.BitAnd: ("&", "|"),
-        ast.BitOr: ("|", "&"),
-        ast.And: ("and", "or"),
-        ast.Or: ("or", "and"),
-    },
-    **{ast.USub: ("-", ""), ast.Invert: ("~", ""), ast.Not: ("not", "")},
+    **{ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"), ast.And: ("and", "or")},
+    **{ast.Or: ("or", "and"), ast.USub: ("-", ""), ast.Invert: ("~", ""), ast.Not: ("not", "")},
 }
 COMPARISONS = {
     **{ast.Lt: ("<", "<=", ">="), ast.LtE: ("<=", "<", ">"), ast.Eq: ("==", "!=")},
