@@ -1,6 +1,6 @@
 """What the rules need to know of a study: what a case starts from, its files, a job's command.
 
-Read by the Snakefiles alone. Which cases there are, and their settings, stands in the study's YAML
+Read by the Snakefile alone. Which cases there are, and their settings, stands in the study's YAML
 (`analysis.study.description`).
 """
 
@@ -10,7 +10,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, cached_property
 from math import pi
 from pathlib import Path
 from shlex import quote
@@ -46,10 +46,8 @@ OF_WALK = (
     *("agitated_damping", "inertial_number", "damping", "residual"),
 )
 """Columns that shape a compression, by YADE or its twin."""
-OF_PACK = "contact_model", "periodic", "stress_ratio", "oedometric"
+OF_PACK = "contact_model", "periodic", "stress_ratio", "oedometric", "time_step_fraction"
 """Those that only the twin, `modal pack`, knows; none says of its states what was asked for."""
-VARIED = "width", "seed", *OF_PACK
-"""Columns that the names of compressions tell apart, where a study has several values of them."""
 STAGES = {
     "sample": ["sample"],
     "highest": ["highest.modes"],
@@ -109,11 +107,20 @@ class Jobs:
     def walk_of(self, case: str) -> str:
         """Name of the compression that a random case's state is of."""
         row = self.rows[case]
-        kinds = {n: {other.get(n) for other in self.rows.values()} for n in VARIED}
-        varied = [n for n in kinds if len(kinds[n]) > 1 and self.study.settings["names"] == ""]
-        return "_".join([f"mu{row['mu_comp']:g}", *(part_of_name(n, row[n]) for n in varied)])
+        parts = [part_of_name(n, row[n]) for n in self.varied if row.get(n) is not None]
+        return "_".join([f"mu{row['mu_comp']:g}", *parts])
 
-    @property
+    @cached_property
+    def varied(self) -> list[str]:
+        """Columns that tell compressions of one friction apart: a study has several values of them.
+
+        None where cases have numbers: their compressions differ in friction alone.
+        """
+        random = [self.rows[case] for case in self.of_kind("random")]
+        kinds = {n: {str(row.get(n)) for row in random} for n in (*OF_WALK[1:], *OF_PACK)}
+        return [n for n in kinds if len(kinds[n]) > 1 and self.study.settings["names"] == ""]
+
+    @cached_property
     def walks(self) -> dict[str, list[str]]:
         """Cases of each compression."""
         found: dict[str, list[str]] = {}
@@ -334,25 +341,20 @@ class Jobs:
     def needs(self, rule: str) -> dict[str, Callable[..., int]]:
         """What a rule's jobs ask for, by their size: memory, MB, and minutes, times the try."""
 
+        row = _costs().loc[rule]
+
         def size(w: Any) -> float:
             case = getattr(w, "case", None) or self.walks.get(getattr(w, "walk", ""), [None])[0]
             return self.rows[case or self.cases[0]]["spheres"] / FULL
 
-        return resources(rule, size)
+        def mem_mb(wildcards: Any, attempt: int) -> int:
+            return int(attempt * 1.5 * (row["m"] + row["n"] * size(wildcards)))
 
+        def runtime(wildcards: Any, attempt: int) -> int:
+            seconds = row["s"] + row["b"] * size(wildcards) ** row["p"]
+            return int(attempt * (10 + seconds / 30))
 
-def resources(rule: str, size: Callable[[Any], float]) -> dict[str, Callable[..., int]]:
-    """Memory, MB, and run time, minutes, of a rule's jobs, whose `size` is over `FULL` spheres."""
-    row = _costs().loc[rule]
-
-    def mem_mb(wildcards: Any, attempt: int) -> int:
-        return int(attempt * 1.5 * (row["m"] + row["n"] * size(wildcards)))
-
-    def runtime(wildcards: Any, attempt: int) -> int:
-        seconds = row["s"] + row["b"] * size(wildcards) ** row["p"]
-        return int(attempt * (10 + seconds / 30))
-
-    return {"mem_mb": mem_mb, "runtime": runtime}
+        return {"mem_mb": mem_mb, "runtime": runtime}
 
 
 @cache

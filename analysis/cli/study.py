@@ -10,7 +10,6 @@ from analysis.cli.options import add_command, add_products
 from analysis.status import stale_files, status_table
 from analysis.study.arrangement import wanted
 from analysis.study.beside import table_of
-from analysis.study.convergence import write_convergence
 from analysis.study.description import Study
 from analysis.study.measuring import of_case, of_quantities, of_seed, of_state
 from analysis.study.targets import Rules
@@ -23,12 +22,11 @@ from modal.tools.errors import InputError
 def add(commands: Any) -> None:
     """The command's options: of the whole, then of its stages."""
     text = (
-        "all results of a study: tables, figures, targets, one page, in seconds; or one of its "
-        "stages; of a *.table what each setting of a compression changes"
+        "all results of a study: tables, figures, targets, a page, in seconds; or one of its stages"
     )
     example = "study studies/friction_width.yaml --results products/results"
     study = add_command(commands, "study", text, example, _study)
-    study.add_argument("study", metavar="YAML", help="the study, or a *.table of settings")
+    study.add_argument("study", metavar="YAML", help="the study")
     study.add_argument("file", nargs="*", metavar="FILE", help="packing and waves to --measure")
     study.add_argument("--results", default="products/results", metavar="DIR", help="to read")
     study.add_argument(
@@ -50,9 +48,6 @@ def add(commands: Any) -> None:
 
 def _study(options: argparse.Namespace) -> int:
     results, output, products = map(Path, (options.results, options.output, options.products))
-    if options.study.endswith(".table"):
-        put("\n".join(map(str, write_convergence(Path(options.study), results, output))))
-        return 0
     study = Study(options.study)
     if options.measure:
         _measure(study, options.measure, options)

@@ -38,7 +38,7 @@ OF_CASE = {
     *("input_frequency", "fraction", "passage", "amplitude", "duration", "interval", "particles"),
     *("direction", "layers", "sizes", "densities", "approach_rate", "agitated_damping"),
     *("inertial_number", "hot_stress", "damping", "residual", "contact_model", "periodic"),
-    *("stress_ratio", "oedometric"),
+    *("stress_ratio", "oedometric", "time_step_fraction"),
 }
 NUMBERS = OF_CASE - {"kind", "factors", "direction", "sizes", "densities", "contact_model"}
 DEFAULTS: dict[str, Any] = {
@@ -116,12 +116,9 @@ class Study:
         self._known(group, OF_CASE, "group's setting")
         if group.get("kind") not in KINDS:
             raise InputError(f"{self.path}: kind {group.get('kind')} is none of {', '.join(KINDS)}")
-        factors = {
-            name: values if isinstance(values, list) else [values]
-            for name, values in group.get("factors", {}).items()
-        }
+        factors = {name: _listed(values) for name, values in group.get("factors", {}).items()}
         self._known(factors, OF_CASE, "factor")
-        shared = {name: group[name] for name in group if name not in ("factors",)}
+        shared = {name: group[name] for name in group if name not in ("factors", *factors)}
         lines = []
         for values in itertools.product(*factors.values()):
             own = dict(zip(factors, values, strict=True))
@@ -196,6 +193,14 @@ def part_of_name(factor: str, value: Any) -> str:
     if isinstance(value, str):
         return "-".join([factor, *value.split()])
     return f"{factor}{value:g}"
+
+
+def _listed(values: Any) -> list[Any]:
+    """The values of a factor: a list, or the numbers of a text as `1 to 8`."""
+    ends = re.fullmatch(r"(\d+) to (\d+)", str(values))
+    if ends:
+        return list(range(int(ends[1]), int(ends[2]) + 1))
+    return values if isinstance(values, list) else [values]
 
 
 def _numbers(value: Any) -> Any:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.estimators.limit import limit
 from analysis.estimators.power_law import power_law
 from analysis.rows import Row
 from analysis.study.powers import powers
@@ -31,6 +32,7 @@ def tables(
     """All tables of a study that have a line, in its order; `name` is that of their file."""
     kinds: dict[str, Callable[[Spec, pd.DataFrame], Table]] = {
         "means": means,
+        "limit": limits,
         "pivot": pivot,
         "laws": laws,
         "checks": lambda spec, cases: checks(spec, rules),
@@ -123,6 +125,25 @@ def means(spec: Spec, cases: pd.DataFrame) -> Table:
             cells.append(number(values.mean(), values.std() / np.sqrt(len(values))))
         lines.append([*cells, str(len(members))])
     return Table(spec["title"], [*by, *spec["columns"], "packings"], lines)
+
+
+def limits(spec: Spec, cases: pd.DataFrame) -> Table:
+    """Where means over cases lead as x goes to zero, by a straight line, beside those at `own`."""
+    by, own, lines = spec["limit"]["by"], spec["limit"]["own"], []
+    cases = cases.assign(x=numbers(cases, spec["limit"]["x"]))
+    for key, members in cases.groupby(by):
+        for text, name in spec["columns"].items():
+            several = members.assign(y=numbers(members, name)).groupby("x")["y"]
+            mean, error = several.mean(), several.sem()
+            size = mean.index.to_numpy(float)
+            found = limit(size, mean.to_numpy(), error.to_numpy())
+            at = int(abs(size - own).argmin())
+            here = mean.iloc[at], error.iloc[at]
+            off = found.distance(size[at], *here)
+            cells = [number(*here), number(found.value, found.error), _cell(off, "+.1f")]
+            lines.append([*map(_cell, key), text, *cells, _cell(found.chi, ".1f")])
+    header = ["quantity", "as it is", "limit", "distance in errors of the difference"]
+    return Table(spec["title"], [*by, *header, "chi^2 a point to spare"], lines)
 
 
 def pivot(spec: Spec, cases: pd.DataFrame) -> Table:
