@@ -87,7 +87,7 @@ def below_an_edge(system: LinearSystem, count: int, degree: int) -> Effort:
 
     One exact count is made, which needs a factorisation.
     """
-    basis = 1.6 * count + 130
+    basis = 1.5 * count + 130
     counting, _ = factorisation(system, counting=True)
     products = SPARSE * nonzeros(system) * degree * basis
     orthogonal = ORTHOGONAL * system.size * basis**2

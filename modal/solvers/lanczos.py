@@ -31,11 +31,16 @@ BASIS, BLOCKS = 2.5, 8
 """Vectors of the basis for each mode that is asked for, and blocks besides. Several hundred modes
 then converge without a restart, which combines the whole basis anew."""
 BASIS_LIFTED = 1.8
-"""The same for modes that `modal.solvers.low_end` lifts. Of 35,201 spheres 1.6 are used; the rest
-is for worse spectra."""
-LOOKS, LOOKS_LIFTED = (2.0, 1.5), (1.3, 0.75)
+"""The same for modes that `modal.solvers.low_end` lifts. Of packings 1.5 are used; the rest is for
+worse spectra."""
+STEPS, WIDTH_LIFTED = 45, 48
+"""Modes for each column of a block of these, and columns at most. A product of the whole basis with
+a block waits for memory: of 3,000 vectors it runs at 14, 23 and 33 GFlop/s for 12, 24 and 48
+columns. Blocks that are wider in proportion take more vectors: of 496 modes 1.48 each for 12
+columns, 1.74 for 24."""
+LOOKS, LOOKS_LIFTED = (2.0, 1.5), (1.3, 0.5)
 """When the basis is looked at: vectors for each mode before the first look; from then on for each
-mode that is missing. Of 1,086 that were lifted 1.43 vectors for each gave 935, and 1.6 gave all."""
+mode that is missing."""
 WIDTH_ABOVE = 4
 """Columns of a block from the top, where products cost less than the basis."""
 ROOM = 4
@@ -181,7 +186,7 @@ def modes_below(low_end: LowEnd, size: int, count: int, held: Held) -> Nearest:
         size,
         count,
         held,
-        width=min(BLOCK, max(1, held.free // 8)),
+        width=min(max(BLOCK, min(count // STEPS, WIDTH_LIFTED)), max(1, held.free // 8)),
         limit=int(BASIS_LIFTED * count) + BLOCKS * BLOCK,
         most=5 * count + 40 * BLOCK,
         rank=np.positive,
