@@ -5,8 +5,9 @@ The width of the cell
 Which frequencies are the cell's, which the packing's? Packings without friction at 100 kPa in cells
 of four widths W: where further waves set in, how far modes are pure P-waves, and the low-pass.
 
-`python examples/width.py FOLDER` writes the figure and a table into a folder. It reads
-`results/width/width*.json`, the results of `studies/width.yaml`.
+`python examples/width.py FOLDER` writes the figure and two tables into a folder. It reads
+`results/width/width*.json`, results of `studies/width.yaml`, and `long/*.json` there: cells of this
+study that are 72 D long, measured one by one, as the low-pass frequency needs 50 D.
 """
 
 import csv
@@ -23,6 +24,11 @@ PURE, MIXED = 0.9, 0.45  # chi_z of P-waves, and of modes that have hardly a dir
 STEP = (0.85, 1.0), (1.0, 1.15)  # of V_S / W, where modes are counted below and above it
 
 
+def width_of(nominal, void_ratio):
+    """Diameters: spheres and void ratio say how wide a cell is, as its nominal shape is kept."""
+    return nominal * ((1 + void_ratio) * 0.6) ** (1 / 3)
+
+
 class Packing:
     """What a result has of a cell: velocities, modes with their chi_z, the wall's pulse."""
 
@@ -30,12 +36,10 @@ class Packing:
         found = json.loads(path.read_text())
         self.value = {name: each["value"] for name, each in found["values"].items()}
         self.error = {name: each["error"] for name, each in found["values"].items()}
-        nominal, _, seed = path.stem.removeprefix("width").partition("_seed")
-        self.nominal, self.long = float(nominal), int(seed) > 10
+        self.nominal = float(path.stem.removeprefix("width").partition("_seed")[0])
         self.v_p, self.v_s = self.value["v_p_moduli"], self.value["v_s_moduli"]
         self.frequency, self.chi, _ = map(np.array, found["curves"]["chi_z_of_branches"])
-        # Spheres and void ratio say how wide the cell is: its nominal shape is kept.
-        self.width = self.nominal * ((1 + self.value["void_ratio"]) * 0.6) ** (1 / 3)
+        self.width = width_of(self.nominal, self.value["void_ratio"])
         self.unit = self.v_s / (self.width * DIAMETER)
 
     def mixed(self):
@@ -60,7 +64,6 @@ for p in packings:
     )
     row = {
         "width_over_d": p.width,
-        "length": "72 D" if p.long else "36 D",
         "z": p.value["coordination"],
     }
     row |= {"v_p": p.v_p, "v_s": p.v_s, "v_s_over_w_khz": p.unit / 1e3}
@@ -71,12 +74,28 @@ for p in packings:
     row |= {"modes_15_percent_below": int(below), "modes_15_percent_above": int(above)}
     row |= {"last_above_0.9_khz": p.frequency[p.chi > PURE].max() / 1e3}
     row |= {"last_above_0.45_khz": p.mixed() / 1e3}
-    row |= {
-        "low_pass_khz": p.value["low_pass"] / 1e3,
-        "low_pass_error_khz": p.error["low_pass"] / 1e3,
-    }
     rows.append(row)
     print({k: v if isinstance(v, str) else float(f"{v:.4g}") for k, v in row.items()})
+
+# %%
+# **The low-pass frequency** and the decay of the coherent wave by a wall's pulse, cells 72 D long.
+
+long = []
+for path in sorted((HOME / "long").glob("*.json")):
+    found = json.loads(path.read_text())
+    value = {name: each["value"] for name, each in found.items()}
+    nominal = float(path.stem.removeprefix("width").partition("_seed")[0])
+    row = {"width_over_d": width_of(nominal, value["void_ratio"]), "z": value["coordination"]}
+    row |= {"v_p": value["v_p"], "v_s": value["v_s"], "low_pass_khz": value["low_pass"] / 1e3}
+    row |= {"low_pass_error_khz": found["low_pass"]["error"] / 1e3}
+    decay = found["attenuation"]
+    for f in (17, 25, 34):
+        k = int(np.argmin(abs(np.array(decay["at"]) - 1e3 * f)))
+        seen = abs(decay["at"][k] / 1e3 - f) < 1
+        row |= {f"attenuation_{f}_khz": value["attenuation"][k] if seen else np.nan}
+        row |= {f"attenuation_{f}_khz_error": decay["error"][k] if seen else np.nan}
+    long.append(row)
+    print({k: float(f"{v:.4g}") for k, v in row.items()})
 
 # %%
 # **The figure.** Left: all modes below a frequency over V_S / W; right: the largest chi_z of all
@@ -88,7 +107,7 @@ figure, axes = plt.subplots(1, 2, figsize=(7, 2.8), layout="constrained")
 styles = dict(zip(widths, ((0, (1, 1)), "-.", "--", "-"), strict=True))
 for nominal, style in styles.items():
     these = [p for p in packings if p.nominal == nominal]
-    one = next(p for p in these if not p.long)
+    one = these[0]
     ratio = np.sort(one.frequency) / one.unit
     shade = f"{0.7 * (1 - nominal / widths.max()):.2f}"
     look = {"ls": style, "color": shade, "lw": 1.2}
@@ -118,8 +137,9 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "width.png", dpi=200)
     figure.savefig(folder / "width.pdf", metadata={"CreationDate": None})
-    with open(folder / "cut_ons.csv", "w", newline="") as out:
-        writer = csv.DictWriter(out, rows[0], lineterminator="\n")
-        writer.writeheader()
-        texts = ({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows)
-        writer.writerows(texts)
+    for name, table in (("cut_ons", rows), ("long", long)):
+        with open(folder / f"{name}.csv", "w", newline="") as out:
+            writer = csv.DictWriter(out, table[0], lineterminator="\n")
+            writer.writeheader()
+            for row in table:
+                writer.writerow({k: f"{v:.4g}" for k, v in row.items()})
