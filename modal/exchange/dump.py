@@ -1,21 +1,27 @@
-"""The text dumps of LAMMPS and LIGGGHTS: `ITEM:` headers, a box, rows of named columns, spheres."""
+"""The text dumps of LAMMPS and LIGGGHTS: `ITEM:` headers, a box, rows of spheres or contacts.
+
+The columns c_ID[k] of a dump of contacts mean what the compute lines in the log say, or, where no
+log names them, what a program's recipe of so many columns has.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.exchange.input_script import Script
 from modal.exchange.law import SI, Units
-from modal.exchange.particles_and_contacts import WALLS, Cell, Packing
+from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
 from modal.exchange.registry import File
 from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
-from modal.tools.arrays import Bools, Floats
+from modal.exchange.words import Words
+from modal.tools.arrays import Array, Bools, Floats, Ints
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
 """What their systems of units are in SI; `lj` has none."""
@@ -26,10 +32,10 @@ SEVERAL = 5
 ROUNDED = (6, 7)
 """Significant digits of bounds that a program has rounded: by %g, or in single precision. Fewer
 stand there when somebody chose them, more when all were written."""
-
-
 SHAPED = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
 """Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
+COMPUTED = "let its compute line write it"
+"""What to do about a column of contacts that is not there."""
 
 
 @dataclass(frozen=True)
@@ -175,15 +181,14 @@ def packing_of(
     for name in filter(rows.has, SHAPED):
         what = f"the column {name} tells of bodies that are no spheres, which are not known"
         fault(rows.path, what, "dump spheres, without it", rows.line - 1, name)
-    first(("id",))
     places = first(*(tuple(f"{axis}{kind}" for axis in "xyz") for kind in ("", "u", "s")))
     (size,) = first(("radius",), ("diameter",))
     (heavy,) = first(("mass",), ("rmass",), ("density",))
-    further = [name for name in ("type" * (typed or rows.has("type")), body) if name]
-    for name in further:
-        first((name,))
-    table = rows.read("id", *places, size, heavy, *further)
-    whole = {name: rows.whole(table[:, 6 + k], name) for k, name in enumerate(further)}
+    further = {"kind": "type"} if typed or rows.has("type") else {}
+    further |= {"body": body} if body else {}
+    names = (*first(("id",)), *places, size, heavy, *further.values())
+    rows.require(names, f"add it to the dump: dump ... custom N FILE {' '.join(names)}")
+    table = rows.read(*names)
     position, digits = table[:, 1:4], rows.digits(*places)
     step = last_step(position, digits)
     if places[0] == "xs":
@@ -197,9 +202,65 @@ def packing_of(
     coarse = max(frame.rounding, last_step(radius, rows.digits(size)) * rounded)
     if coarse > step:
         step, digits = coarse, min(digits, ROUNDED[0])
+    columns: dict[str, Array] = {"position": position, "radius": radius, "mass": mass}
+    columns["number"] = table[:, 0]
+    for k, (name, column) in enumerate(further.items(), 6):
+        columns[name] = rows.whole(table[:, k], column)
     source, receiver = (walls.get(code, np.nan) for code in WALLS)
     low, high = units.length * frame.low, units.length * frame.high
     cell = Cell(low, high, frame.periodic, (source, receiver))
-    columns = (table[:, 0], position, radius, mass)
-    kind, bodies = whole.get("type", np.ones(len(table), int)), whole.get(body)
-    return Packing.of(rows, cell, units, columns, digits, step=step, kind=kind, body=bodies)
+    return Packing.of(rows, cell, units, columns, digits, step)
+
+
+class Told(NamedTuple):
+    """Contacts of a dump: ends (m,), columns (m, k) by what they are, what was assumed."""
+
+    rows: Rows
+    i: Ints
+    j: Ints
+    values: dict[str, Floats]
+    assumed: list[str]
+
+
+def told_contacts(
+    path: str | Path,
+    frame: Frame,
+    packing: Packing,
+    computes: Mapping[str, Sequence[str]],
+    recipes: Mapping[int, Sequence[str]],
+    quantities: Mapping[str, tuple[str, ...]],
+) -> Told:
+    """What a dump tells of contacts of spheres: those `quantities` whose columns are all there.
+
+    The `ends` must be there. `frame` is that of the spheres; `computes` say what the
+    columns of each compute mean, by its ID.
+    """
+    rows = frame_of(path, "ENTRIES", frame.step).rows
+    columns, assumed = dict[str, str](), list[str]()
+    groups: dict[str, dict[int, str]] = {}
+    for column in rows.columns:
+        indexed = re.fullmatch(r"c_(\w+)(?:\[(\d+)\])?", column)
+        if indexed:
+            groups.setdefault(indexed[1], {})[int(indexed[2] or 1)] = column
+        else:
+            columns[column] = column
+    for name, members in groups.items():
+        words = computes.get(name) or recipes.get(len(members))
+        if words is None:
+            what = f"what the {len(members)} columns of c_{name} mean stands in a compute line"
+            do = "give the log that has it (--log)"
+            fault(path, what, do, rows.line - 1, next(iter(members.values())))
+        if name not in computes:
+            assumed.append(f"columns of c_{name}: {' '.join(words)}")
+        columns |= {words[k - 1]: column for k, column in members.items() if k <= len(words)}
+    rows.require(quantities["ends"], COMPUTED, columns)
+    named = {what: [columns.get(n, n) for n in names] for what, names in quantities.items()}
+    values = rows.parts(named)
+    i, j = ends_of(rows, packing.number, values["ends"].T, named["ends"], walls=False)
+    return Told(rows, i, j, values, assumed)
+
+
+def planes_said(words: Words, units: Units) -> dict[int, float]:
+    """z, m, of the walls by their codes: the two words behind zplane, NULL for none."""
+    ends = zip(WALLS, words.numbers("zplane", 2, null=True), strict=True)
+    return {code: units.length * z for code, z in ends if not np.isnan(z)}

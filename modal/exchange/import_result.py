@@ -15,9 +15,8 @@ from modal.exchange.law import ProgramLaw
 from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
 from modal.exchange.precision_checks import (
     digits_of_table,
-    refuse_apart,
     refuse_drowned,
-    refuse_one_place,
+    refuse_impossible,
     unlisted,
 )
 from modal.formats.hdf5 import named
@@ -28,8 +27,8 @@ from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 BLURRED = 1e-6
-"""The same from which overlaps are taken from the forces where these are told."""
-TURNING = ("stiffness_rolling", "stiffness_twisting")
+"""Error of an overlap by the digits of positions, over the median overlap, from which overlaps are
+taken from the forces where these are told."""
 LIKE = 1e-3
 """Relative difference of forces and the law's from which it is remarked on."""
 UNLIKE = 10.0
@@ -63,18 +62,18 @@ def network_of(
     listed = contacts or packing.touching()
     branch, shift = packing.branches(listed.i, listed.j)
     distance = np.linalg.norm(branch, axis=1)
-    refuse_one_place(listed, packing, distance)
     kept = _kept(listed, packing, distance, remarks)
     touch, branch, shift, distance = listed.some(kept), branch[kept], shift[kept], distance[kept]
     reach, effective = packing.reach(touch.i, touch.j)
     overlap = reach - distance
     error = packing.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
-    how, force = "positions", touch.force
-    stiffness, turning, columns = touch.stiffness, touch.turning, dict[str, Any]()
-    kinds, which = _kinds(touch, packing, law_of if stiffness is None else None)
-    if not kinds:
+    how, force, columns = "positions", touch.force, dict[str, Any]()
+    stiffness, turning, kinds = touch.stiffness, touch.turning, list[ProgramLaw]()
+    which = np.zeros(len(overlap), int)
+    if law_of is None:
         remarks += digits_of_table(packing, error, overlap, distance)
     else:
+        kinds, which = _kinds(touch, packing, law_of)
         law = ProgramLaw.of_contacts(kinds, which)
         if contacts is not None:
             remarks += unlisted(listed, packing)
@@ -98,8 +97,10 @@ def network_of(
         columns |= law.beyond_springs(overlap)
         if touch.shear is not None:
             columns["sliding"] = law.slides(force, touch.shear)
-    assert stiffness is not None
-    columns |= {} if turning is None else dict(zip(TURNING, turning, strict=True))
+    for names, both in ((("normal", "tangential"), stiffness), (("rolling", "twisting"), turning)):
+        if both is not None:
+            rows = np.ascontiguousarray(both.T)
+            columns |= {f"stiffness_{name}": row for name, row in zip(names, rows, strict=True)}
     frictions = {law.friction for law in kinds}
     told = {
         "overlap_over_error_of_digits": float(np.median(overlap) / max(error, 1e-300)),
@@ -119,8 +120,6 @@ def network_of(
             # To the middle of the overlap.
             lever_i=(radius_i - overlap / 2)[:, None] * normal,
             lever_j=np.where(touch.j < 0, 0.0, overlap / 2 - radius_j)[:, None] * normal,
-            stiffness_normal=stiffness[0],
-            stiffness_tangential=stiffness[1],
             force_normal=force,
             force_tangential=touch.shear,
             overlap=overlap,
@@ -137,12 +136,8 @@ def network_of(
     return ImportResult(network, kinds, which, told, remarks, bool(kinds))
 
 
-def _kinds(
-    contacts: Contacts, packing: Packing, law_of: LawOf | None
-) -> tuple[list[ProgramLaw], Ints]:
-    """The different laws, none of a table with stiffnesses, and which of them each contact has."""
-    if law_of is None:
-        return [], np.zeros(len(contacts.i), int)
+def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
+    """The different laws, and which of them each contact has."""
     kind, j = packing.kind, contacts.j
     ends = np.sort(np.column_stack([kind[contacts.i], np.where(j < 0, j, kind[j])]), axis=1)
     pairs, which = np.unique(ends, axis=0, return_inverse=True)
@@ -160,7 +155,7 @@ def _kept(listed: Contacts, packing: Packing, distance: Floats, remarks: list[st
     if listed.stiffness is None:
         kept = overlap > 0 if listed.force is None else listed.force != 0
     own = packing.inside_body(listed.i, listed.j)
-    refuse_apart(listed, packing, kept & (overlap < -WIDEST * reach), -overlap)
+    refuse_impossible(listed, packing, kept & (overlap < -WIDEST * reach), distance, -overlap)
     for left, why in ((~kept & ~own, "do not touch"), (own, "are inside rigid bodies")):
         if listed.listed is not None and left.any():
             remarks.append(f"{int(left.sum())} of {len(left)} listed contacts {why}: left out")

@@ -26,15 +26,12 @@ REFUSED_FIXES = {
     "wall": "walls of this kind are not known; only wall/gran with zplane is",
     "freeze": "frozen spheres; a network knows free ones alone: make them a wall",
 }
-STYLES = (
-    *("wall/gran", "property/local", "pair/local", "property/global", "pair/gran/local"),
-    *("rigid", *REFUSED_FIXES),
-)
+LOCAL = ("property/local", "pair/local", "pair/gran/local")
+"""Computes whose columns a dump local may have."""
+STYLES = ("wall/gran", "property/global", "rigid", *LOCAL, *REFUSED_FIXES)
 """Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
 PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 """Of a material of LIGGGHTS, those that its law has."""
-LOCAL = ("property/local", "pair/local", "pair/gran/local")
-"""Computes whose columns a dump local may have."""
 
 
 @dataclass

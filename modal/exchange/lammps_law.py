@@ -45,7 +45,6 @@ GRAN = {
 }
 """Older style: its normal and its tangential model."""
 OPTIONS = ("tangential", "rolling", "twisting", "damping", "cutoff", "limit_damping")
-COHESIVE = ("dmt", "jkr", "mdr")
 LAST = sys.maxsize
 """The highest type, whatever it is."""
 
@@ -67,9 +66,7 @@ def granular(
     `where` says in a message whose words these are; `arms` of motion and torque.
     """
     said = Words(words, where, "give the whole line, with values")
-    model = said.next("the normal model", (*NORMAL, *COHESIVE))
-    if model in COHESIVE:
-        said.refuse(f"{model} is cohesive", f"only {', '.join(NORMAL)} are read")
+    model = said.next("the normal model", NORMAL)
     unit = units.stiffness if model == "hooke" else units.pressure
     normal, *_, poisson = said.in_turn(model, NORMAL[model], null=True)
     stiff, material = unit * normal, None
@@ -113,17 +110,12 @@ def granular(
 
 
 def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coefficients:
-    """The law of gran/hooke, gran/hooke/history and gran/hertz/history: Kn Kt gn gt mu dampflag.
+    """The law of one of `GRAN`: Kn Kt gn gt mu dampflag.
 
     It is that of granular in other words, with arms as long as the radii.
     """
-    if style not in GRAN:
-        raise InputError(f"{where}: {style} is not known; {', '.join(GRAN)} are")
-    if len(words) < 5:
-        raise InputError(f"{where}: {style} needs Kn Kt gamma_n gamma_t xmu dampflag; give all six")
-    kn, kt, _, _, friction = Words(words, where, "give the whole line, with values").in_turn(
-        style, 5, null=True
-    )
+    said = Words(words, where, "give Kn Kt gamma_n gamma_t xmu dampflag")
+    kn, kt, _, _, friction = said.in_turn(style, 5, null=True)
     model, tangential = GRAN[style]
     kt = 2 / 7 * kn if math.isnan(kt) else kt
     own = [] if tangential == "linear_nohistory" else [repr(kt)]
@@ -131,28 +123,18 @@ def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coe
     return granular(same, where, (RADIUS, RADIUS), units)
 
 
-def without_suffix(style: str) -> str:
-    """A style without that of an accelerated variant, such as /omp."""
-    for suffix in ("/omp", "/kk", "/intel", "/opt", "/gpu"):
-        style = style.removesuffix(suffix)
-    return style
-
-
 def coefficients(
     style: str, words: Sequence[str], where: str, units: Units = SI, *, wall: bool = False
 ) -> Coefficients:
-    """The law that a style and its words say."""
-    base = without_suffix(style)
+    """The law that a style and its words say; accelerated variants, such as /omp, have the same."""
+    base = re.sub("/(omp|kk|intel|opt|gpu)$", "", style)
     if base == "granular":
         return granular(words, where, (RADIUS, RADIUS if wall else MIDDLE), units)
-    if wall and base in ("hooke", "hooke/history", "hertz/history"):
-        base = f"gran/{base}"
-    if base.startswith("gran/"):
+    base = base if base in GRAN or not wall else f"gran/{base}"
+    if base in GRAN:
         return gran(base, words, where, units)
-    raise InputError(
-        f"{where}: {style!r} is no law of contact that is known here; give granular, gran/hooke, "
-        "gran/hooke/history or gran/hertz/history"
-    )
+    known = ", ".join(("granular", *GRAN))
+    raise InputError(f"{where}: {style!r} is no law of contact that is known; give {known}")
 
 
 def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
@@ -195,15 +177,9 @@ def law_of_pairs(script: Script, units: Units) -> LawOf:
     """The law between any two types of sphere."""
     said = script.said
     style, *shared = script.style
-    if style.startswith("hybrid"):
-        raise InputError(
-            f"{said}: pair_style hybrid is not known; give the granular part by --pair"
-        )
     lines: list[tuple[range, range, Coefficients]] = []
-    if style.startswith("gran/"):
-        everywhere = coefficients(style, shared, said, units)
-        lines.append((types_of("*", said), types_of("*", said), everywhere))
-    for one, two, *words in script.pair:
+    everywhere = [("*", "*")] if shared and style.startswith("gran/") else []
+    for one, two, *words in (*everywhere, *script.pair):
         where = f"{said}: pair_coeff {one} {two}"
         first, second = types_of(one, where), types_of(two, where)
         if "*" not in one + two and second[0] < first[0]:

@@ -120,11 +120,11 @@ class ProgramLaw:
         push = np.maximum(force, 0) / self.normal
         return np.where(self.hertz, (push / np.sqrt(effective_radius)) ** (2 / 3), push)
 
-    def stiffnesses(self, overlap: Floats, effective_radius: Floats) -> tuple[Floats, Floats]:
-        """Normal and tangential tangent stiffnesses (m,), N/m."""
+    def stiffnesses(self, overlap: Floats, effective_radius: Floats) -> Floats:
+        """Shape (m, 2), N/m: normal and tangential tangent stiffnesses."""
         radius = np.sqrt(effective_radius * np.maximum(overlap, 0))
         along = np.where(self.hertz, 1.5 * self.normal * radius, self.normal)
-        return along, self.tangential * np.where(self.grows, radius, 1.0)
+        return np.column_stack([along, self.tangential * np.where(self.grows, radius, 1.0)])
 
     @property
     def resists_turning(self) -> bool:
@@ -132,13 +132,11 @@ class ProgramLaw:
         stiffest = np.maximum(self.rolling, self.twisting), self.marshall * self.tangential
         return bool(np.any(np.maximum(*stiffest) > 0))
 
-    def turning_stiffnesses(
-        self, overlap: Floats, effective_radius: Floats
-    ) -> tuple[Floats, Floats]:
-        """Rolling and twisting stiffnesses (m,), N m/rad."""
+    def turning_stiffnesses(self, overlap: Floats, effective_radius: Floats) -> Floats:
+        """Shape (m, 2), N m/rad: rolling and twisting stiffnesses."""
         circle = effective_radius * np.maximum(overlap, 0)
         twisting = self.twisting + self.marshall * self.tangential * circle
-        return self.rolling * effective_radius**2, twisting
+        return np.column_stack([self.rolling * effective_radius**2, twisting])
 
     @property
     def shear_grows(self) -> Bools:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,16 +12,12 @@ from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.rows import Rows, fault, last_step
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 NARROW = 2.0
 """A period must exceed this many of the largest diameters, or images are not told apart."""
 WALLS = (SOURCE_WALL, RECEIVER_WALL)
-COLUMNS = ("i", "j", "force", "shear", "stiffness", "turning", "line")
-"""What is told of each contact."""
-FAR = 1e9
-"""Radii from the origin, beyond which no digit is left for an overlap."""
 
 
 @dataclass(frozen=True)
@@ -54,20 +50,20 @@ class Cell:
 class Packing:
     """n spheres in a cell: numbers (n,) of the program, position (n, 3), radius, mass (n,).
 
-    `name` of their file, for messages; `kind` (n,) is the type that chooses the law; `digits` of
-    the positions as they were written, and `step` the unit of the last of them, m. Spheres of the
+    `name` of their file, for messages; `digits` of the positions as they were written, and `step`
+    the unit of the last of them, m; `kind` (n,) is the type that chooses the law. Spheres of the
     same number in `body` (n,) are one rigid body; below 1 a sphere is its own.
     """
 
     name: str
     cell: Cell
+    digits: int
+    step: float
     number: Ints
     position: Floats
     radius: Floats
     mass: Floats
     kind: Ints
-    digits: int
-    step: float
     body: Ints | None = None
 
     @classmethod
@@ -76,40 +72,28 @@ class Packing:
         rows: Rows,
         cell: Cell,
         units: Units,
-        columns: tuple[Floats, Floats, Floats, Floats],
+        columns: Mapping[str, Array],
         digits: int,
-        *,
         step: float | None = None,
-        kind: Ints | None = None,
-        body: Ints | None = None,
     ) -> Packing:
         """The spheres of these rows in the order of their numbers.
 
-        `columns` are number, position, radius and mass, and `step` that of the last digit, in the
-        file's units; `kind` and `body` are in the order of the rows, too. InputError for spheres
-        that no cell can have, and for a number that stands twice.
+        `columns` number, position, radius, mass, and kind and body if they are told, and `step`
+        that of the last digit, are in the file's units. InputError for spheres that no cell can
+        have, and for a number that stands twice.
         """
-        ids, position, radius, mass = columns
-        number = rows.whole(ids, "id")
+        number = rows.whole(columns["number"], "id")
         order = rows.rising(
             number,
             lambda row: f"sphere {number[row]} again (line {rows.line + row})",
             "write each once, without ghosts or images",
             "id",
         )
-        step = last_step(position, digits) if step is None else step
-        found = cls(
-            str(rows.path),
-            cell,
-            number[order],
-            units.length * position[order],
-            units.length * radius[order],
-            units.mass * mass[order],
-            np.zeros(len(order), int) if kind is None else kind[order],
-            digits,
-            units.length * step,
-            None if body is None else body[order],
-        )
+        step = last_step(columns["position"], digits) if step is None else step
+        unit = {"position": units.length, "radius": units.length, "mass": units.mass}
+        whole = {"kind": np.zeros(len(order), int)} | dict(columns) | {"number": number}
+        own: dict[str, Any] = {k: unit.get(k, 1) * data[order] for k, data in whole.items()}
+        found = cls(str(rows.path), cell, digits, units.length * step, **own)
         found._check()
         return replace(found, position=found._inside())
 
@@ -122,27 +106,22 @@ class Packing:
 
     def _check(self) -> None:
         """InputError for spheres that no cell can have."""
-        position, radius, cell = self.position, self.radius, self.cell
-        self.refuse(
-            ~(abs(position) < FAR * radius.max(initial=0.0)).all(axis=1),
-            f"lies {FAR:g} radii away",
-            "mend the export",
-        )
-        if len(position) == 0:
+        if len(self.position) == 0:
             raise InputError(f"{self.name}: no spheres; dump those of the packing")
         for what in ("radius", "mass"):
             self.refuse(getattr(self, what) <= 0, f"has {what} <= 0", "dump spheres alone")
-        reach, slack = NARROW * 2 * float(radius.max()), 1e-3 * float(radius.max())
-        for axis, low, high in zip(range(3), cell.low, cell.high, strict=True):
-            if not cell.periodic[axis]:
-                out = (position[:, axis] < low - slack) | (position[:, axis] > high + slack)
+        largest, cell = float(self.radius.max()), self.cell
+        reach, slack = NARROW * 2 * largest, 1e-3 * largest
+        for axis, low, high, at in zip("xyz", cell.low, cell.high, self.position.T, strict=True):
+            if not cell.periodic["xyz".index(axis)]:
                 do = "leave lost spheres out, or mend the bounds"
-                self.refuse(out, f"lies outside the cell along {'xyz'[axis]}", do)
+                out = (at < low - slack) | (at > high + slack)
+                self.refuse(out, f"lies outside the cell along {axis}", do)
             elif not high - low > reach:
                 raise InputError(
-                    f"{self.name}: the period along {'xyz'[axis]}, {high - low:.4g} m, is less "
-                    f"than two of the largest diameters, {reach:.4g} m: images cannot be told "
-                    "apart; take a wider cell"
+                    f"{self.name}: the period along {axis}, {high - low:.4g} m, is less than two "
+                    f"of the largest diameters, {reach:.4g} m: images cannot be told apart; take "
+                    "a wider cell"
                 )
 
     def refuse(self, wrong: Bools, what: str, do: str) -> None:
@@ -205,29 +184,27 @@ class Contacts:
     """m contacts: i and j (m,), indices or a wall's code; j's image is the nearest one.
 
     `force` (m,), compression positive, and `shear` (m, 3) on i, N, or None where not told, and a
-    force NaN that follows from the law;
-    `stiffness` the normal and tangential ones (m,), N/m, of a table that has them, so that no law
-    is asked, and `turning` the rolling and twisting ones (m,), N m/rad; `line` (m, 3) vectors along
-    the normals, either way, where they are told better than by rounded positions. `listed` are the
-    rows of the file that tells of the first of them, for messages.
+    force NaN that follows from the law; `stiffness` (m, 2) the normal and tangential ones, N/m, of
+    a table that has them, so that no law is asked, and `turning` (m, 2) the rolling and twisting
+    ones, N m/rad; `line` (m, 3) vectors along the normals, either way, where they are told better
+    than by rounded positions. `listed` are the rows of the file that tells of the first of them,
+    for messages.
     """
 
     i: Ints
     j: Ints
     force: Floats | None = None
     shear: Floats | None = None
-    stiffness: tuple[Floats, Floats] | None = None
-    turning: tuple[Floats, Floats] | None = None
+    stiffness: Floats | None = None
+    turning: Floats | None = None
     line: Floats | None = None
     listed: Rows | None = None
 
     def some(self, kept: Bools) -> Contacts:
         """Those that are `kept` (m,), in their order."""
-
-        def cut(data: Any) -> Any:
-            return data[kept] if isinstance(data, np.ndarray) else data and tuple(map(cut, data))
-
-        return Contacts(**{name: cut(getattr(self, name)) for name in COLUMNS})
+        columns = {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
+        cut: dict[str, Any] = {name: x[kept] for name, x in columns.items()}
+        return Contacts(**cut)
 
     def with_walls(self, i: Ints, j: Ints, force: Floats, shear: Floats | None) -> Contacts:
         """These, then contacts with walls; no shear forces where those at the walls are absent."""
@@ -244,11 +221,10 @@ class Contacts:
 
         Else with the `name` of the file of the spheres.
         """
+        if self.listed is not None:
+            self.listed.refuse(wrong[: self.listed.count], what, do)
         if wrong.any():
-            row = int(np.argmax(wrong))
-            if self.listed is not None and row < self.listed.count:
-                fault(self.listed.path, what(row), do, self.listed.line + row)
-            fault(name, what(row), do)
+            fault(name, what(int(np.argmax(wrong))), do)
 
 
 LawOf = Callable[[int, int], ProgramLaw]
@@ -280,11 +256,7 @@ def ends_of(
 
     i, j = map(end, columns, ids, ((), WALLS if walls else ()))
     if len(i) == 0:
-        do = "dump a packing under stress"
-        fault(rows.path, "no two spheres touch in it", do, rows.line)
-    rows.rising(
-        pair_keys(i, j, len(number)),
-        lambda row: f"the contact of line {rows.line + row} again",
-        "list each contact once",
-    )
+        fault(rows.path, "no two spheres touch in it", "dump a packing under stress", rows.line)
+    again, keys = "list each contact once", pair_keys(i, j, len(number))
+    rows.rising(keys, lambda row: f"the contact of line {rows.line + row} again", again)
     return i, j

@@ -1,17 +1,21 @@
-"""Pictures of a packing: fields on spheres, contacts as lines, frames of motion; as VTK by meshio.
+"""Pictures of a packing: fields on spheres, frames of motion, contacts as lines; VTK, extended XYZ.
 
-In VTK, for ParaView and others, spheres are NAME.vtu, one point each, fields as point data; a Glyph
-filter of spheres, its scale array `radius` and factor 2, draws them. Contacts: NAME.contacts.vtu.
-Frames: NAME_0000.vtu and so on, and NAME.pvd, which lists them with their times.
+In VTK (by meshio), for ParaView and others, spheres are NAME.vtu, one point each, fields as point
+data; a Glyph filter of spheres, its scale array `radius` and factor 2, draws them. Contacts are
+NAME.contacts.vtu. Frames: NAME_0000.vtu and so on, and NAME.pvd, which lists them with their times.
+
+In extended XYZ, which OVITO reads, a line of names stands before the rows of each frame. `Lattice`
+and `Origin` are the cell as OVITO's manual has them, `pbc` its periods. meshio does not know the
+format, and common writers of it round positions to 8 decimals; here they have 17 digits.
 """
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -24,6 +28,13 @@ from modal.tools.errors import InputError
 
 VISIBLE = 0.5
 """Largest displacement in a frame, in mean radii, unless a scale is given."""
+VOIGT = (0, 1, 2, 1, 2, 0), (0, 1, 2, 2, 0, 1)
+"""Rows and columns of xx yy zz yz zx xy."""
+
+Motion = list[tuple[float, Floats]]
+"""Times, s, and displacements (n, 3), m, or kg^-1/2 of a mode."""
+Frames = Iterable[tuple[float, Floats, dict[str, Array]]]
+"""Times, s, positions (n, 3), m, and fields (n,) or (n, k) of the spheres."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +43,6 @@ class Lines:
 
     ends: Floats
     fields: dict[str, Array]
-
-
-class Frame(NamedTuple):
-    """Spheres at one time: its value, s; displacement (n, 3), m, or kg^-1/2 of a mode."""
-
-    time: float
-    displacement: Floats
 
 
 def sphere_fields(network: Network) -> dict[str, Array]:
@@ -59,96 +63,92 @@ def sphere_fields(network: Network) -> dict[str, Array]:
 
 def sphere_stress(network: Network) -> Floats:
     """Shape (n, 6), Pa: see `sphere_fields`; the symmetric part."""
-    n, pair = network.n_particles, ~network.with_wall
-    along = network.require("force_normal", "stress of spheres")
-    on_j = along[:, None] * network.normal - network.require(
-        "force_tangential", "stress of spheres"
+    along, across = (
+        network.require(name, "stress of spheres") for name in ("force_normal", "force_tangential")
     )
-    virial = np.zeros((n, 3, 3))
-    np.add.at(virial, network.particle_i, network.lever_i[:, :, None] * on_j[:, None, :])
-    np.add.at(
-        virial,
-        network.particle_j[pair],
-        -network.lever_j[pair][:, :, None] * on_j[pair][:, None, :],
-    )
+    on_j = along[:, None] * network.normal - across
+    virial, pair = np.zeros((network.n_particles, 3, 3)), ~network.with_wall
+    for end, lever, force in (
+        (network.particle_i, network.lever_i, on_j),
+        (network.particle_j[pair], -network.lever_j[pair], on_j[pair]),
+    ):
+        np.add.at(virial, end, lever[:, :, None] * force[:, None, :])
     virial = (virial + virial.transpose(0, 2, 1)) / 2
-    rows, columns = (0, 1, 2, 1, 2, 0), (0, 1, 2, 2, 0, 1)
-    stress: Floats = virial[:, rows, columns] / (4 / 3 * np.pi * network.radius**3)[:, None]
+    stress: Floats = virial[:, *VOIGT] / (4 / 3 * np.pi * network.radius**3)[:, None]
     return stress
 
 
 def contact_lines(network: Network) -> Lines:
     """Contacts from the centre of i to that of j's image, or to the wall."""
     start = network.position[network.particle_i]
-    fields: dict[str, Array] = {
+    along, across, sliding = network.force_normal, network.force_tangential, network.sliding
+    force = None
+    if along is not None and across is not None:
+        force = across - along[:, None] * network.normal
+    fields: dict[str, Array | None] = {
         "stiffness_normal": network.stiffness_normal,
         "wall": network.with_wall.astype(np.int32),
+        "force_normal": along,
+        "force": force,
+        "overlap": network.overlap,
+        "sliding": None if sliding is None else sliding.astype(np.int32),
     }
-    if network.force_normal is not None:
-        fields["force_normal"] = network.force_normal
-        if network.force_tangential is not None:
-            fields["force"] = (
-                network.force_tangential - network.force_normal[:, None] * network.normal
-            )
-    for name in ("overlap", "sliding"):
-        data = getattr(network, name)
-        if data is not None:
-            fields[name] = data.astype(np.int32) if name == "sliding" else data
-    return Lines(np.stack([start, start + network.branch], axis=1), fields)
+    known = {name: data for name, data in fields.items() if data is not None}
+    return Lines(np.stack([start, start + network.branch], axis=1), known)
 
 
-def mode_frames(shape: Floats, frequency: float, count: int) -> Iterator[Frame]:
-    """One period of a mode, `shape` (n, 6): the displacements at `count` times, evenly spaced."""
-    for k in range(count):
-        phase = 2 * np.pi * k / count
-        time = k / count / frequency if frequency > 0 else float(k)
-        yield Frame(time, np.cos(phase) * shape[:, :3])
+def motion_of_mode(shape: Floats, frequency: float, count: int) -> Motion:
+    """One period of a mode, `shape` (n, 6), at `count` times, evenly spaced."""
+    rate = frequency if frequency > 0 else 1 / count
+    return [(k / count / rate, np.cos(2 * np.pi * k / count) * shape[:, :3]) for k in range(count)]
 
 
-def wave_frames(time: Floats, moved: Floats, axis: int, count: int) -> Iterator[Frame]:
+def motion_of_wave(time: Floats, moved: Floats, axis: int, count: int) -> Motion:
     """About `count` of the recorded times of a wave that `moved` (nt, n), m, along an axis."""
     every = max(1, -(-len(time) // count))
-    for k in range(0, len(time), every):
-        displacement = np.zeros((moved.shape[1], 3))
-        displacement[:, axis] = moved[k]
-        yield Frame(float(time[k]), displacement)
+    rows = zip(time[::every].tolist(), moved[::every], strict=True)
+    along = np.arange(3) == axis
+    return [(at, np.where(along, row[:, None], 0.0)) for at, row in rows]
 
 
-def scale_of(network: Network, largest: float, scale: float | None) -> float:
-    """Factor on displacements: the one that is given, or one that makes the largest visible."""
-    if scale is not None:
-        return scale
-    return VISIBLE * float(network.radius.mean()) / largest if largest > 0 else 1.0
+def frames_of(
+    network: Network, fields: dict[str, Array], motion: Motion, scale: float | None
+) -> Frames:
+    """Spheres that are displaced by `scale` times their motion; None: the largest is visible."""
+    largest = max(float(np.linalg.norm(moved, axis=1).max()) for _, moved in motion)
+    if scale is None:
+        scale = VISIBLE * float(network.radius.mean()) / largest if largest > 0 else 1.0
+    for time, moved in motion:
+        yield time, network.position + scale * moved, fields | {"displacement": moved}
 
 
-def write_spheres(path: Path, position: Floats, fields: dict[str, Array]) -> None:
-    """Points (n, 3), m, with fields (n,) or (n, k)."""
-    cells = [("vertex", np.arange(len(position))[:, None])]
-    _write(path, position, cells, fields, {})
-
-
-def write_lines(path: Path, lines: Lines) -> None:
-    """Lines with their fields; ends are points of their own, so that images need no cell."""
-    m = len(lines.ends)
-    cells = [("line", np.arange(2 * m).reshape(m, 2))]
-    _write(path, lines.ends.reshape(-1, 3), cells, {}, lines.fields)
-
-
-def write_series(path: Path, frames: list[tuple[float, str]]) -> None:
-    """NAME.pvd: files, in its own folder, and their times, s."""
+def write_vtk(path: Path, network: Network, frames: Frames, *, series: bool) -> list[str]:
+    """NAME.vtu, or of a `series` NAME.pvd and a file a frame; and the contacts. Their names."""
+    lines, listed = contact_lines(network), path.with_suffix(".pvd")
+    ends = np.arange(2 * len(lines.ends)).reshape(-1, 2)
+    contacts, written = path.with_suffix(".contacts.vtu"), list[str]()
+    # Ends are points of their own, so that images need no cell.
+    _write_mesh(contacts, lines.ends.reshape(-1, 3), ("line", ends), cell_data=lines.fields)
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
-    for time, name in frames:
-        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), file=name)
-    write_whole(path, ElementTree.tostring(root, xml_declaration=True))
+    for k, (time, position, fields) in enumerate(frames):
+        name = path.with_name(f"{path.stem}_{k:04d}.vtu") if series else path
+        points = np.arange(len(position))[:, None]
+        _write_mesh(name, position, ("vertex", points), point_data=fields)
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), file=name.name)
+        written.append(str(name))
+    if not series:
+        return [*written, str(contacts)]
+    write_whole(listed, ElementTree.tostring(root, xml_declaration=True))
+    return [str(listed), str(contacts), *written]
 
 
-def _write(
+def _write_mesh(
     path: Path,
     points: Floats,
-    cells: list[tuple[str, Array]],
-    point_data: dict[str, Array],
-    cell_data: dict[str, Array],
+    cells: tuple[str, Array],
+    point_data: dict[str, Array] | None = None,
+    cell_data: dict[str, Array] | None = None,
 ) -> None:
     try:
         import meshio  # only where VTK is asked for
@@ -156,12 +156,8 @@ def _write(
         raise InputError(
             f"{path}: VTK is written by meshio; pip install meshio, or write NAME.xyz"
         ) from None
-    mesh = meshio.Mesh(
-        points,
-        cells,
-        point_data=point_data,
-        cell_data={name: [data] for name, data in cell_data.items()},
-    )
+    of_cells = {name: [data] for name, data in (cell_data or {}).items()}
+    mesh = meshio.Mesh(points, [cells], point_data, of_cells)
     partial = path.with_name(f".{path.stem}.{HOST}.{os.getpid()}.part.vtu")
     try:
         mesh.write(partial, file_format="vtu")
@@ -170,3 +166,43 @@ def _write(
         raise unwritable(path, error) from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_xyz(path: Path, network: Network, frames: Frames, *, series: bool) -> list[str]:
+    """All frames, of a `series` or one, in one file; its name."""
+    text = io.StringIO()
+    for time, position, fields in frames:
+        columns: dict[str, Array] = {"pos": position} | fields
+        kinds = ["I" if data.dtype.kind in "ib" else "R" for data in columns.values()]
+        widths = [data.size // len(position) for data in columns.values()]
+        named = zip(columns, kinds, map(str, widths), strict=True)
+        text.write(f"{len(position)}\n{_cell(network)} Time={time!r} ")
+        text.write(f"Properties=species:S:1:{':'.join(map(':'.join, named))}\n")
+        formats = np.repeat([{"I": "%d", "R": "%.17g"}[kind] for kind in kinds], widths)
+        table = np.column_stack(list(columns.values()))
+        np.savetxt(text, table, fmt=" ".join(["sphere", *formats]))
+    write_whole(path, text.getvalue().encode())
+    return [str(path)]
+
+
+def _cell(network: Network) -> str:
+    """The cell: along z from wall to wall, across from 0, or where it holds all centres.
+
+    A network does not keep where its lateral period began in another program's file. Along an axis
+    without a size it is as wide as the spheres.
+    """
+    position, radius = network.position, network.radius[:, None]
+    low, high = (position - radius).min(axis=0), (position + radius).max(axis=0)
+    sized = network.cell_size > 0
+    size = np.where(sized, network.cell_size, high - low)
+    from_zero = (position.min(axis=0) >= 0) & (position.max(axis=0) <= size)
+    low = np.where(sized, np.where(from_zero, 0.0, position.min(axis=0)), low)
+    if sized[2]:
+        low[2] = network.wall_position[0]
+    lattice, origin = (" ".join(map(repr, of.ravel().tolist())) for of in (np.diag(size), low))
+    pbc = " ".join("T" if axis else "F" for axis in network.cell_periodic)
+    return f'Lattice="{lattice}" Origin="{origin}" pbc="{pbc}"'
+
+
+WRITERS = {".vtu": write_vtk, ".xyz": write_xyz}
+"""By the end of the name."""

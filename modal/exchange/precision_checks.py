@@ -21,34 +21,27 @@ EXACT = 0.1
 """Of the error by digits: if no overlap is larger, positions are those that few digits hold."""
 
 
-def refuse_one_place(given: Contacts, packing: Packing, distance: Floats) -> None:
-    """InputError for a contact without a direction: of a sphere with itself, or of one place."""
-    number, i, j = packing.number, given.i, given.j
-    given.refuse(
-        i == j,
-        lambda row: f"a contact of sphere {number[i[row]]} with itself",
-        "list contacts of different spheres",
-        packing.name,
-    )
+def refuse_impossible(
+    given: Contacts, packing: Packing, apart: Bools, distance: Floats, gap: Floats
+) -> None:
+    """InputError, with its line, for a contact of one place, or of bodies that lie `apart`.
 
-    def meet(row: int) -> str:
-        if j[row] < 0:
-            return f"sphere {number[i[row]]} has its centre on a wall"
-        return f"spheres {number[i[row]]} and {number[j[row]]} have their centres in one place"
-
-    given.refuse(distance == 0, meet, "mend the positions", packing.name)
-
-
-def refuse_apart(given: Contacts, packing: Packing, apart: Bools, gap: Floats) -> None:
-    """InputError, with its line, for a contact of bodies that lie `apart`; by a `gap` (m,), m."""
+    By a `gap` (m,), m.
+    """
 
     def ends(row: int) -> str:
         one, other = (packing.number[end] for end in (given.i[row], max(given.j[row], 0)))
-        both = f"spheres {one} and {other}" if given.j[row] >= 0 else f"sphere {one} and the wall"
-        return f"{both} do not touch, there are {gap[row]:.3g} m between them"
+        return f"spheres {one} and {other}" if given.j[row] >= 0 else f"sphere {one} and the wall"
 
+    do = "mend the positions, or the numbers of the two"
+    given.refuse(distance == 0, lambda row: f"{ends(row)} lie in one place", do, packing.name)
     do = "write both at one step, in one unit of length, with the cell's periods and walls"
-    given.refuse(apart, ends, do, packing.name)
+    given.refuse(
+        apart,
+        lambda row: f"{ends(row)} do not touch, there are {gap[row]:.3g} m between them",
+        do,
+        packing.name,
+    )
 
 
 def unlisted(given: Contacts, packing: Packing) -> list[str]:

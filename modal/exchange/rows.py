@@ -8,7 +8,7 @@ import itertools
 import math
 import warnings
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,6 +132,13 @@ class Rows:
             what = f"{table[row, column]} is no finite number"
             fault(self.path, what, "mend the export", self.line + row, names[column])
         return table
+
+    def parts(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
+        """Shape (count, k) each: those groups of k columns that are there, read at once."""
+        whole = {what: names for what, names in groups.items() if self.has(*names)}
+        table = self.read(*itertools.chain(*whole.values()))
+        at = np.cumsum([len(names) for names in whole.values()])
+        return dict(zip(whole, np.split(table, at[:-1], axis=1), strict=True))
 
     def whole(self, numbers: Floats, column: str) -> Ints:
         """These numbers (count,) of a column as integers; InputError says which is none."""

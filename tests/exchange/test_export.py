@@ -12,8 +12,7 @@ import pytest
 
 import modal
 from modal.__main__ import main
-from modal.exchange.extended_xyz import write_frames
-from modal.exchange.picture import contact_lines, sphere_stress
+from modal.exchange.picture import contact_lines, sphere_stress, write_xyz
 from modal.modes.mode_set import read_modes
 from modal.packing.network import write_network
 from modal.packing.state import contacts_per_particle, stress_tensor
@@ -135,7 +134,8 @@ def test_cell_of_extended_xyz_holds_all_centres(packing, tmp_path):
     away = replace(network, position=network.position - [0.1, 0.2, 0])
     bare = network.unchecked(cell_size=np.zeros(3), cell_periodic=np.zeros(3, bool))
     for name, moved in (("away", away), ("bare", bare)):
-        write_frames(tmp_path / f"{name}.xyz", moved, [(0.0, moved.position, {})])
+        frames = [(0.0, moved.position, {})]
+        write_xyz(tmp_path / f"{name}.xyz", moved, frames, series=False)
         low = named(tmp_path / f"{name}.xyz", "Origin")
         high = low + named(tmp_path / f"{name}.xyz", "Lattice").reshape(3, 3).diagonal()
         assert (low <= moved.position).all() and (moved.position <= high).all()

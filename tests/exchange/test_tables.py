@@ -144,7 +144,7 @@ UNKNOWN = "contacts.csv, line 1, column rolling: it is not known, and may"
         ("spheres", 9, 0, "14.5", "spheres.csv, line 9, column id: 14.5 is no whole number"),
         ("spheres", 9, 0, "-1", "spheres.csv, line 9, column id: id -1 is negative"),
         ("contacts", 9, 1, "-1.5", "contacts.csv, line 9, column j: -1.5 is no whole number"),
-        ("contacts", 9, slice(2), ["12", "12"], "contacts.csv, line 9: a contact of sphere 12 "),
+        ("contacts", 9, slice(2), ["12", "12"], "contacts.csv, line 9: spheres 12 and 12 lie in"),
         ("contacts", 9, 3, "\x1b[31m" * 99, r"line 9, column kt: '\\x1b\[31m[^\n]{,250} is no num"),
         ("contacts", 5, 0, "9999", "contacts.csv, line 5, column i: sphere 9999 is not among"),
         ("contacts", 1, 2, "stiff", "contacts.csv, line 1, column kn: no column kn among"),

@@ -38,7 +38,7 @@ TESTS = {
     "packing/checks": "consistency bodies",
     "packing/columns": "consistency tiling operator bodies",
     "packing/plausibility": "plausibility",
-    "exchange/mercury_restart": "mercury",
+    "exchange/programs/mercury": "mercury",
     "dem/motion": "dynamics",
     "modes/collective": "edges_of_lists collective_modes zero_modes",
     "modes/search": "edges_of_lists mode_lists highest_modes lowest_modes",

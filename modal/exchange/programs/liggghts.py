@@ -7,14 +7,22 @@ that is typed in, and is refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modal.exchange.dump import ROUNDED, Frame, of_liggghts, opened, packing_of
-from modal.exchange.dump_contacts import DO, planes_said, told_contacts
+from modal.exchange.dump import (
+    COMPUTED,
+    ROUNDED,
+    Told,
+    of_liggghts,
+    opened,
+    packing_of,
+    planes_said,
+    told_contacts,
+)
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import PROPERTIES, Script, read_log
 from modal.exchange.lammps_law import material_of
@@ -27,23 +35,11 @@ from modal.tools.errors import InputError
 
 NAME = "LIGGGHTS"
 OPTIONS = {name: option for name, option in lammps.OPTIONS.items() if name != "bodies"}
-COLUMNS = {
-    "pos": 6,
-    "vel": 6,
-    "id": 3,
-    "force": 3,
-    "force_normal": 3,
-    "force_tangential": 3,
-    "torque": 3,
-    "history": 3,
-    "contactArea": 1,
-    "delta": 1,
-}
+COLUMNS = {"pos": 6, "vel": 6, "id": 3, "force": 3, "force_normal": 3, "force_tangential": 3}
+COLUMNS |= {"torque": 3, "history": 3, "contactArea": 1, "delta": 1}
 """What `pair/gran/local` writes, in this order, and how many columns each takes."""
 UNASKED = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
 """Of these, what it writes when none is named."""
-
-
 EXAMPLE = (
     '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '
     'coefficientFriction 0.3"'
@@ -60,25 +56,25 @@ def sniff(file: File) -> bool:
 
 def read(path: Path, **given: Any) -> ImportResult:
     """A packing of LIGGGHTS."""
-    contacts, pair, wall = map(given.get, ("contacts", "pair", "wall"))
+    contacts, pair = map(given.get, ("contacts", "pair"))
     script = read_log(given.get("log"), "si")
     if pair:
         said = Words(pair.split(), "--pair", f"give {EXAMPLE}")
         script.said, script.style = said.where, tuple(said.left)
         script.properties |= {name: said.numbers(name, 1) for name in PROPERTIES if name in said}
     if script.bodies:
-        raise InputError(
-            f"{script.said}: fix rigid: clumps of LIGGGHTS are not known; leave it out"
-        )
+        what = f"{script.said}: fix rigid: clumps of LIGGGHTS are not known"
+        raise InputError(f"{what}; leave it out")
     frame, units, assumed = opened(path, given, script)
-    planes, of_wall = walls_of(wall, script, units)
+    planes, of_wall = walls_of(given.get("wall"), script, units)
     law_of = law_of_types(script, units, of_wall)
     typed = any(len(values) > 1 for values in script.properties.values())
     packing = packing_of(frame, units, planes, typed=typed)
     touching, remarks = None, script.remark_on_changes(frame.step)
     if contacts is not None:
-        touching, meant = _contacts(contacts, frame, packing, script.computes, units)
-        assumed += meant
+        asked = {name: _columns(words or UNASKED) for name, words in script.computes.items()}
+        told = told_contacts(contacts, frame, packing, asked, RECIPES, QUANTITIES)
+        touching, assumed = _contacts(told, packing, units), assumed + told.assumed
         if planes:  # found from positions: the forces there are not told
             found = packing.touching()
             found = found.some(found.j < 0)
@@ -100,19 +96,11 @@ def read(path: Path, **given: Any) -> ImportResult:
     return imported
 
 
-def _contacts(
-    path: str | Path,
-    frame: Frame,
-    packing: Packing,
-    computes: Mapping[str, Sequence[str]],
-    units: Units,
-) -> tuple[Contacts, list[str]]:
-    """What `pair/gran/local` tells of the contacts between spheres, and what is assumed."""
-    meant = {name: _columns(words or UNASKED) for name, words in computes.items()}
-    told = told_contacts(path, frame, packing, meant, RECIPES, QUANTITIES)
+def _contacts(told: Told, packing: Packing, units: Units) -> Contacts:
+    """What `pair/gran/local` tells of the contacts between spheres."""
     parted = told.values.keys() >= {"force_normal", "force_tangential"}
     if not parted:
-        told.rows.require(("force",), DO, told.values)
+        told.rows.require(("force",), COMPUTED, told.values)
     along = units.force * told.values["force_normal" if parted else "force"]
     push, shear = packing.pushes(told.i, told.j, along)
     if parted:
@@ -121,8 +109,7 @@ def _contacts(
     shear = np.where(push < 0, -1.0, 1.0)[:, None] * shear
     # A normal of its own tells more than rounded bounds; that of the whole force is not one.
     line = along if parted else None
-    contacts = Contacts(told.i, told.j, abs(push), shear, line=line, listed=told.rows)
-    return contacts, told.assumed
+    return Contacts(told.i, told.j, abs(push), shear, line=line, listed=told.rows)
 
 
 def _columns(asked: Sequence[str]) -> list[str]:

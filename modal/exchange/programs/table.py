@@ -24,16 +24,14 @@ from modal.exchange.rows import Rows, fault, open_bytes, shown
 from modal.exchange.words import Words
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
-from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 NAME = "tables (*.csv)"
 OPTIONS = {"contacts": Option("*.csv of contacts"), "scales": lammps.OPTIONS["scales"]}
 SPHERES = ("id", "x", "y", "z", "radius", "mass")
 CONTACTS = ("i", "j", "kn", "kt")
-FORCES = ("fn", "ftx", "fty", "ftz")
-TURNING = ("kr", "kw")
-"""Stiffnesses against rolling and twisting, N m/rad."""
+FORCE, SHEAR, TURNING = ("fn",), ("ftx", "fty", "ftz"), ("kr", "kw")
+"""What contacts may have beside: forces, N, and stiffnesses against turning, N m/rad."""
 KEYS = {
     "cell": "# cell XLO XHI YLO YHI ZLO ZHI",
     "periodic": "# periodic x y, with the axes that are, or leave the line out for none",
@@ -63,7 +61,8 @@ def read(
     table = rows.read(*SPHERES)
     do = "number spheres from 0 or 1; -1 and -2 are the walls"
     rows.refuse(table[:, 0] < 0, lambda row: f"id {table[row, 0]:g} is negative", do, "id")
-    columns = (table[:, 0], table[:, 1:4], table[:, 4], table[:, 5])
+    columns = {"number": table[:, 0], "position": table[:, 1:4]}
+    columns |= {"radius": table[:, 4], "mass": table[:, 5]}
     packing = Packing.of(rows, _cell(path, said, units), units, columns, rows.digits(*SPHERES[1:4]))
     touching = _contacts(contacts, packing, units)
     found = network_of(packing, touching, None)
@@ -83,9 +82,7 @@ def _table(
     """The rows of a table with these columns, and what its lines behind # say of the cell."""
     said: Said = {}
     with open_bytes(path) as file:
-        number = 0
-        for line in file:
-            number += 1
+        for number, line in enumerate(iter(file.readline, b""), 1):
             # A spreadsheet puts a byte order mark before all and empty columns behind a line.
             text = line.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip()
             if text.startswith("#"):
@@ -100,9 +97,10 @@ def _table(
     rows = Rows(Path(path), columns, offset, number + 1, count, ",")
     do = f"name the columns in a line of text in UTF-8, with commas: {','.join(needed)}"
     rows.require(needed, do)
+    known = (*needed, *further, "")
     for name in columns:
-        if name and name not in (*needed, *further):
-            do = f"leave it out; known are {','.join((*needed, *further))}"
+        if name not in known:
+            do = f"leave it out; known are {','.join(known[:-1])}"
             what = "it is not known, and may change the answer"
             fault(path, what, do, number, shown(name)[1:-1])
     if not count:
@@ -113,10 +111,10 @@ def _table(
 
 def _hear(path: str | Path, number: int, text: str, said: Said) -> None:
     """Keep a line behind # if it is a key's."""
-    found = re.fullmatch(r"#[#\s]*([^\s:=]+)\s*[:=]?\s*(.*)", text)
-    if found is None or (key := found[1].lower()) not in KEYS:
+    words = re.findall(r"[^\s:=#]+", text)
+    if not words or (key := words.pop(0).lower()) not in KEYS:
         return
-    line = Words(found[2].split(), f"{path}, line {number}", f"write {KEYS[key]}")
+    line = Words(words, f"{path}, line {number}", f"write {KEYS[key]}")
     if key in said:
         at = said[key].where.removeprefix(f"{path}, ")
         line.refuse(f"# {key} again ({at})", f"{line.do}, once")
@@ -128,43 +126,40 @@ def _cell(path: str | Path, said: Said, units: Units) -> Cell:
     if "cell" not in said:
         fault(path, "no bounds of the cell", f"write {KEYS['cell']} before the names")
     low, high = units.length * np.array(said["cell"].alone("# cell", 6)).reshape(3, 2).T
-    periodic = np.zeros(3, bool)
-    if "periodic" in said:
-        for word in said["periodic"].left:
-            if word.lower() not in ("x", "y", "z"):
-                said["periodic"].refuse(f"{shown(word)} is no axis")
-            periodic["xyz".index(word.lower())] = True
+    axes = [word.lower() for word in said["periodic"].left] if "periodic" in said else []
+    for word in axes:
+        if word not in ("x", "y", "z"):
+            said["periodic"].refuse(f"{shown(word)} is no axis")
+    periodic = np.isin(["x", "y", "z"], axes)
     walls = [np.nan, np.nan] if periodic[2] else [low[2], high[2]]
     if "walls" in said:
         walls = [units.length * z for z in said["walls"].alone("# walls", 2, null=True)]
         if periodic[2] and not np.isnan(walls).all():
-            do = "leave one of the two out"
-            said["walls"].refuse("walls beside a period along z", do)
+            said["walls"].refuse("walls beside a period along z", "leave one of the two out")
     return Cell(low, high, periodic, (float(walls[0]), float(walls[1])))
 
 
 def _contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
-    rows, _ = _table(path, CONTACTS, FORCES + TURNING)
-    groups = [each for each in (CONTACTS, FORCES[:1], FORCES[1:], TURNING) if rows.has(*each)]
-    names = [name for group in groups for name in group]
-    told: dict[str, Floats] = dict(zip(names, rows.read(*names).T, strict=True))
-    i, j = ends_of(rows, packing.number, (told["i"], told["j"]), ("i", "j"), walls=True)
+    rows, _ = _table(path, CONTACTS, FORCE + SHEAR + TURNING)
+    told = rows.parts({"ends": CONTACTS, "force": FORCE, "shear": SHEAR, "turning": TURNING})
+    ends, shear, turning = told["ends"], told.get("shear"), told.get("turning")
+    force = told["force"][:, 0] if "force" in told else None
+    i, j = ends_of(rows, packing.number, ends[:, :2].T, ("i", "j"), walls=True)
     along_z = bool(packing.cell.periodic[2])
     why = "the packing is periodic along z" if along_z else "# walls says NULL"
     do = f"leave the contact out, or {'z out of # periodic' if along_z else 'give its z'}"
     for code, name, plane in zip(WALLS, ("lower", "upper"), packing.cell.walls, strict=True):
         what = f"a contact with the {name} wall, but {why}"
         rows.refuse((j == code) & np.isnan(plane), what, do, "j")
-    force = told.get("fn", np.zeros(0))
-    do = "write compression positive; cohesion is not known"
-    rows.refuse(force < 0, lambda row: f"{force[row]:g} pulls", do, "fn")
-    shear = [told[name] for name in FORCES[1:]] if rows.has(*FORCES) else None
+    if force is not None:
+        do = "write compression positive; cohesion is not known"
+        rows.refuse(force < 0, lambda row: f"{force[row]:g} pulls", do, "fn")
     return Contacts(
         i,
         j,
-        units.force * force if "fn" in told else None,
-        None if shear is None else units.force * np.column_stack(shear),
-        (units.stiffness * told["kn"], units.stiffness * told["kt"]),
-        (units.moment * told["kr"], units.moment * told["kw"]) if "kr" in told else None,
+        None if force is None else units.force * force,
+        None if shear is None else units.force * shear,
+        units.stiffness * ends[:, 2:],
+        None if turning is None else units.moment * turning,
         listed=rows,
     )
