@@ -8,16 +8,19 @@ move homothetically with the cell.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.dem.central_forces import CentralForces
-from modal.dem.downhill import drive, go
+from modal.dem.contacts import MovingContacts
 from modal.packing.sample import Sample
+from modal.tools.arrays import Floats
 
+SKIN = 0.1
+"""Reach of the list of pairs at first, diameters: the cloud is on its way."""
 CHECK_EVERY = 25
 """Steps between two looks at the convergence, whose sums cost a fifth of a step."""
 STEP = 0.3
@@ -33,12 +36,12 @@ MAX_STEPS = 200_000
 
 @dataclass
 class Minimum:
-    """How near to rest: stress (3,), Pa; its error over the target; residual, see `CentralForces`.
+    """How near to rest: stress (3,), Pa; its error over the target; residual, mean over mean force.
 
     `steps` and `seconds` were spent; converged tells whether both tolerances were met.
     """
 
-    stress: np.ndarray
+    stress: Floats
     stress_error: float
     residual: float
     steps: int
@@ -62,81 +65,82 @@ def minimise(
     falls monotonically. `watch` sees the best state so far at every check.
     """
     start = time.perf_counter()
-    position = sample.position.copy()
-    position[:, 2] -= sample.walls[0]
-    lengths = np.array([*sample.side, sample.walls[1] - sample.walls[0]])
-    forces = CentralForces(sample)
+    low = sample.walls[0]
+    sample = replace(sample, position=sample.position - [0, 0, low], walls=sample.walls - low)
+    contacts = MovingContacts(sample, skin=SKIN, history=False, stiffness=sample.radii is not None)
+    force, stiffness = contacts.load, contacts.stiffness
     # Lengths are variables of the same stiffness as positions: log length times sqrt(n) D.
-    scale = np.sqrt(len(position)) * 2 * sample.radius
+    scale = np.sqrt(len(force)) * 2 * sample.radius
     # Where hardly anything touches, the step is that of overlaps of 1e-8 R (below 10 Pa).
     softest = float(sample.laws[0].stiffness_normal(1e-8 * sample.radius, sample.radius))
-    smallest = float(np.min(sample.sizes))
-    velocity, drift = np.zeros_like(position), np.zeros(3)
+    velocity, drift = np.zeros_like(force), np.zeros(3)
     mixing, downhill, dt = MIXING, 0, 0.0
-    best_score = np.inf
-    best = position.copy(), lengths.copy(), Minimum(np.zeros(3), np.inf, np.inf, 0, 0.0)
+    best, best_score = (sample, Minimum(np.zeros(3), np.inf, np.inf, 0, 0.0)), np.inf
     for step in range(max_steps + 1):
-        forces.of(position, lengths)
-        volume = lengths.prod()
-        pull = np.zeros(3) if pressure is None else (forces.virial - pressure * volume) / scale
+        contacts.touch()
+        pull = np.zeros(3)
+        if pressure is not None:
+            pull = (contacts.virial - pressure * contacts.lengths.prod()) / scale
         if step % CHECK_EVERY == 0:
-            rest = _rest(forces, volume, pressure, step, start)
+            rest = _rest(contacts, pressure, step, start)
             score = max(rest.residual / tolerance, rest.stress_error / stress_tolerance)
             rest.converged = score < 1
             if score < best_score or not np.isfinite(best_score):
-                best, best_score = (position.copy(), lengths.copy(), rest), score
+                best, best_score = (contacts.sample(), rest), score
             if watch:
-                watch(_at(sample, *best[:2]), rest)
-            if rest.converged or forces.energy == 0 and pressure is None:
+                watch(best[0], rest)
+            if rest.converged or contacts.elastic_energy == 0 and pressure is None:
                 break
-        limit = STEP / np.sqrt(max(forces.mean_stiffness, softest))
-        if len(forces.stiffness):
+        limit = STEP / np.sqrt(max(contacts.mean_stiffness, softest))
+        if len(stiffness):
             # A large sphere among small ones has many contacts: omega^2 <= 2 sum kn / m.
-            limit = min(limit, 1 / np.sqrt(max(forces.stiffness.max(), softest)))
+            limit = min(limit, 1 / np.sqrt(max(stiffness.max(), softest)))
         dt = min(max(dt, 0.02 * limit), limit)
-        power, speed, size, fastest, strongest = drive(velocity, forces.force)
-        power += pull @ drift
+        power = _dot(force, velocity) + pull @ drift
         keep, push = 0.0, 0.0
         if power > 0:
             downhill += 1
-            keep = 1 - mixing
-            push = mixing * np.sqrt((speed + drift @ drift) / (size + pull @ pull))
+            square = _dot(velocity, velocity) + float(drift @ drift)
+            square /= _dot(force, force) + float(pull @ pull)
+            keep, push = 1 - mixing, mixing * math.sqrt(square)
             if downhill > 20:
                 dt, mixing = min(1.1 * dt, limit), 0.99 * mixing
         elif step:
-            back = np.exp(-0.5 * dt * drift / scale)
-            lengths *= back
-            go(position, velocity, forces.force, 1.0, 0.0, back, -0.5 * dt)
+            _move(contacts, velocity, drift / scale, -0.5 * dt)
             downhill, mixing, dt = 0, MIXING, 0.5 * dt
-        push += dt
-        drift = keep * drift + push * pull
+        velocity *= keep
+        velocity += (push + dt) * force
+        drift = keep * drift + (push + dt) * pull
         # Far from rest a step may not carry spheres through each other, nor crush the cell.
-        fastest = keep * fastest + push * strongest
+        fastest = np.sqrt(3) * max(velocity.max(), -velocity.min())
         hold = min(
             1.0,
-            0.05 * 2 * smallest / max(fastest * dt, 1e-300),
+            0.05 * 2 * contacts.smallest / max(fastest * dt, 1e-300),
             0.01 / max(abs(drift).max() * dt / scale, 1e-300),
         )
-        drift *= hold
-        stretch = np.exp(drift * dt / scale)
-        lengths *= stretch
-        go(position, velocity, forces.force, hold * keep, hold * push, stretch, dt)
-    position, lengths, reached = best
+        if hold < 1:
+            velocity *= hold
+            drift *= hold
+        _move(contacts, velocity, drift / scale, dt)
+    found, reached = best
     reached.steps, reached.seconds = step, time.perf_counter() - start
-    return _at(sample, position, lengths), reached
+    return found, reached
 
 
-def _rest(
-    forces: CentralForces, volume: float, pressure: float | None, step: int, start: float
-) -> Minimum:
-    stress = forces.virial / volume
+def _dot(a: Floats, b: Floats) -> float:
+    # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
+    return float(np.einsum("ij,ij", a, b))
+
+
+def _move(contacts: MovingContacts, velocity: Floats, strain_rate: Floats, dt: float) -> None:
+    stretch = np.exp(strain_rate * dt)
+    contacts.side *= stretch[:2]
+    contacts.walls *= stretch[2]
+    contacts.position *= stretch
+    contacts.position += dt * velocity
+
+
+def _rest(contacts: MovingContacts, pressure: float | None, step: int, start: float) -> Minimum:
+    stress = contacts.stress()
     error = 0.0 if pressure is None else float(abs(stress - pressure).max() / pressure)
-    return Minimum(stress, error, forces.residual, step, time.perf_counter() - start)
-
-
-def _at(sample: Sample, position: np.ndarray, lengths: np.ndarray) -> Sample:
-    inside = position.copy()
-    axes = 3 if sample.periodic_z else 2
-    inside[:, :axes] %= lengths[:axes]
-    walls = np.array([0.0, lengths[2]])
-    return replace(sample, position=inside, side=lengths[:2].copy(), walls=walls)
+    return Minimum(stress, error, contacts.unbalanced(), step, time.perf_counter() - start)

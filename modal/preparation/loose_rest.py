@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.dem.contacts import MovingContacts
-from modal.dem.damped_motion import DampedMotion
+from modal.dem.motion import DampedMotion
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats
 

@@ -1,7 +1,7 @@
 """A sample brought into the balance of its contact law, at a fixed cell.
 
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
-Damped motion (`damped_motion`) lets contacts slide, open and close until few still do; then the
+Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do; then the
 springs say how far the packing has to go (`elastic_rest`), and the few spheres that they leave out
 go their way among neighbours that stand still (`loose_rest`). What has been gained is seen after
 some more steps of all. A packing that rests holds by itself.
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.dem.contacts import MovingContacts
-from modal.dem.damped_motion import DampedMotion
+from modal.dem.motion import DampedMotion
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, net_forces
@@ -143,7 +143,7 @@ def relax(
                 turns.note(state, taken=there is not contacts)
                 if there is not contacts:
                     contacts = _by_parts(there, goal)
-                    motion.stop()
+                    motion = DampedMotion(radius)
         motion.step(contacts)
     rested, state = _end(contacts, step)
     if not state.within(max(NEAR, goal)):

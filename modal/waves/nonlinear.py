@@ -289,10 +289,10 @@ class _Wave:
                 run.energy[row] = work, kinetic, stored - rest, contacts.slipped
                 run.on_walls[row] = force, contacts.on_walls[1, along]
                 if row % look == 0 or k == steps:
-                    closed = np.zeros(contact_count, bool)
-                    closed[contacts.kept()[0]] = True
-                    run.opened |= ~closed
-        run.dissipated[:], run.slips = contacts.slip_work(), contacts.slip_book()
+                    run.opened |= contacts.opened()
+        ends, lost, rows = contacts.slips()
+        run.slips, of_start = (ends, lost), rows >= 0
+        run.dissipated[rows[of_start]] = lost[of_start]
         run.seconds = clock.perf_counter() - started
         if not np.isfinite(run.moved).all():
             raise InputError("the wave is not finite: take a smaller amplitude")

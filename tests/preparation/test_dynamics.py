@@ -11,7 +11,7 @@ from places import ROOT
 from modal.dem import contacts as moving_contacts
 from modal.dem import forces as contact_forces
 from modal.dem import motion as dynamics
-from modal.dem.contacts import MovingContacts
+from modal.dem.contacts import WIDEST, MovingContacts
 from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
@@ -214,11 +214,12 @@ def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
     size, flight = 40 * RADIUS, np.array([[0.0, 0, 0], [0, 0, 1]])
     sample = Sample(start, np.full(2, size), np.array([0.0, size]), 0.3, radii=radii)
     moving = replace(sample, velocity=flight, angular_velocity=0 * flight, strain_rate=np.zeros(3))
-    motion = Dynamics(moving, skin=dynamics.WIDEST)
+    motion = Dynamics(moving, skin=WIDEST)
     for _ in range(200):
         motion.step(0.01 * RADIUS)
     # Rounding of 200 sums.
     assert np.allclose(motion.contacts.position, start + 2 * RADIUS * flight, rtol=200 * EPS)
+    motion.step(1.1 * RADIUS)
     with pytest.raises(InputError, match="more than its radius in one step"):
         motion.step(1.1 * RADIUS)
 

@@ -9,7 +9,6 @@ import pytest
 
 from modal.__main__ import main
 from modal.cli import relax as relax_command
-from modal.dem import damped_motion
 from modal.dem.contacts import MovingContacts
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import packing_of
@@ -32,7 +31,7 @@ def moved(sample, motion):
 @pytest.fixture(scope="module")
 def packed():
     """150 frictionless spheres, not quite at rest, given friction."""
-    return replace(random_sample(150, 1e6, aspect=1.5, tolerance=1e-3), friction=0.3)
+    return replace(random_sample(150, 1e6, seed=2, aspect=1.5, tolerance=1e-3), friction=0.3)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +73,7 @@ def test_contacts_slide_until_friction_holds_them(packed):
 
 def test_state_at_rest_keeps_the_friction_of_its_compression(sheared):
     """Said to be made with 0.2, a wave follows with 0.3: no contact bears more than 0.2."""
-    shake = np.random.default_rng(5).standard_normal((len(sheared.position), 6)) * 0.05
+    shake = np.random.default_rng(5).standard_normal((len(sheared.position), 6)) * 0.1
     shake *= np.median(sheared.network().overlap)
     shake[:, 3:] /= sheared.radius
     start = replace(moved(sheared, shake), friction=0.3)
@@ -99,20 +98,6 @@ def test_rest_is_seen_after_a_large_shake(packed):
     shake[:, 3:] /= packed.radius
     _, state = relax(moved(packed, shake), max_steps=4000)
     assert state.at_rest and state.steps < 4000
-
-
-def test_compiled_push_is_that_of_arrays(sheared):
-    """A step's change of velocity, with spheres that no contact holds: the same operations."""
-    contacts, random = MovingContacts(sheared), np.random.default_rng(33)
-    contacts.stiffness[::7] = 0
-    radius = np.full(len(contacts.load), sheared.radius)
-    arm = np.repeat(np.column_stack([np.ones_like(radius), radius]), 3, axis=1)
-    start = random.standard_normal(contacts.load.shape)
-    loop, arrays = start.copy(), start.copy()
-    given = contacts.load, arm, contacts.stiffness, 0.02 * contacts.stiffness.mean()
-    damped_motion.push_by_loop(loop, *given)
-    damped_motion.push_by_arrays(arrays, *given)
-    np.testing.assert_array_equal(loop, arrays)
 
 
 def test_moving_contacts_are_the_sample(sheared):
