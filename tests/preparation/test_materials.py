@@ -161,12 +161,12 @@ def test_packings_of_other_spheres_are_similar(friction):
     All of the protocol's stresses and times must follow for that. Factors are powers of two, so
     that rounding is the same but for that of roots.
     """
-    given = {"spheres": 120, "friction": friction, "aspect": 1.5, "periodic": True}
+    given = {"spheres": 120, "friction": friction, "seed": 2, "aspect": 1.5, "periodic": True}
     glass = modal.random_packing(stress=1e5, **given)
     hard = Material(64 * GLASS.young, GLASS.poisson, 4 * GLASS.density)
     other = modal.random_packing(stress=64e5, material=hard, radius=2 * RADIUS, **given)
     assert other.radius == pytest.approx(2 * glass.radius) and other.n_contacts == glass.n_contacts
-    assert other.position == pytest.approx(2 * glass.position, abs=1e-5 * RADIUS)
+    assert other.position == pytest.approx(2 * glass.position, abs=1e-6 * RADIUS)
     assert other.force_normal == pytest.approx(4 * 64 * glass.force_normal, rel=1e-4)
     assert other.mass == pytest.approx(32 * glass.mass)
 
