@@ -32,14 +32,6 @@ GROUPS = {
     ),
 }
 """Titles for people and what stands under them; the rest is about contacts and the file."""
-NOTES_IN = {
-    "stress": "pa",
-    "young": "pa",
-    "wall_young": "pa",
-    "density": "kg_per_m3",
-    "seconds": "s",
-}
-"""Units of notes that do not carry them in their names."""
 OF_STAGES = ("steps_", "seconds_", "contacts_")
 """How notes begin that `pack` leaves of each stage of a loading path: --json has them."""
 
@@ -74,7 +66,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def shown(result: dict[str, Any]) -> Groups:
-    """The result in titled groups, notes of the file last, without what stands above them."""
+    """The result in titled groups; notes of the file last, as they are, without what is above."""
     groups = {
         title: {name: result[name] for name in names if name in result}
         for title, names in GROUPS.items()
@@ -83,18 +75,6 @@ def shown(result: dict[str, Any]) -> Groups:
     apart |= {"study", *COST}
     groups["contacts and their balance"] = {k: v for k, v in result.items() if k not in apart}
     hidden = (*OF_STAGES, "stress_") if "mu_comp" in result["study"] else ("stress_",)
-    groups["notes of the file"] = {
-        f"{name}_{NOTES_IN[name]}" if name in NOTES_IN else name: _as_number(text)
-        for name, text in result["study"].items()
-        if name not in result and not name.startswith(hidden)
-    }
-    return groups
-
-
-def _as_number(text: str) -> int | float | str:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            pass
-    return text
+    notes = {name: text for name, text in result["study"].items() if name not in result}
+    shown = {name: text for name, text in notes.items() if not name.startswith(hidden)}
+    return groups | ({"notes of the file, in SI units": {"": shown}} if shown else {})

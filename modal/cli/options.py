@@ -7,7 +7,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -112,30 +112,24 @@ def add_output(
 
 
 def check_files(options: argparse.Namespace) -> None:
-    """InputError for a file to be written that cannot be, or that is read or written as well."""
-    given = vars(options)
-    for name, value in given.items():
+    """InputError for a file to be written that cannot be, or that is read as well."""
+    texts = list[str]()
+    for name, value in vars(options).items():
         if value == "":
             raise InputError(f"{name.replace('_', ' ')}: an empty text; give one, or leave it out")
-    texts = [
-        text
-        for value in given.values()
-        for text in (value if isinstance(value, list) else [value])
-        if isinstance(text, str)
-    ]
-    for text in texts:
-        if isinstance(text, NewFolder):
-            refuse_unwritable(os.path.join(text, "file"))
+        given = value if isinstance(value, list) else [value]
+        texts += [text for text in given if isinstance(text, str)]
     read = [text for text in texts if not isinstance(text, NewFile) and os.path.isfile(text)]
-    written = [text for text in texts if isinstance(text, NewFile)]
-    for number, path in enumerate(written):
+    for path in texts:
+        if isinstance(path, NewFolder):
+            refuse_unwritable(os.path.join(path, "file"))
+        if not isinstance(path, NewFile):
+            continue
         refuse_unwritable(path)
         if any(_same_file(path, other) for other in read):
             raise InputError(
                 f"{path}: it is read, and would be written over; give another name to write to"
             )
-        if any(_same_file(path, other) for other in written[:number]):
-            raise InputError(f"{path}: two files to be written have this name; give another to one")
         if path.endswith(PACKINGS) and options.command not in MAKE_PACKINGS:
             raise InputError(f"{path}: the name of a packing, which this is none; give another")
 
@@ -176,6 +170,13 @@ def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:
 def typed(name: str) -> str:
     """The option of this name, as it is typed."""
     return "--" + name.replace("_", "-")
+
+
+def refuse_given(options: argparse.Namespace, usual: Mapping[str, Any], why: str) -> None:
+    """InputError for the first option that is not as `usual`, where it has no meaning."""
+    for name, value in usual.items():
+        if getattr(options, name) != value:
+            raise InputError(f"{typed(name)}{why}")
 
 
 def say_error(error: InputError) -> None:

@@ -20,24 +20,15 @@ from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
 from modal.tools.errors import InputError
 
 WITH_FRICTION = {
-    "approach_rate": "strain rate of the agitated spheres, 1/s",
-    "agitated_damping": "their local damping",
-    "inertial_number": "of the servo's largest strain rate",
-    "fraction": "time step over its limit",
-    "hot_stress": "mean stress of the agitated spheres at which the compaction ends, Pa",
-    "damping": "local damping after that",
-    "residual": "mean residual over contact force of a settled state",
+    "approach_rate": ("--approach-rate", "strain rate of the agitated spheres, 1/s"),
+    "agitated_damping": ("--agitated-damping", "their local damping"),
+    "inertial_number": ("--inertial-number", "of the servo's largest strain rate"),
+    "fraction": ("--time-step-fraction", "time step over its limit"),
+    "hot_stress": ("--agitation-stress", "mean stress at which the agitated compaction ends, Pa"),
+    "damping": ("--local-damping", "local damping after that"),
+    "residual": ("--residual", "mean residual over contact force of a settled state"),
 }
-"""Numbers of the protocol that a study may change."""
-ADVANCED = ("approach_rate", "agitated_damping")
-"""Those of them that hardly anyone needs."""
-TYPED = {
-    "fraction": "--time-step-fraction",
-    "hot_stress": "--agitation-stress",
-    "damping": "--local-damping",
-}
-"""Options whose names are not those of the protocol's numbers."""
-
+"""Numbers of the protocol that a study may change: the option of each, and what it is."""
 SOLID = {name: getattr(GLASS, name) for name in (*ELASTIC, "density")} | {"radius": RADIUS}
 """Options of what the spheres are of, with the study's numbers."""
 
@@ -72,11 +63,9 @@ def add(commands: Any) -> None:
     add_value(with_friction, "--stress-ratio", "K", text)
     text = "from a tenth of the first stress compressed along z alone; K0 is told"
     add_flag(with_friction, "--oedometric", text)
-    advanced = pack.add_argument_group("with friction alone, advanced")
-    for name, text in WITH_FRICTION.items():
-        group = advanced if name in ADVANCED else with_friction
+    for name, (option, text) in WITH_FRICTION.items():
         text += f" (default {getattr(study, name):g})"
-        add_value(group, option_of(name), "X", text, dest=name)
+        add_value(with_friction, option, "X", text, dest=name)
     pack.add_argument(
         "-o", "--output", type=NewFolder, required=True, metavar="DIR",
         help="folder; goes on where it was",
@@ -89,7 +78,7 @@ def option_of(name: str) -> str:
     >>> option_of("hot_stress"), option_of("residual")
     ('--agitation-stress', '--residual')
     """
-    return TYPED.get(name, typed(name))
+    return WITH_FRICTION.get(name, (typed(name),))[0]
 
 
 def _solid(options: argparse.Namespace) -> list[str | float] | None:

@@ -6,10 +6,9 @@ import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import NewFile, add_command, add_output, add_value, say
-from modal.formats.provenance import Provenance, is_current, packing_of
-from modal.packing.network import read_network, write_network
-from modal.packing.sample import Sample, read_sample, write_sample
+from modal.cli.options import add_command, add_output, add_value, say
+from modal.formats.provenance import Provenance
+from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
 from modal.preparation.relax import MAX_STEPS, TOLERANCE, Equilibrium, relax
 from modal.tools.errors import InputError
@@ -28,19 +27,12 @@ def add(commands: Any) -> None:
     add_value(command, "--friction", "MU", text)
     text = "mean net force over mean contact force at rest"
     add_value(command, "--tolerance", "T", text, TOLERANCE)
-    text = "write the contact network as well"
-    add_value(command, "--network", "FILE", text, kind=NewFile, dest="exported")
     add_output(command, "the sample at rest, *.sample.h5", required=True, skip=True)
 
 
 def kept(options: argparse.Namespace) -> dict[str, Any]:
-    """What a sample that is kept fell short of: its exit status stays. Its network may lack."""
-    rested = read_sample(options.output)
-    if options.exported:
-        made = _export_of(options)
-        if not is_current(options.exported, made, say, read_network):
-            _export(options.exported, rested, made)
-    return {"at_rest": bool(rested.study.get("at_rest", True))}
+    """What a sample that is kept fell short of: its exit status stays."""
+    return {"at_rest": bool(read_sample(options.output).study.get("at_rest", True))}
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -85,21 +77,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         provenance=_with_parent(options.made, sample.provenance),
     )
     write_sample(options.output, rested)
-    if options.exported:
-        _export(options.exported, rested, _export_of(options))
     return {"residual_before": history[0].residual} | asdict(state) | measured
-
-
-def _export_of(options: argparse.Namespace) -> Provenance:
-    """What the network is made from: the sample at rest, once it is written."""
-    made: Provenance = replace(options.made, sources=packing_of(options.output))
-    return made
-
-
-def _export(path: str, rested: Sample, made: Provenance) -> None:
-    (parent,) = made.sources
-    provenance = made.attributes() | {"parent": parent.name, "parent_sha256": parent.sha256}
-    write_network(path, replace(rested.network(), provenance=provenance))
 
 
 def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:

@@ -33,12 +33,7 @@ LABELS = {
     "relative_error": "relative error of the solver",
     "largest_off_diagonal_stress": "largest off-diagonal stress",
     "particles_with_0_1_2_contacts": "particles with 0, 1, 2 contacts",
-    "mu_comp": "friction of the compression",
-    "mu_wave": "friction of the wave",
-    "young": "Young's modulus",
     "poisson": "Poisson's ratio",
-    "wall_young": "wall's Young's modulus",
-    "wall_poisson": "wall's Poisson's ratio",
 }
 """Names that do not read well with blanks for underscores."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s")

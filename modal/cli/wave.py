@@ -8,7 +8,16 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from modal.cli.options import add_advanced, add_choice, add_flag, add_value, chosen, say, typed
+from modal.cli.options import (
+    add_advanced,
+    add_choice,
+    add_flag,
+    add_value,
+    chosen,
+    refuse_given,
+    say,
+    typed,
+)
 from modal.cli.reading import network_command, packing_of
 from modal.exchange.programs.own import is_sample
 from modal.formats.hdf5 import sha256
@@ -103,11 +112,10 @@ def _motion(options: argparse.Namespace) -> Motion:
     """The motion of the source wall; InputError for options that another motion has."""
     name = "file" if options.motion_file else options.motion
     make, *has = MOTIONS[name]
-    for option, usual in USUAL.items():
-        given = getattr(options, option) != usual
-        if given and option not in has:
-            raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
-        if not given and option in has and usual is None:
+    others = {option: usual for option, usual in USUAL.items() if option not in has}
+    refuse_given(options, others, f": the motion is a {name}, which has none")
+    for option in has:
+        if getattr(options, option) is None:
             raise InputError(f"--motion {name} needs {typed(option)}")
     motion: Motion = make(*chosen(options, *has).values())
     return motion
@@ -117,10 +125,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source sends, and how exact it is."""
     if options.nonlinear:
         return _nonlinear(options)
-    if options.accuracy is not None:
-        raise InputError("--accuracy is of --nonlinear; the linear wave takes --tolerance")
-    if options.friction is not None:
-        raise InputError("--friction is of --nonlinear; in the linear wave nothing slides")
+    nonlinear = dict.fromkeys(("accuracy", "friction"))
+    refuse_given(options, nonlinear, " is of --nonlinear, where contacts slide; leave it out")
     network = packing_of(options, waves=True)
     wave = propagate(
         network,
@@ -167,9 +173,7 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
             f"{options.network}: --nonlinear takes a *.sample.h5, which has the law and the "
             "friction of its contacts"
         )
-    for option, usual in LINEAR.items():
-        if getattr(options, option) != usual:
-            raise InputError(f"{typed(option)} with --nonlinear: take one of them")
+    refuse_given(options, LINEAR, " with --nonlinear: take one of them")
     sample = read_sample(options.network)
     if options.friction is not None:
         if not 0 < options.friction < math.inf:

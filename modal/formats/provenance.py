@@ -189,7 +189,7 @@ _ROLES = {
 }
 _NOT_SETTINGS = {
     *_ROLES,
-    *("command", "network", "output", "exported", "json", "skip_current", "at", "hours"),
+    *("command", "network", "output", "json", "skip_current", "at", "hours"),
 }
 
 

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -238,7 +237,6 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
         "relax {} --friction 0.3 -o {}",
         "tile {} --repeat 2 1 -o {}",
         "info {} --layers {}",
-        "relax {} --network {} -o rested.sample.h5",
     ],
 )
 def test_what_is_read_is_never_written_over(command, tmp_path, capsys):
@@ -251,18 +249,6 @@ def test_what_is_read_is_never_written_over(command, tmp_path, capsys):
     shown = capsys.readouterr().err
     assert len(shown.splitlines()) == 1 and "would be written over" in shown
     assert sample.read_bytes() == before
-
-
-@pytest.mark.parametrize("second", ["both.h5", "./both.h5", "link.h5"])
-def test_two_files_are_not_written_into_one(second, tmp_path, monkeypatch, capsys):
-    """Absent or not, under the same name or another."""
-    monkeypatch.chdir(tmp_path)
-    Path("link.h5").symlink_to("both.h5")
-    write_sample("mine.sample.h5", random_sample(60, 1e6, aspect=1.5))
-    assert main(["relax", "mine.sample.h5", "-o", "both.h5", "--network", second]) == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and "two files" in shown
-    assert not Path("both.h5").exists()
 
 
 def test_what_json_does_not_know_is_null():

@@ -10,9 +10,6 @@ import pytest
 from modal.__main__ import main
 from modal.cli import relax as relax_command
 from modal.dem.contacts import MovingContacts
-from modal.formats.hdf5 import sha256
-from modal.formats.provenance import packing_of
-from modal.packing.network import read_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation import relax as relaxation
@@ -158,27 +155,16 @@ def test_shift_across_the_periods_changes_forces_at_the_walls_only(sheared):
     assert abs(net_forces(found) - net_forces(network))[inner].max() < tolerance
 
 
-def test_command_writes_a_sample_at_rest_and_its_network(packed, tmp_path, capsys):
+def test_command_writes_a_sample_at_rest(packed, tmp_path, capsys):
     write_sample(tmp_path / "a.sample.h5", packed)
-    out, network = tmp_path / "b.sample.h5", tmp_path / "b.network.h5"
+    out = tmp_path / "b.sample.h5"
     arguments = ["relax", str(tmp_path / "a.sample.h5"), "--friction", "0.5", "-o", str(out)]
-    assert main([*arguments, "--network", str(network), "--json"]) == 0
+    assert main([*arguments, "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["residual"] < 1e-9 < shown["residual_before"]
     rested = read_sample(out)
-    assert rested.friction == 0.5 and network.exists()
+    assert rested.friction == 0.5
     assert equilibrium_of(rested, rested.network())[1].residual < 1e-9
-    network.unlink()
-    assert main([*arguments, "--network", str(network), "--skip-current"]) == 0
-    exported = read_network(network)
-    assert np.array_equal(exported.force_normal, rested.network().force_normal)
-    assert packing_of(network)[-1].sha256 == sha256(out)
-    before = network.stat().st_mtime_ns
-    assert main([*arguments, "--network", str(network), "--skip-current"]) == 0
-    assert network.stat().st_mtime_ns == before
-    capsys.readouterr()
-    assert main([*arguments, "--network", str(out)]) == 2
-    assert "two files to be written have this name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("fault", ["frictionless", "no contacts", "missing"])
