@@ -203,6 +203,7 @@ FOUND: dict[str, tuple[str, str, Number]] = {
         *("1", "mean chi_z there"),
         lambda m: spectrum.mean_chi(m, HIGH * spectrum.f_max(m), np.inf),
     ),
+    "chi_z_pure": ("Hz", "highest frequency of a mode with chi_z above 0.9", spectrum.last_pure),
     "gain_maximum": ("1", "largest gain", lambda m: float(np.max(m.gain.gain))),
     "gain_resolution": ("Hz", "width of its lines", lambda m: m.gain.resolution),
     "free_path_at_f_low_pass_over_d": ("1", "mean free path there, D", scattering.free_path),

@@ -14,7 +14,7 @@ from analysis.estimators.resonances import (
 )
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
-from analysis.quantities.velocity import LOW_ORDER
+from analysis.quantities.velocity import LOW_ORDER, longest
 from analysis.value import NOTHING, Value, estimate, hertz, unknown
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet
@@ -162,6 +162,23 @@ def mean_chi(m: Measuring, low: float, high: float) -> Value:
     if len(chi) < 2:
         return NOTHING
     return estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))
+
+
+PURE = 0.9
+"""Least chi_z of a mode that is a P-wave, in the paper."""
+
+
+def last_pure(m: Measuring) -> Value:
+    """Highest frequency, Hz, of a mode of the chain with chi_z above 0.9.
+
+    There is one such mode a resonance, so that their distance is the error. Unknown where the list
+    of modes ends less than two of them above.
+    """
+    f, chi = chi_between(m, 0, np.inf, chain=True)
+    pure, apart = f[chi > PURE], 0.5 * longest(m, "linear").value / m.network.length
+    if not len(pure) or f.max() < pure.max() + 2 * apart:
+        return NOTHING
+    return estimate(float(pure.max()), apart)
 
 
 @once

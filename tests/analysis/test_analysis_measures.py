@@ -165,6 +165,19 @@ def test_chi_z_says_of_which_modes_it_is():
     assert every == (0.5, "3 modes, 15.00-15.50 kHz")
 
 
+def test_modes_are_pure_up_to_a_frequency_that_the_list_must_pass(two_producers):
+    """One pure mode a resonance, V_P / 2 L apart: the chain's chi_z is half of these numbers."""
+    network, lattice = two_producers[1].network, two_producers[1].lattice
+    modes = some([1e3, 2e3, 4e4, 9e5], [1.9, 1.84, 1.7, 0.6]), some([1e3, 9e5], [1.9, 1.9])
+    found, ends = (
+        spectrum.last_pure(Measuring(network, case=Case("case06", None, {}, held={"modes": list_})))
+        for list_ in modes
+    )
+    apart = lattice.velocity / 2 / network.length
+    assert (found.value, found.error) == pytest.approx((2e3, apart), rel=0.01)
+    assert np.isnan(ends.value)
+
+
 def some(frequency, chi):
     zero = np.zeros(len(frequency))
     return ModeSet(np.array(frequency), zero, np.array(chi), np.array(chi) / 2, zero)
