@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,11 @@ PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
 """Young's modulus and Poisson's ratio of `packings.polydisperse`."""
 
 
+def lines(rows: Iterable[Iterable[float]], digits: int = 17, by: str = " ") -> str:
+    """A line of each row, numbers with so many digits."""
+    return "".join(by.join(f"{number:.{digits}g}" for number in row) + "\n" for row in rows)
+
+
 def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path, Path]:
     """Dump custom, dump local and log of a packing, numbers with so many digits.
 
@@ -28,35 +33,25 @@ def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path
     walled = bool(wall.any())
     low = np.where(network.cell_periodic, 0.0, [0, 0, network.wall_position[0]])
     flags = " ".join("pp" if axis else "ff" for axis in network.cell_periodic)
-    bounds = "".join(
-        f"{a:.17g} {a + b:.17g}\n" for a, b in zip(low, network.cell_size, strict=True)
-    )
+    bounds = lines(zip(low, low + network.cell_size, strict=True))
 
-    def head(what: str, count: int, columns: str) -> str:
+    def head(what: str, count: int, item: str) -> str:
         title = f"ITEM: TIMESTEP\n7\nITEM: NUMBER OF {what}\n{count}\n"
-        title += f"ITEM: BOX BOUNDS {flags}\n"
-        item = "ATOMS" if what == "ATOMS" else "ENTRIES"
-        return f"{title}{bounds}ITEM: {item} {columns}\n"
+        return f"{title}ITEM: BOX BOUNDS {flags}\n{bounds}ITEM: {item}\n"
 
     on_wall = np.zeros((n, 4))
     force = network.force_tangential - network.force_normal[:, None] * network.normal
     on_wall[network.particle_i[wall], 0] = 1
     on_wall[network.particle_i[wall], 1:] = force[wall]
+    spheres = (network.position, network.radius, network.mass, on_wall[:, : 4 * walled])
+    rows = np.column_stack([np.arange(1, n + 1), np.ones(n), *spheres])[::-1]
     columns = "id type x y z radius mass" + " f_w[1] f_w[2] f_w[3] f_w[4]" * walled
-    text = head("ATOMS", n, columns)
-    for k in reversed(range(n)):
-        numbers = [*network.position[k], network.radius[k], network.mass[k]]
-        numbers += [*on_wall[k]] * walled
-        text += f"{k + 1} 1 " + " ".join(f"{number:.{digits}g}" for number in numbers) + "\n"
-    atoms.write_text(text)
+    atoms.write_text(head("ATOMS", n, f"ATOMS {columns}") + lines(rows, digits))
+    i, j, fn = (getattr(network, k)[~wall] for k in ("particle_i", "particle_j", "force_normal"))
+    forces = (fn, network.force_tangential[~wall], -fn[:, None] * network.normal[~wall])
+    rows = np.column_stack([np.arange(len(i)) + 1, i + 1, j + 1, *forces])
     columns = "index c_p[1] c_p[2] " + " ".join(f"c_f[{k}]" for k in range(1, 8))
-    text = head("ENTRIES", int((~wall).sum()), columns)
-    for row, c in enumerate(np.flatnonzero(~wall)):
-        pushed = -network.force_normal[c]
-        numbers = [-pushed, *network.force_tangential[c], *(pushed * network.normal[c])]
-        ends = f"{row + 1} {network.particle_i[c] + 1} {network.particle_j[c] + 1} "
-        text += ends + " ".join(f"{number:.{digits}g}" for number in numbers) + "\n"
-    contacts.write_text(text)
+    contacts.write_text(head("ENTRIES", len(i), f"ENTRIES {columns}") + lines(rows, digits))
     low_wall, high_wall = network.wall_position
     log.write_text(
         "LAMMPS (22 Jul 2025)\nunits si # metres\npair_style ${STYLE}\npair_style granular\n"
@@ -75,22 +70,17 @@ def tables(network: Network, folder: Path) -> tuple[Path, Path]:
     low = [0, 0, network.wall_position[0]]
     bounds = np.column_stack([low, low + network.cell_size]).ravel()
     axes = " ".join(axis for axis, on in zip("xyz", network.cell_periodic, strict=True) if on)
-    text = f"# cell {' '.join(map(repr, bounds.tolist()))}\n# periodic {axes}\n"
+    text = f"# cell {lines([bounds])}# periodic {axes}\n"
     if not network.cell_periodic[2]:
-        text += f"# walls {' '.join(map(repr, network.wall_position.tolist()))}\n"
-    text += "id,x,y,z,radius,mass\n"
-    for k in range(network.n_particles):
-        numbers = [*network.position[k], network.radius[k], network.mass[k]]
-        text += f"{k + 10}," + ",".join(repr(float(number)) for number in numbers) + "\n"
-    spheres.write_text(text)
-    text = "i,j,kn,kt,fn,ftx,fty,ftz\n"
-    for c in range(network.n_contacts):
-        j = network.particle_j[c]
-        text += f"{network.particle_i[c] + 10},{j if j < 0 else j + 10},"
-        numbers = [network.stiffness_normal[c], network.stiffness_tangential[c]]
-        numbers += [network.force_normal[c], *network.force_tangential[c]]
-        text += ",".join(repr(float(number)) for number in numbers) + "\n"
-    contacts.write_text(text)
+        text += f"# walls {lines([network.wall_position])}"
+    columns = (network.position, network.radius, network.mass)
+    rows = np.column_stack([np.arange(network.n_particles) + 10, *columns])
+    spheres.write_text(f"{text}id,x,y,z,radius,mass\n{lines(rows, by=',')}")
+    j = network.particle_j
+    columns = (network.stiffness_normal, network.stiffness_tangential, network.force_normal)
+    ends = (network.particle_i + 10, np.where(j < 0, j, j + 10))
+    rows = np.column_stack([*ends, *columns, network.force_tangential])
+    contacts.write_text(f"i,j,kn,kt,fn,ftx,fty,ftz\n{lines(rows, by=',')}")
     return spheres, contacts
 
 
@@ -114,20 +104,18 @@ LIGGGHTS = (
 def liggghts(network: Network, folder: Path) -> tuple[Path, Path]:
     """Dump custom, and dump local of all 32 columns of pair/gran/local, forces on the second."""
     atoms, contacts, _ = lammps(network, folder)
-    lines = contacts.read_text().splitlines()
+    head = "\n".join(contacts.read_text().splitlines()[:8])
     names = " ".join(f"c_c[{k}]" for k in range(1, 33))
-    rows = []
-    for c in np.flatnonzero(~network.with_wall):
-        i, j = network.particle_i[c], network.particle_j[c]
-        normal = network.force_normal[c] * network.normal[c]
-        shear = -network.force_tangential[c]
-        numbers = np.zeros(32)
-        numbers[0:6] = *network.position[i], *network.position[j]
-        numbers[12:15] = i + 1, j + 1, 0
-        numbers[15:24] = *(normal + shear), *normal, *shear
-        numbers[31] = network.overlap[c]
-        rows.append(" ".join(f"{number:.17g}" for number in numbers))
-    contacts.write_text("\n".join([*lines[:8], f"ITEM: ENTRIES {names}", *rows]) + "\n")
+    pairs = ~network.with_wall
+    i, j = network.particle_i[pairs], network.particle_j[pairs]
+    normal = (network.force_normal[:, None] * network.normal)[pairs]
+    shear = -network.force_tangential[pairs]
+    rows = np.zeros((len(i), 32))
+    rows[:, 0:6] = np.column_stack([network.position[i], network.position[j]])
+    rows[:, 12:14] = np.column_stack([i + 1, j + 1])
+    rows[:, 15:24] = np.column_stack([normal + shear, normal, shear])
+    rows[:, 31] = network.overlap[pairs]
+    contacts.write_text(f"{head}\nITEM: ENTRIES {names}\n{lines(rows)}")
     return atoms, contacts
 
 
@@ -175,30 +163,38 @@ class Given:
         self.imported(**more)
         return read_network(self.out)
 
+    def _path(self, name: str) -> Path:
+        return self.spheres if name == "spheres" else self.options[name]
+
     def spoil(self, name: str, old: str, new: str, count: int = 1) -> None:
         """Replace a pattern in a file, where it must be."""
-        path = self.spheres if name == "spheres" else self.options[name]
+        path = self._path(name)
         text, found = re.subn(old, new, path.read_text(), count=count)
         assert found, (path.name, old)
         path.write_text(text)
 
+    def rewrite(
+        self,
+        name: str,
+        change: Callable[[list[str]], list[str]],
+        first: int,
+        end: int | None = None,
+    ) -> None:
+        """Change the words of each row below the `first` lines, down to the line `end`."""
+        path, rows = self._path(name), slice(first, end)
+        by = "," if ".csv" in path.name else " "
+        text = path.read_text().splitlines()
+        text[rows] = [by.join(change(line.split(by))) for line in text[rows]]
+        path.write_text("\n".join(text) + "\n")
+
     def respell(self, name: str, line: int, column: int | slice, words: object) -> None:
         """Write other words in a line, from 1, from this column, from 0, or over this slice."""
-        path = self.spheres if name == "spheres" else self.options[name]
-        by = "," if ".csv" in path.name else " "
-        lines = path.read_text().splitlines()
-        row = lines[line - 1].split(by)
-        row[column] = words
-        lines[line - 1] = by.join(row)
-        path.write_text("\n".join(lines) + "\n")
 
-    def rewrite(self, name: str, change: Callable[[list[str]], list[str]], first: int) -> None:
-        """Change the words of each row below the `first` lines."""
-        path = self.spheres if name == "spheres" else self.options[name]
-        by = "," if ".csv" in path.name else " "
-        lines = path.read_text().splitlines()
-        rows = [by.join(change(line.split(by))) for line in lines[first:]]
-        path.write_text("\n".join([*lines[:first], *rows]) + "\n")
+        def change(row: list[str]) -> list[str]:
+            row[column] = words
+            return row
+
+        self.rewrite(name, change, line - 1, line)
 
 
 WRITERS = {
