@@ -226,43 +226,28 @@ def bare(network: Network, *kept: str) -> Network:
     return replace(network, **{name: None for name in OPTIONAL if name not in kept})
 
 
+def turned(network: Network, matrix: np.ndarray, **columns: np.ndarray) -> Network:
+    """All vectors turned; cell and walls are left to those who have them."""
+    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
+    network = network.unchecked(**{name: getattr(network, name) @ matrix.T for name in vectors})
+    return replace(network, **columns)
+
+
 def mirrored(network: Network) -> Network:
     """Left and right exchanged along x: another packing with as many contacts."""
-    flip = np.array([-1.0, 1.0, 1.0])
-    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
-    shift = network.cell_shift * np.array([-1, 1, 1])
-    return replace(
-        network,
-        **{name: getattr(network, name) * flip for name in vectors},
-        cell_shift=shift,
-    )
+    flip = np.array([-1, 1, 1])
+    return turned(network, np.diag(flip), cell_shift=network.cell_shift * flip)
 
 
-PER_CONTACT = [
-    "particle_i",
-    "particle_j",
-    "normal",
-    "lever_i",
-    "lever_j",
-    "stiffness_normal",
-    "stiffness_tangential",
-    "force_normal",
-    "force_tangential",
-    "overlap",
-    "sliding",
-    "cell_shift",
-]
-
-
-def with_contacts(network: Network, keep: np.ndarray) -> Network:
-    """The network with some of its contacts (indices or booleans)."""
-    return replace(network, **{name: getattr(network, name)[keep] for name in PER_CONTACT})
+ENDS = ("particle_i", "particle_j")
+SPRINGS = ("stiffness_normal", "stiffness_tangential")
+PER_CONTACT = (*ENDS, "normal", "lever_i", "lever_j", *SPRINGS, *OPTIONAL)
 
 
 def diluted(share: float, seed: int, layers: int = 6) -> Network:
     """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
     network = gallery.fcc(cells=(4, 4, layers))
-    return with_contacts(network, np.random.default_rng(seed).random(network.n_contacts) > share)
+    return network.with_contacts(np.random.default_rng(seed).random(network.n_contacts) > share)
 
 
 def dense_squares(system: LinearSystem) -> np.ndarray:
@@ -273,20 +258,12 @@ def dense_squares(system: LinearSystem) -> np.ndarray:
 def columns_side_by_side(copies: int, high: int = 2) -> Network:
     """Uncoupled columns of `high` spheres: every frequency at least so many times."""
     single = gallery.column(high)
-    many = {}
-    for name in PER_CONTACT:
-        data = getattr(single, name)
-        many[name] = np.concatenate([data] * copies)
-    ids = np.repeat(np.arange(copies) * high, single.n_contacts)
-    many["particle_i"] = many["particle_i"] + ids
-    many["particle_j"] = np.where(
-        many["particle_j"] >= 0, many["particle_j"] + ids, many["particle_j"]
-    )
-    spheres = {
-        name: np.concatenate([getattr(single, name)] * copies)
-        for name in ("position", "radius", "mass", "inertia")
-    }
-    return replace(single, **many, **spheres)
+    names = (*PER_CONTACT, "position", "radius", "mass", "inertia")
+    many = {name: np.concatenate([getattr(single, name)] * copies) for name in names}
+    first = np.repeat(np.arange(copies) * high, single.n_contacts)
+    for end in ENDS:
+        many[end] = np.where(many[end] >= 0, many[end] + first, many[end])
+    return replace(single, **many)
 
 
 def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):

@@ -68,23 +68,6 @@ def test_rooms_that_run_inside_yade_load_neither_scipy_nor_numba(room):
     assert done.stdout.split() == []
 
 
-def test_what_is_installed_is_the_whole_of_modal_and_says_that_it_is_typed(tmp_path):
-    """Build as pip does, without its isolation: all modules, the mark of types, the style."""
-    pytest.importorskip("setuptools")
-    build = [sys.executable, "-c", "import setuptools; setuptools.setup()", "-q"]
-    build += ["egg_info", "--egg-base", str(tmp_path)]
-    build += ["build_py", "--build-lib", str(tmp_path / "lib")]
-    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    built = {path.relative_to(tmp_path / "lib") for path in (tmp_path / "lib").rglob("*.py")}
-    wanted = {path for room in ("modal", "analysis") for path in (ROOT / room).rglob("*.py")}
-    assert built == {path.relative_to(ROOT) for path in wanted}
-    assert (tmp_path / "lib/modal/py.typed").exists()
-    assert (tmp_path / "lib/analysis/figures/paper.mplstyle").exists()
-    for name in ("page.html", "libraries.min.js", "uplot.min.css"):
-        assert (tmp_path / "lib/analysis/watch" / name).exists()
-
-
 @pytest.mark.parametrize("package", ["modal", "analysis"])
 def test_modules_stand_in_no_circle(package):
     """Over all modules: a module is loaded after those that it imports."""

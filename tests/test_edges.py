@@ -7,11 +7,11 @@ matrix: those carry an absolute error of eps f_max, where eigenvalues of K lose 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from packings import kinematics
+from packings import OPTIONAL, SPRINGS, kinematics
+from places import SHEARED
 from scipy.linalg import qr
 
 from analysis.estimators.layer_lattice import LayerLattice
@@ -33,7 +33,6 @@ from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 
 EPS = np.finfo(float).eps
-SAMPLE = Path(__file__).parent / "data/friction150.sample.h5"
 
 
 def stretch_matrix(network: Network, *, normal_only: bool = False) -> np.ndarray:
@@ -85,8 +84,7 @@ def contrasted(network: Network, of: str, decades: float, seed: int) -> Network:
     random = np.random.default_rng(seed)
     if of == "stiffness":
         factor = 10 ** (-decades * random.random(network.n_contacts))
-        names = "stiffness_normal", "stiffness_tangential"
-        return network.unchecked(**{name: getattr(network, name) * factor for name in names})
+        return network.unchecked(**{name: getattr(network, name) * factor for name in SPRINGS})
     factor = 10 ** (decades * random.random(network.n_particles))
     return network.unchecked(
         mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
@@ -133,7 +131,6 @@ def test_tangential_over_normal_stiffness(ratio):
 def _ball(normals: np.ndarray) -> Network:
     """One sphere, held at fixed points in the directions `normals` (m, 3)."""
     m, radius = len(normals), 1e-3
-    none = np.zeros((m, 3))
     return gallery.column(1).unchecked(
         position=np.zeros((1, 3)),
         radius=np.array([radius]),
@@ -143,14 +140,10 @@ def _ball(normals: np.ndarray) -> Network:
         particle_j=np.full(m, -1),
         normal=normals,
         lever_i=radius * normals,
-        lever_j=none,
+        lever_j=0 * normals,
         stiffness_normal=np.full(m, 1e6),
         stiffness_tangential=np.full(m, 8e5),
-        force_normal=np.zeros(m),
-        force_tangential=none,
-        overlap=np.zeros(m),
-        sliding=np.zeros(m, bool),
-        cell_shift=none.astype(int),
+        **dict.fromkeys(OPTIONAL),
         cell_size=np.ones(3),
         cell_periodic=np.zeros(3, bool),
         wall_position=np.array([-radius, radius]),
@@ -208,19 +201,15 @@ def test_isostatic_network_without_stress():
 @pytest.mark.parametrize("distance", [1.0, 1e3])
 def test_far_from_the_origin(distance):
     """A network's springs do not know where it is; a sample's overlaps lose eps times distance."""
-    sample = read_sample(SAMPLE)
+    sample = read_sample(SHEARED)
     network = sample.network()
-    moved = replace(
-        network,
-        position=network.position + distance,
-        wall_position=network.wall_position + distance,
-    )
+    walls = network.wall_position + distance
+    moved = replace(network, position=network.position + distance, wall_position=walls)
     here, there = (propagate(net, 2e-5).signals for net in (network, moved))
     assert np.array_equal(here.chain_particle, there.chain_particle)
     assert np.array_equal(here.chain_displacement, there.chain_displacement)
-    far = replace(
-        sample, position=sample.position + [0, 0, distance], walls=sample.walls + distance
-    ).network()
+    up = {"position": sample.position + [0, 0, distance], "walls": sample.walls + distance}
+    far = replace(sample, **up).network()
     loss = 2 * EPS * distance
     assert far.n_contacts == network.n_contacts
     assert abs(far.overlap - network.overlap).max() < loss
@@ -249,7 +238,6 @@ def test_hundred_thousand_layers():
     planar = crystal.low_pass_frequency * np.sin(np.pi / 2 * np.arange(1, 3) / compliance)
     found = lowest_modes(system, 6)
     assert found.attributes["certified"]
-    print(found.frequency, planar)
     # Walls as longer springs: exact up to (kappa l)^2, 1e-9.
     assert found.frequency[found.chi_z > 0.999] == pytest.approx(planar, rel=1e-6)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import dense_squares, diluted, with_contacts
+from packings import dense_squares, diluted
 
 from modal.modes.counts import count_below
 from modal.modes.zero_modes import by_structure
@@ -61,7 +61,7 @@ def test_two_spheres_and_one_spring():
     crystal = gallery.fcc(cells=(2, 2, 3))
     oblique = np.flatnonzero((abs(crystal.normal) > 0.1).sum(axis=1) >= 2)[:1]
     slippery = replace(crystal, sliding=np.ones(crystal.n_contacts, bool))
-    system = LinearSystem.of(with_sliding(with_contacts(slippery, oblique), "slip"))
+    system = LinearSystem.of(with_sliding(slippery.with_contacts(oblique), "slip"))
     assert by_structure(system).total == zero_modes(system) == system.size - 1
     assert by_structure(system).loose_clusters == 11
 
@@ -70,13 +70,13 @@ def test_each_kind_is_named():
     """A free sphere has six zero modes, one on one contact three, one on two contacts one."""
     network = gallery.column(4)
     i, j = network.particle_i, network.particle_j
-    free = with_contacts(network, (i != 3) & (j != 3))
+    free = network.with_contacts((i != 3) & (j != 3))
     kinds = by_structure(LinearSystem.of(free)).by_kind()
     assert kinds["free_particles"] == 6
     # Sphere 2 hangs on one contact. 0 and 1 turn about the axis, 2 about its contact point, and
     # the whole hanging column swings about the wall: dense rank says how many.
     assert sum(kinds.values()) == zero_modes(LinearSystem.of(free))
-    single = with_contacts(network, np.flatnonzero(j == -1))
+    single = network.with_contacts(np.flatnonzero(j == -1))
     assert by_structure(LinearSystem.of(single)).by_kind() == {
         "free_particles": 18,
         "loose_clusters": 0,
@@ -95,7 +95,7 @@ def test_cluster_without_walls_moves_as_a_whole(periodic):
         inside &= network.cell_shift[:, 1] == 0
     if periodic == "none":
         inside &= network.cell_shift[:, 0] == 0
-    system = LinearSystem.of(with_contacts(network, inside))
+    system = LinearSystem.of(network.with_contacts(inside))
     assert by_structure(system).loose_clusters == {"x and y": 3, "x": 4, "none": 6}[periodic]
     assert by_structure(system).total == zero_modes(system)
 
@@ -104,7 +104,7 @@ def test_cluster_without_walls_moves_as_a_whole(periodic):
 def test_a_cluster_is_followed_through_contacts_named_either_way(share):
     """Its places, and so its rigid rotations, whichever body of a contact comes first."""
     crystal = gallery.fcc(cells=(4, 4, 5))
-    network = with_contacts(crystal, (crystal.particle_j >= 0) & ~crystal.cell_shift.any(axis=1))
+    network = crystal.with_contacts((crystal.particle_j >= 0) & ~crystal.cell_shift.any(axis=1))
     other = np.random.default_rng(1).random(network.n_contacts) < share
     swap = other[:, None]
     network = replace(

@@ -302,7 +302,7 @@ def test_the_number_of_what_is_wrong_is_said():
 @pytest.mark.parametrize("kept", [10, 100])
 def test_shear_that_is_small_beside_the_mean_force_may_point_anywhere(kept):
     """Beside a millionth of it, however many contacts there are."""
-    few = packings.with_contacts(CRYSTAL, np.arange(kept))
+    few = CRYSTAL.with_contacts(np.arange(kept))
     for size, refused in ((0.9e-6, False), (3e-6, True)):
         shear = np.zeros((few.n_contacts, 3))
         shear[5] = size * few.force_normal.mean() * few.normal[5]

@@ -51,7 +51,7 @@ def test_contacts_that_are_left_out_are_told_with_their_number():
     pairs = np.flatnonzero(crystal.particle_j >= 0)[:3]
     walls = np.flatnonzero(crystal.particle_j == SOURCE_WALL)[:2]
     left = np.setdiff1d(np.arange(crystal.n_contacts), [*pairs, *walls])
-    remarks = plausibility(packings.with_contacts(crystal, left))["remarks"]
+    remarks = plausibility(crystal.with_contacts(left))["remarks"]
     assert any(remark.startswith("5 places where spheres, or wall, overlap") for remark in remarks)
     assert not any("places where" in remark for remark in plausibility(crystal)["remarks"])
 

@@ -1,0 +1,29 @@
+"""A program that uses modal, which mypy checks with modal itself: types of results, two mistakes.
+
+It does not run. A mistake that mypy no longer finds is an ignore without use, which it reports.
+"""
+
+from typing import assert_type
+
+import numpy as np
+from numpy.typing import NDArray
+
+import modal
+from modal.modes.density import DensityOfStates
+from modal.modes.mode_set import ModeSet
+from modal.packing.network import Network
+from modal.waves.propagate import LinearWave
+from modal.waves.response import Response
+
+net = modal.read("case06.sample.h5")
+assert_type(net, Network)
+assert_type(net.position, NDArray[np.float64])
+assert_type(modal.fcc(cells=(2, 2, 20)), Network)
+assert_type(modal.eigenmodes(net, lowest=3), ModeSet)
+assert_type(modal.eigenmodes(net, lowest=3).frequency, NDArray[np.float64])
+assert_type(modal.density_of_states(net), DensityOfStates)
+assert_type(modal.propagate(net, duration=1e-4), LinearWave)
+assert_type(modal.frequency_response(net), Response)
+assert_type(modal.FccLattice(stress=1e5).low_pass_frequency, float)
+modal.eigenmodes(net, lowest="three")  # type: ignore[arg-type]
+modal.eigenmode(net)  # type: ignore[attr-defined]
