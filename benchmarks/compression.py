@@ -22,7 +22,6 @@ from benchmarks.harness.report import Page, Rows
 from modal.dem.motion import Dynamics
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation import protocol
-from modal.preparation.compress import Pace
 from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.random_packing import random_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, Servo
@@ -47,11 +46,11 @@ def steps(path: str, count: int) -> Callable[[], int]:
     control = Servo(STRESS, INERTIAL_NUMBER)
     dt = time_step(STRESS)
     every = steps_of(duration(protocol.CONTROL, STRESS), dt)
-    pace = Pace(motion, control)
-    pace.advance(2 * every, dt, every)  # compiles
+    motion.control = control.follow
+    motion.advance(2 * every, dt, every)  # compiles
 
     def action() -> int:
-        pace.advance(count, dt, every)
+        motion.advance(count, dt, every)
         return motion.contacts.touching
 
     return action

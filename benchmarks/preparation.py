@@ -24,7 +24,7 @@ from benchmarks.harness.report import Page, Rows
 from modal.dem.motion import Dynamics
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation import protocol
-from modal.preparation.compress import Pace
+from modal.preparation.compress import in_motion
 from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_sample
@@ -94,24 +94,23 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
     Dynamics(sample).step(1e-12)  # compiles
 
     def action() -> Trace:
-        motion = Dynamics(sample, protocol.AGITATED_DAMPING)
-        control = Servo(STRESS, inertial_number)
-        pace, started = Pace(motion, control), time.process_time()
+        control, started = Servo(STRESS, inertial_number), time.process_time()
+        motion = in_motion(sample, control, protocol.AGITATED_DAMPING)
         trace: Trace = {name: [] for name in COLUMNS}
         interval = duration(protocol.CONTROL, STRESS)
         every = steps_of(interval, time_step(STRESS))
         met = jammed = 0
-        while pace.steps < LONGEST and not (jammed and pace.steps - jammed >= steps):
+        while motion.steps < LONGEST and not (jammed and motion.steps - jammed >= steps):
             above = protocol.ABOVE * control.stress.mean()
-            pace.advance(CHECK, time_step(max(STRESS, above)), every)
+            motion.advance(CHECK, time_step(max(STRESS, above)), every)
             if not met and control.stress.mean() > STRESS:
-                met = pace.steps
+                met = motion.steps
             held, error = motion.coordination_number(), control.error()
             settled = error < JAM_ERROR and held > JAMMED
-            if not jammed and met and (settled or pace.steps - met >= JAM_PATIENCE):
-                jammed, motion.damping = pace.steps, protocol.DAMPING
+            if not jammed and met and (settled or motion.steps - met >= JAM_PATIENCE):
+                jammed, motion.damping = motion.steps, protocol.DAMPING
             spent = time.process_time() - started
-            state = pace.steps, spent, motion.void_ratio(), held, error, motion.unbalanced()
+            state = motion.steps, spent, motion.void_ratio(), held, error, motion.unbalanced()
             for column, number in zip(trace.values(), state, strict=True):
                 column.append(float(number))
         return trace

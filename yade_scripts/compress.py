@@ -13,9 +13,7 @@ the file that the leg before has written, so that a compression that was killed 
 as one that was not.
 """
 
-import math
 import sys
-import time
 from dataclasses import asdict
 from pathlib import Path
 
@@ -27,16 +25,12 @@ from yade import O, config
 from yade.utils import PyRunner, readParamsFromTable
 
 from modal.preparation import protocol
-from modal.preparation.cloud import cloud
-from modal.preparation.compression import compress_to_stresses, cost
-from modal.preparation.durations import REFERENCE, steps_of
-from modal.preparation.protocol import Stage, Study
+from modal.preparation.compression import compress_to_stresses
+from modal.preparation.protocol import Study
 from modal.preparation.sizes import MIXTURE
-from modal.preparation.strain_control import ConstantRate
-from modal.tools.display import duration
 from modal.tools.errors import InputError
 from yade_scripts import servo
-from yade_scripts.scene import Report, before_motion, finish, products_folder
+from yade_scripts.scene import before_motion, finish, products_folder
 from yade_scripts.state import build_scene, read_scene, resume_cell
 
 MARGIN = 0.1
@@ -46,94 +40,52 @@ readParamsFromTable(noTableOk=True, highest=protocol.STRESSES[-1], **asdict(Stud
 from yade.params import table  # noqa: E402
 
 
-def compacted(study):
-    """The cloud compacted to LOOSE and put to rest."""
-    started = time.perf_counter()
-    loose = cloud(study)
-    build_scene(loose, margin=MARGIN, damping=0.0)
-    O.dt = study.time_step(protocol.COMPACTION_STRESS)
-    drive(ConstantRate(protocol.COMPACTION_RATE), REFERENCE, study)
-    growth = math.log(protocol.LOOSE / protocol.CLOUD) / 3
-    steps = int(growth / protocol.COMPACTION_RATE / O.dt)
-    O.run(steps, wait=True)
-    sample = read_scene(loose, moving=False)
-    spent = {"steps": steps, "seconds": time.perf_counter() - started}
-    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
-    sample.study |= cost({}, "cloud", **spent, contacts=O.interactions.countReal())
-    return sample
+class Scene:
+    """A sample in motion in YADE, as `modal.preparation.compression` asks for it."""
 
+    def __init__(self, sample, control, damping):
+        global follow
+        self._bare, self._n, self.steps = sample, len(sample.position), 0
+        build_scene(sample, margin=MARGIN, damping=damping)
+        follow = servo.Drive(self._n, control)
+        self._control = control
+        before_motion(PyRunner(command="follow()", iterPeriod=1, label="control"))
 
-def drive(control, stress, study):
-    """Let `control` set the strain rates from now on, as often as suits `stress` (Pa)."""
-    global follow
-    follow = servo.Drive(study.spheres, control)
-    interval = study.duration(protocol.CONTROL, stress)
-    before_motion(
-        PyRunner(command="follow()", iterPeriod=steps_of(interval, O.dt), label="control")
-    )
-
-
-def leg(sample, study):
-    """One leg from `sample`; returns the sample at its end and whether the stage is over."""
-    started = time.perf_counter()
-    n, before = study.spheres, dict(sample.study)
-    build_scene(sample, margin=MARGIN, damping=0.0)
-    stage = Stage(before["stage"], study)
-    stage.control.stress = servo.principal_stresses(n)
-    O.labeledEngine("newton").damping = stage.damping
-    O.dt = stage.time_step()
-    drive(stage.control, stage.control.target, study)
-    resume_cell()
-    report = Report()
-    seconds, steps, ended = float(before["stage_time"]), 0, False
-    for _ in range(protocol.CHECKS):
-        O.dt = stage.time_step()
-        O.labeledEngine("control").iterPeriod = steps_of(stage.interval, O.dt)
-        count = steps_of(stage.check, O.dt)
+    def advance(self, count, dt, every):
+        """`count` steps of `dt`, s, with the rates set `every` so many of them."""
+        O.dt, O.labeledEngine("control").iterPeriod = dt, every
+        if not self.steps:
+            resume_cell()
         O.run(count, wait=True)
-        steps, seconds = steps + count, seconds + count * O.dt
-        settled = stage.settled(servo.unbalanced())
-        ended = settled or stage.impatient(seconds)
-        if not np.isfinite(stage.control.stress).all():
-            raise InputError(f"{stage.name}: the stress is not finite; unstable time step")
-        left = (stage.patience - seconds) * (time.perf_counter() - started)
-        left /= seconds - before["stage_time"]
-        to_go = f", at most {duration(left)} to go in this stage" if left < math.inf else ""
-        report(f"{progress(stage, steps)}{to_go}")
-        if ended:
-            break
-    reached = {
-        "stage_time": seconds,
-        "unbalanced": servo.unbalanced(),
-        "void_ratio": servo.void_ratio(n),
-        "coordination_number": coordination_number(n),
-    }
-    reached |= zip(("stress_xx", "stress_yy", "stress_zz"), stage.control.stress, strict=True)
-    if stage.is_state:
-        reached |= {"settled": settled, "stress_error": stage.control.error()}
-    print(f"\r{progress(stage, steps)}", end="")
-    after = read_scene(sample, moving=True)
-    spent = {"steps": steps, "seconds": time.perf_counter() - started}
-    so_far = cost(before, stage.name, **spent, contacts=O.interactions.countReal())
-    after.study = before | reached | so_far
-    print(f", {so_far['seconds']:.0f} s", flush=True)
-    return after, ended
+        self.steps += count
+        if not np.isfinite(self._control.stress).all():
+            raise InputError("the stress is not finite; unstable time step")
 
+    def stress(self):
+        """Principal stresses (3,), Pa."""
+        return servo.principal_stresses(self._n)
 
-def coordination_number(n):
-    """Mean number of contacts of a sphere, walls included."""
-    walls = sum(contact.isReal for wall in (n, n + 1) for contact in O.interactions.withBody(wall))
-    return (2 * O.interactions.countReal() - walls) / n
+    def unbalanced(self):
+        """Mean residual force on a sphere over the mean contact force."""
+        return servo.unbalanced()
 
+    def void_ratio(self):
+        """Volume of voids over volume of spheres, wall to wall."""
+        return servo.void_ratio(self._n)
 
-def progress(stage, steps):
-    """Stage, steps of this leg, stress, void ratio, unbalanced ratio."""
-    n = stage.study.spheres
-    return (
-        f"mu {stage.study.mu_comp:g} {stage.name}: {steps} steps, "
-        f"stress {stage.control.stress.mean():.4g} Pa, e {servo.void_ratio(n):.4f}, "
-        f"Z {coordination_number(n):.3f}, unbalanced {servo.unbalanced():.1e}"
-    )
+    def coordination_number(self):
+        """Mean number of contacts of a sphere, walls included."""
+        walls = (O.interactions.withBody(wall) for wall in (self._n, self._n + 1))
+        on_walls = sum(contact.isReal for those in walls for contact in those)
+        return (2 * self.contact_count() - on_walls) / self._n
+
+    def contact_count(self):
+        """Contacts that there are."""
+        return O.interactions.countReal()
+
+    def sample(self, *, moving):
+        """The sample as it is now."""
+        return read_scene(self._bare, moving=moving)
 
 
 def main():
@@ -149,8 +101,7 @@ def main():
         study,
         [stress for stress in protocol.STRESSES if stress <= table.highest],
         study.provenance("yade_scripts/compress.py", yade=config.version),
-        lambda: compacted(study),
-        lambda sample: leg(sample, study),
+        Scene,
         lambda text: print(text, flush=True),
     )
 

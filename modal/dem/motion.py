@@ -90,6 +90,9 @@ else:
     advance_by_loop = compiled(_advance, 0, fingerprint())
 
 
+Control = Callable[[Floats], Floats]
+
+
 class DampedMotion:
     """Dynamic relaxation: spheres of the radii (n,), m, that move until what drives them has died.
 
@@ -133,12 +136,20 @@ class Dynamics:
     takes the time step, s; `books` as of `MovingContacts`. Of a source of waves: `carried`, the
     numbers of spheres that the source wall takes along, so that a plane opens between these and all
     others; `axis` (2,), m, the x and y of the line along z that it turns about; `push` (n, 6), N
-    and N m, pushes spheres, or is None.
+    and N m, pushes spheres, or is None. `control` gives the strain rates (3,), 1/s, for the
+    stresses (3,), Pa; without it they stay.
     """
 
     def __init__(
-        self, sample: Sample, damping: float = 0.0, skin: float = SKIN, *, books: bool = False
+        self,
+        sample: Sample,
+        damping: float = 0.0,
+        skin: float = SKIN,
+        *,
+        control: Control | None = None,
+        books: bool = False,
     ) -> None:
+        self.control, self.steps, self._set_at = control, 0, 0
         self.contacts = MovingContacts(sample, skin=skin, stiffness=False, books=books)
         self.contacts.most = self.contacts.smallest
         self._source_at, self._source_step, self.axis = np.zeros(6), np.zeros(6), np.zeros(2)
@@ -191,8 +202,17 @@ class Dynamics:
         away: Floats = (self.contacts.position[self.carried, :2] - self.axis).T
         return away
 
-    def step(self, dt: float, control: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
-        """One step; `control` gives the strain rates (3,), 1/s, for the stresses (3,), Pa."""
+    def advance(self, count: int, dt: float, every: int) -> None:
+        """`count` steps of `dt`, s, with the rates set `every` so many of them."""
+        for _ in range(count):
+            due = self.steps - self._set_at >= every
+            self.step(dt, self.control if due else None)
+            if due:
+                self._set_at = self.steps
+            self.steps += 1
+
+    def step(self, dt: float, control: Control | None = None) -> None:
+        """One step; a `control` sets the strain rates."""
         self.find_forces(dt)
         if self.push is not None:
             self.contacts.load += self.push
@@ -236,6 +256,10 @@ class Dynamics:
     def unbalanced(self) -> float:
         """Mean residual force on a sphere over the mean contact force, shear included."""
         return self.contacts.unbalanced()
+
+    def contact_count(self) -> int:
+        """Contacts that there are."""
+        return self.contacts.touching
 
     def void_ratio(self) -> float:
         """Volume of voids over volume of spheres, wall to wall."""

@@ -21,30 +21,18 @@ def cloud(study: Study) -> Sample:
 
     Numbered along z, neighbours lie close together in memory.
     """
-    material, radius = study.sphere
-    diameter, radii = 2 * radius, study.radii
+    mixture = study.mixture
+    diameter, sizes = 2 * mixture.radius, np.ones(study.spheres)
     length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
-    if radii is not None:
-        length *= float(((2 * radii / diameter) ** 3).mean())
+    if mixture.radii is not None:
+        sizes = 2 * mixture.radii / diameter
+        length *= float((sizes**3).mean())
     scale = (NOMINAL_FRACTION / CLOUD) ** (1 / 3)
     side, length = scale * study.width * diameter, scale * length
-    sides, walls = np.array([side, side]), np.array([0.0, length])
-    sizes = np.ones(study.spheres) if radii is None else 2 * radii / diameter
     cell = side / diameter, length / diameter, study.seed
-    places, order = random_places(sizes, *cell, whole=study.periodic)
-    dense = study.each_density
-    return Sample(
-        diameter * places,
-        sides,
-        walls,
-        study.mu_comp,
-        radius=radius,
-        material=material,
-        radii=None if radii is None else radii[order],
-        densities=None if dense is None else dense[order],
-        wall_material=study.wall_material,
-        periodic_z=study.periodic,
-    )
+    places, order = random_places(sizes, *cell, whole=mixture.periodic)
+    lengths = np.array([side, side, length])
+    return mixture.sample(diameter * places, lengths, study.mu_comp, order)
 
 
 def random_places(

@@ -8,15 +8,147 @@ steps as one that was not.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from modal.formats.provenance import Provenance
-from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation.protocol import CHECKPOINT, END, PREPARATION, Study
+from modal.packing.sample import Sample, read_sample, validate, write_sample
+from modal.preparation import protocol
+from modal.preparation.cloud import cloud
+from modal.preparation.durations import REFERENCE, steps_of
+from modal.preparation.protocol import CHECKPOINT, END, PREPARATION, Stage, Study
+from modal.preparation.strain_control import ConstantRate, Servo
+from modal.tools.arrays import Floats
+from modal.tools.display import duration
 from modal.tools.errors import InputError
+from modal.tools.progress import Minute, progress
+
+AXES = "stress_xx", "stress_yy", "stress_zz"
+
+
+class Packing(Protocol):
+    """Spheres in motion under a control of their strain rates."""
+
+    steps: int
+
+    def advance(self, count: int, dt: float, every: int) -> None:
+        """`count` steps of `dt`, s, with the rates set `every` so many of them."""
+
+    def stress(self) -> Floats:
+        """Principal stresses (3,), Pa, compression positive."""
+
+    def unbalanced(self) -> float:
+        """Mean residual force on a sphere over the mean contact force."""
+
+    def void_ratio(self) -> float:
+        """Volume of voids over volume of spheres, wall to wall."""
+
+    def coordination_number(self) -> float:
+        """Mean number of contacts of a sphere, walls included."""
+
+    def contact_count(self) -> int:
+        """Contacts that there are."""
+
+    def sample(self, *, moving: bool) -> Sample:
+        """The sample as it is now; with its velocities and strain rate if it is `moving`."""
+
+
+Begin = Callable[[Sample, ConstantRate | Servo, float], Packing]
+"""Sets a sample in motion under a control, with a local damping."""
+Say = Callable[[str], None]
+
+
+def compacted(study: Study, begin: Begin) -> Sample:
+    """The cloud compacted to LOOSE and put to rest."""
+    started = time.perf_counter()
+    rate = protocol.COMPACTION_RATE * study.mixture.tempo
+    packing = begin(cloud(study), ConstantRate(rate), 0.0)
+    dt = study.time_step(protocol.COMPACTION_STRESS * study.mixture.hardness)
+    steps = int(math.log(protocol.LOOSE / protocol.CLOUD) / 3 / rate / dt)
+    every = steps_of(study.duration(protocol.CONTROL, REFERENCE * study.mixture.hardness), dt)
+    parts = min(steps, protocol.CHECKS)
+    for part in progress(parts, f"friction {study.mu_comp:g}, cloud"):
+        packing.advance((part + 1) * steps // parts - packing.steps, dt, every)
+    sample = packing.sample(moving=False)
+    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
+    sample.study |= _cost({}, "cloud", packing, started)
+    return sample
+
+
+def reach(
+    packing: Packing, stage: Stage, seconds: float, checks: int | None, say: Say
+) -> tuple[float, bool, bool]:
+    """The time of the stage, s, after so many `checks`, or all; whether it has settled; is over.
+
+    `seconds` of it have gone already.
+    """
+    started, begun, minute = time.perf_counter(), seconds, Minute()
+    stage.control.stress = packing.stress()
+    for _ in count() if checks is None else range(checks):
+        dt = stage.time_step()
+        steps = steps_of(stage.check, dt)
+        packing.advance(steps, dt, steps_of(stage.interval, dt))
+        seconds += steps * dt
+        settled = stage.settled(packing.unbalanced())
+        ended = settled or stage.impatient(seconds)
+        if ended:
+            break
+        stage.look(packing)
+        if minute.passed():
+            pace = (time.perf_counter() - started) / (seconds - begun)
+            say(f"{_at(stage, packing)}; {_to_go(stage, seconds, pace)}")
+    return seconds, settled, ended
+
+
+def reached(packing: Packing, stage: Stage, settled: bool) -> dict[str, Any]:
+    """What a stage has come to, by the names of the format."""
+    found: dict[str, Any] = {
+        "unbalanced": packing.unbalanced(),
+        "void_ratio": packing.void_ratio(),
+        "coordination_number": packing.coordination_number(),
+    }
+    found |= zip(AXES, stage.control.stress, strict=True)
+    if stage.is_state:
+        found |= {"settled": settled, "stress_error": stage.control.error()}
+    return found
+
+
+def run_to_checkpoint(sample: Sample, study: Study, begin: Begin, say: Say) -> tuple[Sample, bool]:
+    """The sample at the next checkpoint after `sample`, and whether the stage is over."""
+    started, before = time.perf_counter(), dict(sample.study)
+    stage = Stage(before["stage"], study)
+    packing = begin(sample, stage.control, stage.damping)
+    so_far = float(before["stage_time"])
+    seconds, settled, ended = reach(packing, stage, so_far, protocol.CHECKS, say)
+    found = {"stage_time": seconds} | reached(packing, stage, settled)
+    after = packing.sample(moving=True)
+    validate(after, f"friction {study.mu_comp:g}, {stage.name}")
+    after.study = before | found | _cost(before, stage.name, packing, started)
+    say(f"{_at(stage, packing)}, {packing.steps} steps, {after.study['seconds']:.0f} s")
+    return after, ended
+
+
+def _at(stage: Stage, packing: Packing) -> str:
+    return (
+        f"friction {stage.study.mu_comp:g}, {stage.name}: stress {stage.control.stress.mean():.4g} "
+        f"Pa, e {packing.void_ratio():.4f}, Z {packing.coordination_number():.3f}, "
+        f"unbalanced {packing.unbalanced():.1e}"
+    )
+
+
+def _to_go(stage: Stage, seconds: float, pace: float) -> str:
+    """Where the stage ends, `seconds` after its start at `pace`, seconds of ours for one of it."""
+    if math.isinf(stage.patience):
+        return f"ends at {stage.study.hot_stress * stage.study.mixture.hardness:.4g} Pa"
+    most = duration((stage.patience - seconds) * pace)
+    error, residual = stage.limits
+    if math.isinf(residual):
+        return f"{most} left"
+    return f"ends at unbalanced {residual:.1e} and stresses off by {error:.1e}, at most {most} left"
 
 
 def compress_to_stresses(
@@ -24,15 +156,13 @@ def compress_to_stresses(
     study: Study,
     stresses: Sequence[float],
     made: Provenance,
-    begin: Callable[[], Sample],
-    run: Callable[[Sample], tuple[Sample, bool]],
-    say: Callable[[str], None],
+    begin: Begin,
+    say: Say,
 ) -> list[tuple[float, Path]]:
     """Compress to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
 
-    Goes on from the checkpoint, or from what `begin` gives; states that are there stay. `run` takes
-    the steps between two checkpoints and says whether the stage is over. InputError for stresses
-    that do not rise, and where it is beyond one that it has not written.
+    Goes on from the checkpoint, or from the cloud; states that are there stay. InputError for
+    stresses that do not rise, and where it is beyond one that it has not written.
     """
     if any(lower >= higher for lower, higher in zip(stresses, stresses[1:], strict=False)):
         raise InputError(
@@ -40,20 +170,18 @@ def compress_to_stresses(
             "loads; give them in rising order"
         )
     checkpoint = folder / CHECKPOINT
-    names = [f"{stress:g}" for stress in stresses]
-    stages = [*PREPARATION, *names, END]
-    files = {name: folder / f"{name}Pa.sample.h5" for name in names}
+    files = {f"{stress:g}": folder / f"{stress:g}Pa.sample.h5" for stress in stresses}
+    stages = [*PREPARATION, *files, END]
 
     def write(path: Path, sample: Sample) -> None:
         write_sample(path, replace(sample, provenance=made.attributes()))
 
     sample = resumed(checkpoint, files, study, made.command)
     if sample is None:
-        sample = begin()
+        sample = compacted(study, begin)
         write(checkpoint, sample)
-    while sample.study["stage"] != END:
-        name = sample.study["stage"]
-        sample, ended = run(sample)
+    while (name := sample.study["stage"]) != END:
+        sample, ended = run_to_checkpoint(sample, study, begin, say)
         if ended:
             if name in files:
                 sample.study["stress"] = float(name)
@@ -61,24 +189,21 @@ def compress_to_stresses(
                 still = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
                 write(files[name], still)
                 say(f"{files[name]}: written" + _short_of(sample.study))
-            following = stages[stages.index(name) + 1]
-            sample.study |= {"stage": following, "stage_time": 0.0}
+            sample.study |= {"stage": stages[stages.index(name) + 1], "stage_time": 0.0}
         write(checkpoint, sample)
     return [(float(name), path) for name, path in files.items()]
 
 
-def cost(before: dict[str, Any], stage: str, **spent: float) -> dict[str, Any]:
+def _cost(before: dict[str, Any], stage: str, packing: Packing, started: float) -> dict[str, Any]:
     """What a stage and the compression have cost so far, by the names of the format.
 
-    `before` are the attributes at the start of the run; `spent` its steps and seconds, which add
-    up, and its contacts, which do not.
+    `before` are the attributes at the start of the run, which began when the clock said `started`.
     """
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {f"contacts_{stage}": packing.contact_count()}
+    spent = {"steps": packing.steps, "seconds": time.perf_counter() - started}
     for name, value in spent.items():
-        adds_up = name != "contacts"
-        found[f"{name}_{stage}"] = value + (before.get(f"{name}_{stage}", 0) if adds_up else 0)
-        if adds_up:
-            found[name] = value + before.get(name, 0)
+        for key in (f"{name}_{stage}", name):
+            found[key] = value + before.get(key, 0)
     return found
 
 

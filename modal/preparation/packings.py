@@ -15,7 +15,7 @@ from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
 from modal.preparation.compress import compress
-from modal.preparation.protocol import NO_WALLS, NOMINAL_FRACTION, STRESSES, Study
+from modal.preparation.protocol import NOMINAL_FRACTION, STRESSES, Study
 from modal.preparation.random_packing import (
     ASPECT,
     PEAK,
@@ -25,7 +25,7 @@ from modal.preparation.random_packing import (
     cloud,
     unload,
 )
-from modal.preparation.sizes import solid_of
+from modal.preparation.sizes import NO_WALLS, Mixture, solid_of, words
 from modal.preparation.unequal_stress import check_ratio, load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
@@ -85,8 +85,7 @@ def pack(
     how it goes. `solid` as in `modal.preparation.sizes.solid_of`, of the study's glass without: the
     peak and the stresses of the protocol grow with its modulus.
     """
-    material, radius = solid_of(solid) if solid else (GLASS, RADIUS)
-    hardness = material.effective_young / GLASS.effective_young
+    hardness = Mixture(*solid_of(solid)).hardness if solid else 1.0
     for stress in stresses:
         check_stress(stress, hardness)
     usual = PEAK * hardness
@@ -104,13 +103,11 @@ def pack(
     shape, aspect = aspect or width, sound_aspect(spheres) if aspect is None else aspect
     if periodic and walls:
         raise InputError("walls of a cell that is periodic along z: it has none; leave one out")
-    mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
-    words = {name: " ".join(map(str, given)) for name, given in mixture.items() if given}
-    words |= {"walls": NO_WALLS} if periodic else {}
-    words |= {"solid": " ".join(map(str, solid))} if solid else {}
+    of = words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
+    of |= {"walls": NO_WALLS} if periodic else {}
     if friction != 0:
         width = width_of(spheres, aspect) if width is None else width
-        study = Study(friction, spheres, width, seed, **(protocol | words))
+        study = Study(friction, spheres, width, seed, **(protocol | of))
         if shape is None:
             say(_shape(spheres, aspect))
         targets = list(stresses or STRESSES)
@@ -124,10 +121,8 @@ def pack(
     if stress_ratio is not None or oedometric:
         raise InputError("unequal stresses need friction, without which spheres flow: give some")
     start = replace(
-        cloud(
-            spheres, aspect, seed, **mixture, periodic=periodic, material=material, radius=radius
-        ),
-        study={"spheres": spheres, "aspect": aspect, "seed": seed} | words,
+        cloud(spheres, aspect, seed, **of),
+        study={"spheres": spheres, "aspect": aspect, "seed": seed} | of,
         provenance={"seed": seed},
     )
     if shape is None:

@@ -12,17 +12,14 @@ to rest at a constant volume: a servo would let it expand until the agitation ca
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from modal.formats.provenance import Provenance, versions
-from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.preparation.durations import STABILITY, duration, inertial_time, time_step
-from modal.preparation.sizes import MIXTURE, densities_of, radii_of, solid_of, wall_material
+from modal.preparation.sizes import MIXTURE, Mixture
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 from modal.tools.errors import InputError
 
@@ -65,8 +62,6 @@ JAMMED = 0.1, 1e-2
 SETTLED = 3e-3, 1e-3
 """When jamming is over, when a state is reached: largest relative error of a principal stress, mean
 residual over contact force."""
-NO_WALLS = "none"
-"""Word for the walls of a cell that is periodic along z, without any."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 ABOVE = 1.5
@@ -127,7 +122,7 @@ class Study:
                 "4 diameters (which a smaller aspect, length over width, has of as many spheres)"
             )
         refuse_more_than_fit(self.spheres)
-        _ = self.sphere, self.material, self.wall_material, self.smallest  # refuses unknown words
+        _ = self.mixture  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(
                 f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
@@ -145,78 +140,20 @@ class Study:
                 "lie between 100 Pa and 1e8 Pa, the residual between 0 and 1"
             )
 
-    @property
-    def radii(self) -> np.ndarray | None:
-        """Shape (n,), m: the radius of each sphere, or None where all are equal."""
-        if not self.sizes:
-            return None
-        return radii_of(self.spheres, self.sizes.split(), self.seed) * (self.sphere[1] / RADIUS)
-
-    @property
-    def each_density(self) -> np.ndarray | None:
-        """Shape (n,), kg/m^3, in the order of `radii`, or None where all are of glass."""
-        words = self.densities.split()
-        return densities_of(self.spheres, words, self.radii, self.seed) if words else None
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the cell has a period along z in place of walls."""
-        return self.walls == NO_WALLS
-
-    @property
-    def wall_material(self) -> Elasticity | None:
-        """What the walls are made of, or None where it is glass."""
-        return wall_material(self.walls.split()) if self.walls and not self.periodic else None
-
     @cached_property
-    def sphere(self) -> tuple[Material, float]:
-        """What the spheres are made of, and their (mean) radius, m."""
-        return solid_of(self.solid.split()) if self.solid else (GLASS, RADIUS)
-
-    @property
-    def hardness(self) -> float:
-        """E* of the spheres over that of glass, with which stresses of the protocol grow."""
-        return self.sphere[0].effective_young / GLASS.effective_young
-
-    @property
-    def tempo(self) -> float:
-        """Rates of the protocol over those of the study's glass spheres."""
-        material, radius = self.sphere
-        lighter = GLASS.density / material.density
-        return math.sqrt(self.hardness * lighter) * (RADIUS / radius)
-
-    @cached_property
-    def material(self) -> Material:
-        """That of the spheres with the density of the whole mixture, on which durations go by."""
-        if self.each_density is None:
-            return self.sphere[0]
-        weights = None if self.radii is None else self.radii**3
-        return replace(
-            self.sphere[0], density=float(np.average(self.each_density, weights=weights))
-        )
-
-    @cached_property
-    def smallest(self) -> float:
-        """Radius, m, of a sphere of `material` that vibrates as fast as the fastest one there is.
-
-        A frequency goes as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
-        """
-        solid, radius = self.sphere
-        radius = radius if self.radii is None else float(self.radii.min())
-        if self.each_density is not None:
-            radius *= math.sqrt(float(self.each_density.min()) / self.material.density)
-        if self.wall_material:
-            at_wall = solid.against(self.wall_material).effective_young
-            radius *= min(1.0, (solid.effective_young / at_wall) ** (1 / 3))
-        return radius
+    def mixture(self) -> Mixture:
+        """Spheres and walls."""
+        given = {name: getattr(self, name) for name in (*MIXTURE, "solid")}
+        return Mixture.of(self.spheres, self.seed, **given)
 
     def time_step(self, stress: float) -> float:
         """Stable time step of statics at `stress` (Pa), s."""
-        return time_step(stress, self.fraction, self.smallest, self.material)
+        mixture = self.mixture
+        return time_step(stress, self.fraction, mixture.smallest, mixture.mean)
 
     def duration(self, number: float, stress: float) -> float:
         """Seconds of a vibration's duration, as the function `duration` has it."""
-        return duration(number, stress, self.sphere[1], self.material)
+        return duration(number, stress, self.mixture.radius, self.mixture.mean)
 
     @property
     def attributes(self) -> dict[str, float | int | str]:
@@ -249,28 +186,24 @@ def _number(study: Study, name: str) -> float:
 
 
 class Stage:
-    """One stage's control, damping and durations, s; `ended` tells when it is over."""
+    """One stage's control, damping and durations, s; `settled`, `impatient` say when it is over."""
 
     def __init__(self, name: str, study: Study) -> None:
-        self.name, self.study = name, study
+        self.name, self.study, mixture = name, study, study.mixture
         self.damping, self.limits = study.damping, (-math.inf, -math.inf)
         if name in PREPARATION[:2]:
-            self.control: ConstantRate | Servo = ConstantRate(
-                study.approach_rate * study.tempo if name == "approach" else 0.0
-            )
-            hot = HOT * study.hardness
-            cooling = COOLING * inertial_time(hot, study.sphere[1], study.material)
-            self.control.target *= study.hardness
-            self.patience = math.inf if name == "approach" else cooling
+            hot = HOT * mixture.hardness
+            rate, self.patience = 0.0, COOLING * inertial_time(hot, mixture.radius, mixture.mean)
             if name == "approach":
+                rate, self.patience = study.approach_rate * mixture.tempo, math.inf
                 self.damping = study.agitated_damping
+            self.control: ConstantRate | Servo = ConstantRate(rate)
+            self.control.target *= mixture.hardness
         else:
-            target, self.limits = (
-                (JAMMING_STRESS * study.hardness, JAMMED)
-                if name == "jam"
-                else (float(name), (SETTLED[0], study.residual))
-            )
-            self.control = Servo(target, study.inertial_number, study.sphere[1], study.material)
+            jams = name == "jam"
+            target = JAMMING_STRESS * mixture.hardness if jams else float(name)
+            self.limits = JAMMED if jams else (SETTLED[0], study.residual)
+            self.control = Servo(target, study.inertial_number, mixture.radius, mixture.mean)
             self.patience = study.duration(PATIENCE, target)
         self.check = study.duration(CHECK, self.control.target)
         self.interval = study.duration(CONTROL, self.control.target)
@@ -288,8 +221,13 @@ class Stage:
     def settled(self, unbalanced: float) -> bool:
         """Whether stresses and balance (residual over contact force) are as near as wanted."""
         if self.name == "approach":
-            return bool(self.control.stress.mean() > self.study.hot_stress * self.study.hardness)
+            return bool(
+                self.control.stress.mean() > self.study.hot_stress * self.study.mixture.hardness
+            )
         return self.control.error() < self.limits[0] and unbalanced < self.limits[1]
+
+    def look(self, packing: Any) -> None:
+        """See, at each check that does not end it, whether the packing can go on."""
 
     def impatient(self, seconds: float) -> bool:
         """Whether the time of the stage is over, to half a check."""

@@ -15,13 +15,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from modal.formats.provenance import STATE, Provenance, Source, is_current
-from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
 from modal.preparation.frictionless import STRESS_TOLERANCE, Minimum, minimise
 from modal.preparation.protocol import CHECKPOINT, by_tens
-from modal.preparation.sizes import densities_of, radii_of, wall_material
+from modal.preparation.sizes import Mixture, words
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 
@@ -39,52 +38,28 @@ TOLERANCE = 1e-3
 """Residual at each pressure, where no other is asked for."""
 
 
-def cloud(
-    spheres: int,
-    aspect: float,
-    seed: int,
-    sizes: Sequence[str | float] | None = None,
-    densities: Sequence[str | float] | None = None,
-    walls: Sequence[str | float] | None = None,
-    *,
-    periodic: bool = False,
-    material: Material = GLASS,
-    radius: float = RADIUS,
-) -> Sample:
+def cloud(spheres: int, aspect: float, seed: int, **of: str) -> Sample:
     """Overlapping random points in a cell of length over width `aspect`, numbered along z.
 
-    `sizes`, `densities` and `walls` as in `modal.preparation.sizes`; without, equal spheres of
-    `material` and `radius`, m, between walls of that. A `periodic` cell has none.
+    Words as of `Mixture`, equal spheres of the study's glass without.
     """
     if spheres < 8 or not 0.2 <= aspect <= 1000:
         raise InputError(
             f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
         )
     refuse_more_than_fit(spheres)
-    radii = None if sizes is None else radii_of(spheres, sizes, seed) * (radius / RADIUS)
-    diameter = 2 * (radius if radii is None else float(radii.max()))
-    cubes = spheres * (2 * radius) ** 3 if radii is None else float(((2 * radii) ** 3).sum())
-    width = (np.pi / 6 * cubes / CLOUD_FRACTION / aspect) ** (1 / 3)
-    if width < 2 * diameter:
+    mixture = Mixture.of(spheres, seed, **of)
+    radii = np.full(spheres, mixture.radius) if mixture.radii is None else mixture.radii
+    solid = np.pi / 6 * float(((2 * radii) ** 3).sum())
+    width = (solid / CLOUD_FRACTION / aspect) ** (1 / 3)
+    if width < 4 * radii.max():
         raise InputError(
             f"{spheres} spheres at aspect {aspect:g}: the cell is narrower than two diameters; "
             "take more spheres or a smaller aspect"
         )
     lengths = np.array([width, width, aspect * width])
     points = np.random.default_rng(seed).random((spheres, 3))
-    position = points[np.argsort(points[:, 2])] * lengths
-    return Sample(
-        position,
-        lengths[:2],
-        np.array([0.0, lengths[2]]),
-        friction=0.0,
-        radius=radius,
-        radii=radii,
-        material=material,
-        densities=densities_of(spheres, densities, radii, seed) if densities else None,
-        wall_material=wall_material(walls) if walls else None,
-        periodic_z=periodic,
-    )
+    return mixture.sample(points[np.argsort(points[:, 2])] * lengths, lengths, 0.0)
 
 
 def random_sample(
@@ -93,20 +68,18 @@ def random_sample(
     seed: int = 1,
     aspect: float = 2.5,
     tolerance: float = 1e-4,
-    sizes: Sequence[str | float] | None = None,
-    densities: Sequence[str | float] | None = None,
-    walls: Sequence[str | float] | None = None,
+    **mixture: Sequence[str | float],
 ) -> Sample:
     """A small frictionless packing at `stress`, Pa, in memory, for tests, by `unload`.
 
-    `sizes`, `densities` and `walls` as in `cloud`.
+    `mixture`: sizes, densities and walls as in `modal.preparation.sizes`.
 
     Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
     hundred spheres but for a contact that opens for it and what then moves.
 
     Its notes are left out. InputError where it does not come to rest.
     """
-    start = cloud(spheres, aspect, seed, sizes, densities, walls)
+    start = cloud(spheres, aspect, seed, **words(mixture))
     with TemporaryDirectory() as folder:
         files = unload(Path(folder), start, [stress], tolerance, lambda text: None)
         return replace(read_sample(files[-1][1]), study={}, provenance={})

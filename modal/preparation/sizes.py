@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
 from modal.packing.contact_models import laws_of
+from modal.packing.sample import Sample
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 WIDEST = 10.0
 """Ratio of the largest to the smallest radius: pairs are sought as far as the largest reach."""
 MIXTURE = "sizes", "densities", "walls"
 """What tells a mixture: options of `pack`, words of a `Study`, columns of YADE's tables."""
+NO_WALLS = "none"
+"""Word for the walls of a cell that is periodic along z, without any."""
 KINDS = "lognormal SPREAD (of ln R, 0 to 0.7) or two RATIO SHARE (of the large ones by volume)"
 DENSITIES = (
     "kg/m^3, one for all or several: two of a mixture of two sizes are of the small and of the "
@@ -28,6 +35,103 @@ LARGE = (1e-8, 10.0)
 """m: radii of spheres that are neither molecules nor hills."""
 DENSE = (10.0, 30_000.0)
 """kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Of what spheres a packing is, and between what walls; the defaults are the study's glass.
+
+    `radius`, m, is the mean of `radii` (n,), in a random order, or that of all; `densities` (n,),
+    kg/m^3, go with them; each is None where all spheres are alike, the walls' material where they
+    are of that of the spheres. A `periodic` cell has a period along z in place of walls.
+    """
+
+    material: Material = GLASS
+    radius: float = RADIUS
+    radii: Floats | None = None
+    densities: Floats | None = None
+    wall_material: Elasticity | None = None
+    periodic: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        spheres: int,
+        seed: int,
+        *,
+        sizes: str = "",
+        densities: str = "",
+        walls: str = "",
+        solid: str = "",
+    ) -> Mixture:
+        """From words as the functions below have them; InputError for others."""
+        material, radius = solid_of(solid.split()) if solid else (GLASS, RADIUS)
+        radii = radii_of(spheres, sizes.split(), seed) * (radius / RADIUS) if sizes else None
+        dense = densities_of(spheres, densities.split(), radii, seed) if densities else None
+        periodic = walls == NO_WALLS
+        own = wall_material(walls.split()) if walls and not periodic else None
+        return cls(material, radius, radii, dense, own, periodic)
+
+    @property
+    def hardness(self) -> float:
+        """E* of the spheres over that of glass, with which stresses of the protocol grow."""
+        return self.material.effective_young / GLASS.effective_young
+
+    @property
+    def tempo(self) -> float:
+        """Rates of the protocol over those of the study's glass spheres."""
+        lighter = GLASS.density / self.material.density
+        return math.sqrt(self.hardness * lighter) * (RADIUS / self.radius)
+
+    @cached_property
+    def mean(self) -> Material:
+        """That of the spheres with the density of the whole mixture, on which durations go by."""
+        if self.densities is None:
+            return self.material
+        weights = None if self.radii is None else self.radii**3
+        return replace(self.material, density=float(np.average(self.densities, weights=weights)))
+
+    @cached_property
+    def smallest(self) -> float:
+        """Radius, m, of a sphere of the `mean` that vibrates as fast as the fastest one there is.
+
+        A frequency goes as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
+        """
+        radius = self.radius if self.radii is None else float(self.radii.min())
+        if self.densities is not None:
+            radius *= math.sqrt(float(self.densities.min()) / self.mean.density)
+        if self.wall_material:
+            at_wall = self.material.against(self.wall_material).effective_young
+            radius *= min(1.0, (self.material.effective_young / at_wall) ** (1 / 3))
+        return radius
+
+    def sample(
+        self, position: Floats, lengths: Floats, friction: float, order: Ints | None = None
+    ) -> Sample:
+        """The spheres at `position` (n, 3), in an `order` (n,), in a cell of `lengths` (3,), m."""
+        if order is None:
+            order = np.arange(len(position))
+        return Sample(
+            position,
+            lengths[:2],
+            np.array([0.0, lengths[2]]),
+            friction,
+            radius=self.radius,
+            material=self.material,
+            radii=None if self.radii is None else self.radii[order],
+            densities=None if self.densities is None else self.densities[order],
+            wall_material=self.wall_material,
+            periodic_z=self.periodic,
+        )
+
+
+def words(given: Mapping[str, Sequence[str | float] | None]) -> dict[str, str]:
+    """What a `Mixture` is made of, of names and lists of words and numbers, those that are given.
+
+    >>> words({"sizes": ("two", 2, 0.5), "walls": None})
+    {'sizes': 'two 2 0.5'}
+    """
+    return {name: " ".join(map(str, listed)) for name, listed in given.items() if listed}
 
 
 def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarray:

@@ -13,20 +13,18 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from modal.dem.motion import Dynamics
 from modal.formats.provenance import STATE, Provenance, Source, is_current
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation import protocol
-from modal.preparation.compress import Pace
-from modal.preparation.durations import steps_of
-from modal.preparation.protocol import Study
+from modal.preparation.compress import in_motion
+from modal.preparation.compression import reach, reached
+from modal.preparation.protocol import ABOVE, Stage, Study
 from modal.preparation.strain_control import Servo
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
-from modal.tools.progress import Minute
 
 SLOWNESS = 0.1
 """Largest strain rate, over that of the isotropic compression: an inertial number of 1e-3."""
@@ -77,6 +75,36 @@ def load_further(
     return files
 
 
+class Loading(Stage):
+    """The way to the shares (3,) of a stress, Pa; NaN is an axis that is not strained."""
+
+    def __init__(self, study: Study, stress: float, shares: Sequence[float], start: Floats) -> None:
+        super().__init__(f"{stress:g}", study)
+        slow, mixture = SLOWNESS * study.inertial_number, study.mixture
+        self.control = Servo(stress, slow, mixture.radius, mixture.mean, shares)
+        self.patience += FAILED / self.control.limit
+        self._largest, self._start = stress * max(1.0, float(np.nanmax(shares))), start
+
+    def time_step(self) -> float:
+        """Stable at the largest stress asked for, s."""
+        return self.study.time_step(ABOVE * self._largest)
+
+    def strain(self, packing: Dynamics) -> Floats:
+        """Shape (3,): of the cell since the start, compression positive."""
+        strain: Floats = np.log(self._start / packing.contacts.lengths)
+        return strain
+
+    def look(self, packing: Dynamics) -> None:
+        """InputError where the packing flows."""
+        largest = abs(self.strain(packing)).max()
+        if largest > FAILED and not self.control.error() < self.limits[0]:
+            raise InputError(
+                f"the packing fails on its way to {self.name} Pa along z: at a strain of "
+                f"{largest:.2f} its lateral over axial stress is "
+                f"{_ratio(self.control.stress):.3f}; take a ratio nearer to 1, or more friction"
+            )
+
+
 def loaded(
     sample: Sample,
     study: Study,
@@ -89,48 +117,22 @@ def loaded(
     Its notes tell `stress_ratio`, the mean lateral over the axial stress, the `strain` (3,) that it
     took, and whether it has `settled`. InputError where the packing flows before.
     """
-    started, motion, minute = time.perf_counter(), Dynamics(sample), Minute()
-    motion.damping = study.damping
-    slow = SLOWNESS * study.inertial_number
-    control = Servo(stress, slow, study.sphere[1], study.material, shares)
-    pace, start, seconds, settled = Pace(motion, control), motion.contacts.lengths, 0.0, False
-    largest = stress * max(1.0, float(np.nanmax(shares)))
-    dt = study.time_step(protocol.ABOVE * largest)
-    check, every = study.duration(protocol.CHECK, stress), study.duration(protocol.CONTROL, stress)
-    patience = study.duration(protocol.PATIENCE, stress) + FAILED / control.limit
-    while not settled and seconds < patience:
-        count = steps_of(check, dt)
-        pace.advance(count, dt, steps_of(every, dt))
-        seconds += count * dt
-        strain = np.log(start / motion.contacts.lengths)
-        near = control.error() < protocol.SETTLED[0]
-        settled = near and motion.unbalanced() < study.residual
-        if abs(strain).max() > FAILED and not near:
-            raise InputError(
-                f"the packing fails on its way to {stress:g} Pa along z: at a strain of "
-                f"{abs(strain).max():.2f} its lateral over axial stress is "
-                f"{_ratio(control.stress):.3f}; take a ratio nearer to 1, or more friction"
-            )
-        if minute.passed():
-            say(f"lateral over axial stress {_ratio(control.stress):.3f}, strain {strain[2]:.4f}")
-    found = motion.sample(moving=False)
-    reached: dict[str, Any] = {
+    started, low = time.perf_counter(), sample.walls[0]
+    stage = Loading(study, stress, shares, np.array([*sample.periods, sample.walls[1] - low]))
+    packing = in_motion(sample, stage.control, stage.damping)
+    _, settled, _ = reach(packing, stage, 0.0, None, say)
+    found = packing.sample(moving=False)
+    found.study = sample.study | reached(packing, stage, settled)
+    found.study |= {
         "stress": stress,
-        "stress_ratio": _ratio(control.stress),
-        "strain": strain,
-        "unbalanced": motion.unbalanced(),
-        "stress_error": control.error(),
-        "void_ratio": motion.void_ratio(),
-        "coordination_number": motion.coordination_number(),
-        "settled": settled,
-        "steps": pace.steps,
+        "stress_ratio": _ratio(stage.control.stress),
+        "strain": stage.strain(packing),
+        "steps": packing.steps,
         "seconds": time.perf_counter() - started,
     }
-    reached |= zip(("stress_xx", "stress_yy", "stress_zz"), control.stress, strict=True)
-    found.study = sample.study | reached
     return found
 
 
-def _ratio(stress: np.ndarray) -> float:
+def _ratio(stress: Floats) -> float:
     """Mean lateral over axial stress."""
     return float(stress[:2].mean() / stress[2]) if stress[2] > 0 else math.nan

@@ -17,8 +17,10 @@ from places import ROOT
 from modal.__main__ import main
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
-from modal.preparation import compress, protocol
+from modal.preparation import protocol
 from modal.preparation.cloud import cloud
+from modal.preparation.compress import in_motion
+from modal.preparation.compression import compacted
 from modal.preparation.protocol import Study
 from modal.tools import progress
 
@@ -42,7 +44,7 @@ def test_cloud_of_a_mixture_has_no_contact_and_its_own_sizes():
     """All pairs and images; the solid fraction of the cloud; the walk's step by the smallest."""
     study = Study(spheres=150, width=5.0, seed=3, sizes="two 2 0.5")
     sample = cloud(study)
-    assert np.array_equal(np.sort(sample.radii), np.sort(study.radii))
+    assert np.array_equal(np.sort(sample.radii), np.sort(study.mixture.radii))
     assert len(sample.contacts().particle_i) == 0
     branch = sample.position[:, None] - sample.position
     branch[..., :2] -= sample.side * np.round(branch[..., :2] / sample.side)
@@ -53,14 +55,14 @@ def test_cloud_of_a_mixture_has_no_contact_and_its_own_sizes():
     assert solid == pytest.approx(protocol.CLOUD, rel=1e-12)
     stage = protocol.Stage("approach", study)
     equal = protocol.Stage("approach", Study(spheres=150, width=5.0, seed=3))
-    ratio = study.smallest / equal.study.smallest
+    ratio = study.mixture.smallest / equal.study.mixture.smallest
     assert ratio < 0.9 and stage.time_step() == pytest.approx(ratio * equal.time_step())
 
 
 def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, capsys):
     """The first leg of a walk, and the same folder asked for other sizes."""
     study = Study(spheres=100, width=4.5, sizes="lognormal 0.2")
-    sample = compress.compacted(study)
+    sample = compacted(study, in_motion)
     assert np.ptp(sample.radii) > 0 and sample.study["sizes"] == "lognormal 0.2"
     write_sample(tmp_path / "checkpoint.h5", sample)
     command = [*SMALL[:5], "--width", "4.5", "-o", str(tmp_path), "--stress", "1e4"]
@@ -100,7 +102,7 @@ def test_equal_seeds_are_equal_and_others_are_not(walked, tmp_path):
     again = read_sample(tmp_path / "again" / "10000Pa.sample.h5")
     assert np.array_equal(first.position, again.position)
     assert np.array_equal(first.shear, again.shear)
-    start, other = (compress.compacted(Study(spheres=100, width=4.0, seed=s)) for s in (1, 2))
+    start, other = (compacted(Study(spheres=100, width=4.0, seed=s), in_motion) for s in (1, 2))
     assert not np.allclose(start.position, other.position)
 
 

@@ -12,7 +12,8 @@ from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
-from modal.preparation import compress
+from modal.preparation.compress import in_motion
+from modal.preparation.compression import compacted
 from modal.preparation.durations import inertial_time
 from modal.preparation.protocol import Study
 from modal.preparation.random_packing import random_sample
@@ -120,7 +121,7 @@ def test_time_step_goes_by_the_lightest_sphere_and_the_stiffest_contact():
 def test_compacted_cloud_keeps_its_materials():
     words = {"sizes": "two 2 0.5", "densities": "2500 7800", "walls": "2.1e11 0.3"}
     study = Study(spheres=100, width=4.5, **words)
-    sample = compress.compacted(study)
+    sample = compacted(study, in_motion)
     large = sample.radii > sample.radius
     assert np.array_equal(sample.densities, np.where(large, 7800.0, 2500.0))
     assert sample.wall_material == Elasticity(*STEEL) and sample.study["walls"] == words["walls"]

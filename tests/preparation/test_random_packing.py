@@ -30,7 +30,7 @@ from modal.preparation import random_packing
 from modal.preparation.frictionless import minimise
 from modal.preparation.packings import sound_aspect
 from modal.preparation.random_packing import cloud, random_network, random_sample
-from modal.preparation.sizes import radii_of
+from modal.preparation.sizes import radii_of, words
 from modal.tools import progress
 from modal.tools.errors import InputError
 
@@ -341,7 +341,7 @@ def test_mixtures_come_to_rest_and_keep_their_sizes(sizes, tmp_path):
 @pytest.mark.parametrize("sizes", [None, ("lognormal", 0.4)])
 def test_loop_and_arrays_agree(sizes, monkeypatch):
     """The compiled loop against numpy, sphere by sphere, and the list against all pairs."""
-    rough = cloud(200, 1.5, 4, sizes)
+    rough = cloud(200, 1.5, 4, **words({"sizes": sizes}))
     results = []
     for compute in (forces_by_loop, forces_by_arrays):
         monkeypatch.setattr(contacts, "forces_by_loop", compute)
