@@ -57,9 +57,9 @@ class MovingContacts:
     follow from the positions: load is (n, 3) then.
     position (n, 3), m, is not brought back into the cell; side (2,) and walls (2,), m, may be
     strained in place; `whole` cells are periodic along z too, between the `walls`, with a period
-    that leans by `lean` (2,), m, along x and y; largest, smallest, m, of the radii. `friction`
-    limits the shear forces, the sample's own by default; `skin` is the reach of the list,
-    diameters; `most`, m, is how far a sphere may go at once.
+    that leans by `lean` (2,), m, along x and y; radius (n,), m, the largest, the smallest.
+    `friction` limits the shear forces, the sample's own by default; `skin` is the reach of the
+    list, diameters; `most`, m, is how far a sphere may go at once.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class MovingContacts:
         self.lean = UPRIGHT
         self.skin, self.most = skin, math.inf
         self._laws = sample.laws
-        self._radius = np.full(n, sample.sizes)
-        self.largest, self.smallest = float(self._radius.max()), float(self._radius.min())
+        self.radius = np.full(n, sample.sizes)
+        self.largest, self.smallest = float(self.radius.max()), float(self.radius.min())
         self.position = sample.position.copy()
         self.load = np.zeros((n, 6 if history else 3))
         self.stiffness = np.zeros(n if stiffness else 0)
@@ -111,7 +111,7 @@ class MovingContacts:
         inside, turns = self._wrapped()
         inside[:, 2] -= self.walls[0]
         skin = self.largest * self.skin
-        ends, shift = contacts_in_reach(inside, self.lengths, self._radius, skin, self.whole)
+        ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.whole)
         # Periods between the places as they are, which are not brought back into the cell.
         pair = ends[:, 1] >= 0
         shift[pair] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
@@ -177,7 +177,7 @@ class MovingContacts:
             self._shift,
             np.append(self.lengths, self.lean),
             self.walls,
-            self._radius,
+            self.radius,
             self._laws,
             *((*law, self._normal, self._shear, self.work) if self._history else WITHOUT_HISTORY),
             self.load,

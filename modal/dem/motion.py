@@ -94,7 +94,7 @@ Control = Callable[[Floats], Floats]
 
 
 class DampedMotion:
-    """Dynamic relaxation: spheres of the radii (n,), m, that move until what drives them has died.
+    """Dynamic relaxation: spheres that move, from rest, until what drives them has died.
 
     Only the end matters here, not the way: each sphere is given a mass in proportion to the
     stiffness of its contacts, so that all of them move as fast as the time step allows (Otter,
@@ -104,15 +104,16 @@ class DampedMotion:
     stand still.
     """
 
-    def __init__(self, radius: Floats, free: Bools | None = None) -> None:
-        self._radius, self._held = radius, None if free is None else ~free
-        self.velocity, self._late = np.zeros((len(radius), 6)), np.zeros((len(radius), 3))
+    def __init__(self, contacts: MovingContacts, free: Bools | None = None) -> None:
+        self.contacts, self._held = contacts, None if free is None else ~free
+        n = len(contacts.position)
+        self.velocity, self._late = np.zeros((n, 6)), np.zeros((n, 3))
 
-    def step(self, contacts: MovingContacts) -> None:
+    def step(self) -> None:
         """Move all spheres by one time step, which is 1."""
-        stiffness = contacts.stiffness
+        contacts, stiffness = self.contacts, self.contacts.stiffness
         mass = np.maximum(stiffness, LIGHTEST * stiffness.mean()) / PACE
-        masses = np.column_stack([mass, 0.4 * mass * self._radius**2])
+        masses = np.column_stack([mass, 0.4 * mass * contacts.radius**2])
         if self._held is not None:
             contacts.load[self._held] = 0
         advance_by_loop(

@@ -17,8 +17,7 @@ from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used
 from modal.solvers.conjugate_gradients import conjugate_gradients
-from modal.system.assembly import own_blocks
-from modal.system.operator import ContactOperator
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 
@@ -80,32 +79,24 @@ class _Springs:
     """The springs of a network, all spheres held a little, ready for loads."""
 
     def __init__(self, network: Network) -> None:
-        n = network.n_particles
-        self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
-        self._scale = self._scale.repeat(3, axis=1)
-        blocks = own_blocks(network) * self._scale[:, :, None] * self._scale[:, None, :]
+        system = LinearSystem(network)
+        self._root, blocks = system.root, system.own_blocks
         self._held = HELD * float(np.einsum("nii->ni", blocks).mean())
         inverse = np.linalg.inv(blocks + self._held * np.eye(6))
-        self._operator = ContactOperator(network, mass_scaled=True).renumbered()
+        self._operator = system.operator.renumbered()
         order = self._operator.order
         self._inverse = inverse if order is None else inverse[order]
-        self._shape = (n, 6)
 
     def balance(self, load: Floats) -> Floats:
         """Shape (n, 6), m and rad: where `load` (n, 6), N and N m, is balanced."""
+        operator, root = self._operator, self._root
         found = conjugate_gradients(
-            self._resist,
-            self._ease,
-            self._operator.inward((load * self._scale).ravel())[:, None],
+            lambda motion: operator.combine(motion, np.empty_like(motion), 1.0, self._held),
+            lambda rest: (self._inverse @ rest.reshape(-1, 6, 1)).reshape(rest.shape),
+            operator.inward(root.over(load.ravel()))[:, None],
             lambda energy: ERROR**2 * energy,
             np.zeros(1),
             look_back=LOOK_BACK,
             most_products=MOST_PRODUCTS,
         )
-        return self._operator.outward(found.motion[:, 0]).reshape(self._shape) * self._scale
-
-    def _resist(self, motion: Floats) -> Floats:
-        return self._operator.combine(motion, np.empty_like(motion), 1.0, self._held)
-
-    def _ease(self, rest: Floats) -> Floats:
-        return (self._inverse @ rest.reshape(len(self._inverse), 6, 1)).reshape(rest.shape)
+        return root.over(operator.outward(found.motion[:, 0])).reshape(load.shape)

@@ -33,8 +33,7 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
     `contacts` are those of the sample; `allowed`, N, is the net force (torque over radius) with
     which a sphere counts as at rest.
     """
-    radius = np.full(len(sample.position), sample.sizes)
-    size = size_of(contacts.load, radius)
+    size = size_of(contacts.load, contacts.radius)
     free = size > max(allowed, LOOSE * size.mean())
     if not free.any() or free.mean() > FEW:
         return None
@@ -45,14 +44,14 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
     if members.mean() > PART:
         return None
     part = MovingContacts(_part(sample, members), contacts.friction)
-    arm, free = radius[members], free[members]
-    motion = DampedMotion(arm, free)
+    free = free[members]
+    motion = DampedMotion(part, free)
     start, slack = part.position.copy(), 0.25 * part.skin * 2 * part.smallest
     for step in range(1, MOST_STEPS + 1):
-        motion.step(part)
+        motion.step()
         if abs(part.position - start).max() > slack:
             break  # Spheres outside the part, which it does not know, come into reach.
-        if step % LOOK == 0 and size_of(part.load, arm)[free].max() <= allowed:
+        if step % LOOK == 0 and size_of(part.load, part.radius)[free].max() <= allowed:
             break
     return _with(sample, members, part.sample())
 

@@ -8,7 +8,7 @@ pressure that follows: unloading from 200 MPa gives the study's void ratios.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -36,6 +36,8 @@ CLOUD_FRACTION = 0.5
 """Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
 TOLERANCE = 1e-3
 """Residual at each pressure, where no other is asked for."""
+SPENT = "steps", "seconds"
+"""What the notes of a state tell of its cost, over all calls that it took."""
 
 
 def cloud(spheres: int, aspect: float, seed: int, **of: str) -> Sample:
@@ -118,80 +120,68 @@ def unload(
     reported, and they are made again. InputError where a state does not come to rest: the
     best one met is then the checkpoint. Returns each stress with its file.
     """
-    files = []
-    checkpoint = folder / CHECKPOINT
-    sample, watch = start, _Checkpoints(checkpoint, report)
+    files: list[tuple[float, Path]] = []
+    checkpoint, sample = folder / CHECKPOINT, start
     for number, stress in enumerate((peak, *stresses)):
         path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
+        limit = tolerance if files else PEAK_TOLERANCE
+        settings = start.study | {"number": number, "stress": float(stress), "peak": peak}
+        sources = tuple(Source.of(STATE, before) for _, before in files[-1:])
+        made = Provenance("python -m modal pack", settings, sources)
+        # The cloud goes to the peak at once, and a state under way where it was heading.
+        way = by_tens(files[-1][0], stress) if files else [stress]
         files.append((stress, path))
-        limit = PEAK_TOLERANCE if number == 0 else tolerance
-        made = _provenance(start, number, stress, files[-2][1] if number else None, peak)
         done = _saved(path, start, made, report)
         if done and _at_rest(done, stress, limit):
             sample = done
             continue
-        spent = {"steps": 0, "seconds": 0.0}
-        under_way = _saved(checkpoint, start, made, report) or done
-        if under_way:
-            sample = under_way
-            spent = {name: sample.study.get(name, 0) for name in spent}
+        if under_way := _saved(checkpoint, start, made, report) or done:
+            sample, way = under_way, [stress]
         elif number == 0:
             sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
-        study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0}
+        cost = {name: under_way.study.get(name, 0) if under_way else 0 for name in SPENT}
+        study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0} | cost
         sample = replace(sample, study=study, provenance=start.provenance | made.attributes())
-        # The cloud goes to the peak at once, and a state under way where it was heading.
-        way = [stress] if under_way or number == 0 else by_tens(files[-2][0], stress)
         for target in way:
-            watch.stress, watch.tolerance, watch.before = target, limit, spent
-            sample, rest = minimise(sample, target, tolerance=limit, watch=watch)
-            spent = watch.spent(rest)
+            sample, rest = _brought_to(target, sample, limit, checkpoint, report)
             if not rest.converged:
-                break
-        study |= {"residual": rest.residual, "stresses": rest.stress}
-        sample = replace(sample, study=study | spent)
-        if not rest.converged:
-            write_sample(checkpoint, sample)
-            raise InputError(
-                f"no rest at {target:g} Pa after {rest.steps} steps: residual {rest.residual:.1e} "
-                f"({limit:g} was asked for), stresses off by {rest.stress_error:.1e} "
-                f"({STRESS_TOLERANCE:g} allowed); the same call goes on from there, or "
-                "take another seed or a larger tolerance"
-            )
+                write_sample(checkpoint, sample)
+                raise InputError(
+                    f"no rest at {target:g} Pa after {rest.steps} steps: residual "
+                    f"{rest.residual:.1e} ({limit:g} was asked for), stresses off by "
+                    f"{rest.stress_error:.1e} ({STRESS_TOLERANCE:g} allowed); the same call goes "
+                    "on from there, or take another seed or a larger tolerance"
+                )
         write_sample(path, sample)
         checkpoint.unlink(missing_ok=True)
         report(f"{path.name}: {_line(sample, rest)}")
     return files
 
 
-@dataclass
-class _Checkpoints:
-    """Writes the state under way every minute, and says how far from rest it is.
+def _brought_to(
+    stress: float, sample: Sample, tolerance: float, checkpoint: Path, report: Callable[[str], None]
+) -> tuple[Sample, Minimum]:
+    """The sample at rest under a stress, Pa, and how near; its notes tell that and what it took.
 
-    stress, Pa, and tolerance are those aimed at; before, what the state has cost already.
+    Every minute the state under way is written, with a line of how far from rest it is.
     """
+    minute, before = Minute(), sample.study
 
-    path: Path
-    report: Callable[[str], None]
-    stress: float = 0.0
-    tolerance: float = 0.0
-    before: dict[str, float] = field(default_factory=dict)
-    minute: Minute = field(default_factory=Minute)
+    def noted(found: Sample, rest: Minimum) -> Sample:
+        cost = {name: before[name] + getattr(rest, name) for name in SPENT}
+        reached = {"residual": rest.residual, "stresses": rest.stress}
+        return replace(found, study=before | reached | cost)
 
-    def spent(self, rest: Minimum) -> dict[str, float]:
-        """Steps and seconds of this state, those before an interruption included."""
-        return {
-            "steps": self.before["steps"] + rest.steps,
-            "seconds": self.before["seconds"] + rest.seconds,
-        }
-
-    def __call__(self, sample: Sample, rest: Minimum) -> None:
-        if self.minute.passed():
-            study = sample.study | self.spent(rest)
-            write_sample(self.path, replace(sample, study=study))
-            self.report(
-                f"{self.stress / 1e3:g} kPa: {_line(sample, rest)}; at rest below a stress error "
-                f"of {STRESS_TOLERANCE:g} and a residual of {self.tolerance:g}"
+    def watch(best: Sample, rest: Minimum) -> None:
+        if minute.passed():
+            write_sample(checkpoint, noted(best, rest))
+            report(
+                f"{stress / 1e3:g} kPa: {_line(best, rest)}; at rest below a stress error of "
+                f"{STRESS_TOLERANCE:g} and a residual of {tolerance:g}"
             )
+
+    found, rest = minimise(sample, stress, tolerance=tolerance, watch=watch)
+    return noted(found, rest), rest
 
 
 def _line(sample: Sample, rest: Minimum) -> str:
@@ -208,15 +198,6 @@ def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
     reached = np.asarray(sample.study.get("stresses", np.inf), float)
     off = abs(reached / stress - 1).max()
     return off <= STRESS_TOLERANCE and sample.study.get("residual", np.inf) <= tolerance
-
-
-def _provenance(
-    start: Sample, number: int, stress: float, before: Path | None, peak: float
-) -> Provenance:
-    """What state `number` is made from: the state `before`, and its own numbers."""
-    settings = start.study | {"number": number, "stress": float(stress), "peak": peak}
-    sources = () if before is None else (Source.of(STATE, before),)
-    return Provenance("python -m modal pack", settings, sources)
 
 
 def _saved(

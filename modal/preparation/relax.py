@@ -81,7 +81,7 @@ def equilibrium_of(sample: Sample, network: Network) -> tuple[np.ndarray, Equili
     if network.n_contacts == 0:
         return load, Equilibrium(0.0, 0.0, 0.0, 0, 0)
     mean = network.require("force_normal", "balance").mean()
-    size = size_of(load, _each(sample))
+    size = size_of(load, network.radius)
     used = friction_used(network, sample.friction)
     return load, Equilibrium(
         residual=float(size.mean() / mean),
@@ -115,13 +115,12 @@ def relax(
     limit = RESERVE * sample.friction
     limit = min(limit, float(sample.study.get("mu_comp", 0.0)) or limit)
     contacts = MovingContacts(sample, limit)
-    length, radius = float(sample.walls[1] - sample.walls[0]), _each(sample)
     if contacts.touching == 0:
         raise InputError("the sample has no contacts; compress it before it is brought to rest")
     overlap = float(np.median(sample.contacts().overlap))
-    attainable = float(10 * np.finfo(float).eps * length / overlap)
+    attainable = float(10 * np.finfo(float).eps * contacts.lengths[2] / overlap)
     goal = max(tolerance, attainable)
-    motion, turns = DampedMotion(radius), _Turns()
+    motion, turns = DampedMotion(contacts), _Turns()
     for step in range(max_steps + 1):
         if contacts.touching == 0:
             raise InputError(
@@ -129,7 +128,7 @@ def relax(
                 "compress the sample further first"
             )
         if step % LOOK == 0:
-            state = _look(contacts, radius, step)
+            state = _look(contacts, step)
             if watch:
                 watch(state)
             # The sample is what counts: its overlaps follow from the positions once more.
@@ -139,12 +138,12 @@ def relax(
                 # It holds no part of the shear forces along the contacts.
                 contacts.level_shear()
             elif turns.of_springs(state):
-                there = _by_springs(contacts, radius, state)
+                there = _by_springs(contacts, state)
                 turns.note(state, taken=there is not contacts)
                 if there is not contacts:
                     contacts = _by_parts(there, goal)
-                    motion = DampedMotion(radius)
-        motion.step(contacts)
+                    motion = DampedMotion(contacts)
+        motion.step()
     rested, state = _end(contacts, step)
     if not state.within(max(NEAR, goal)):
         raise InputError(
@@ -177,7 +176,7 @@ class _Turns:
         self._slid = state.sliding > 0
 
 
-def _by_springs(contacts: MovingContacts, radius: np.ndarray, state: Equilibrium) -> MovingContacts:
+def _by_springs(contacts: MovingContacts, state: Equilibrium) -> MovingContacts:
     """The contacts where the springs put them; the same ones if that is no nearer to balance."""
     here = contacts.sample()
     motion = elastic_motion(contacts, here)
@@ -185,7 +184,7 @@ def _by_springs(contacts: MovingContacts, radius: np.ndarray, state: Equilibrium
         return contacts
     there = MovingContacts(here, contacts.friction)
     there.move(motion)
-    if there.touching and _look(there, radius, state.steps).residual < state.residual:
+    if there.touching and _look(there, state.steps).residual < state.residual:
         return there
     return contacts
 
@@ -197,8 +196,8 @@ def _by_parts(contacts: MovingContacts, goal: float) -> MovingContacts:
     return contacts if there is None else MovingContacts(there, contacts.friction)
 
 
-def _look(contacts: MovingContacts, radius: np.ndarray, step: int) -> Equilibrium:
-    size = size_of(contacts.load, radius) / contacts.mean_force
+def _look(contacts: MovingContacts, step: int) -> Equilibrium:
+    size = size_of(contacts.load, contacts.radius) / contacts.mean_force
     mean, largest = float(size.mean()), float(size.max())
     return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
 
@@ -208,8 +207,3 @@ def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Equilibrium]:
     _, state = equilibrium_of(rested, rested.network())
     state.steps = step
     return rested, state
-
-
-def _each(sample: Sample) -> np.ndarray:
-    """Shape (n,), m: the radius of each sphere."""
-    return np.full(len(sample.position), sample.sizes)

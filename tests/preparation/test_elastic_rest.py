@@ -29,9 +29,9 @@ def made():
     return replace(random_sample(200, 1e6, seed=3, aspect=1.5, tolerance=1e-3), friction=0.5)
 
 
-def shaken(sample, share, friction=None):
+def shaken(sample, share, friction=None, seed=3):
     """The sample after random motions of `share` of the median overlap, as arcs where they turn."""
-    motion = np.random.default_rng(3).standard_normal((len(sample.position), 6))
+    motion = np.random.default_rng(seed).standard_normal((len(sample.position), 6))
     motion *= share * np.median(sample.network().overlap)
     motion[:, 3:] /= sample.radius
     contacts = MovingContacts(sample, friction)

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from test_elastic_rest import shaken
 
 from modal.__main__ import main
 from modal.cli import relax as relax_command
@@ -18,13 +19,6 @@ from modal.preparation.relax import NEAR, RESERVE, Equilibrium, equilibrium_of, 
 from modal.tools.errors import InputError
 
 
-def moved(sample, motion):
-    """The sample after a motion on which nothing slides."""
-    contacts = MovingContacts(sample, np.inf)
-    contacts.move(motion)
-    return contacts.sample()
-
-
 @pytest.fixture(scope="module")
 def packed():
     """150 frictionless spheres, not quite at rest, given friction."""
@@ -34,10 +28,7 @@ def packed():
 @pytest.fixture(scope="module")
 def sheared(packed):
     """The same at rest after a random shake, so that every contact carries shear."""
-    overlap = np.median(packed.network().overlap)
-    shake = np.random.default_rng(3).standard_normal((len(packed.position), 6)) * overlap * 0.02
-    shake[:, 3:] /= packed.radius
-    return relax(moved(packed, shake))[0]
+    return relax(shaken(packed, 0.02, np.inf))[0]
 
 
 def test_rest_is_reached_and_stress_kept(packed):
@@ -56,10 +47,7 @@ def test_rest_is_reached_and_stress_kept(packed):
 
 def test_contacts_slide_until_friction_holds_them(packed):
     """With a friction that the shaken packing's shear forces exceed in several contacts."""
-    shake = np.random.default_rng(31).standard_normal((len(packed.position), 6)) * 0.02
-    shake *= np.median(packed.network().overlap)
-    shake[:, 3:] /= packed.radius
-    weak = replace(moved(packed, shake), friction=0.01)
+    weak = replace(shaken(packed, 0.02, np.inf, seed=31), friction=0.01)
     _, before = equilibrium_of(weak, weak.network())
     rested, state = relax(weak)
     assert before.sliding > 0 == state.sliding
@@ -70,10 +58,7 @@ def test_contacts_slide_until_friction_holds_them(packed):
 
 def test_state_at_rest_keeps_the_friction_of_its_compression(sheared):
     """Said to be made with 0.2, a wave follows with 0.3: no contact bears more than 0.2."""
-    shake = np.random.default_rng(5).standard_normal((len(sheared.position), 6)) * 0.1
-    shake *= np.median(sheared.network().overlap)
-    shake[:, 3:] /= sheared.radius
-    start = replace(moved(sheared, shake), friction=0.3)
+    start = replace(shaken(sheared, 0.1, np.inf, seed=5), friction=0.3)
     used = []
     for study in ({"mu_comp": 0.2}, {}):
         rested, state = relax(replace(start, study=study))
@@ -90,10 +75,7 @@ def test_rest_is_seen_after_a_large_shake(packed):
     A sample cannot hold this part, so that the moving contacts would be in balance and the sample
     never. Damped waves need some hundred steps for four decades, a thousand for ten.
     """
-    shake = np.random.default_rng(2).standard_normal((len(packed.position), 6))
-    shake *= np.median(packed.network().overlap)
-    shake[:, 3:] /= packed.radius
-    _, state = relax(moved(packed, shake), max_steps=4000)
+    _, state = relax(shaken(packed, 1.0, np.inf, seed=2), max_steps=4000)
     assert state.at_rest and state.steps < 4000
 
 
@@ -145,8 +127,9 @@ def test_shift_across_the_periods_changes_forces_at_the_walls_only(sheared):
     motion = np.zeros((len(sheared.position), 6))
     motion[:, 0], motion[:, 1] = 0.4 * sheared.side[0], -0.3 * sheared.side[1]
     network = sheared.network()
-    after = moved(sheared, motion)
-    found = after.network()
+    contacts = MovingContacts(sheared, np.inf)
+    contacts.move(motion)
+    found = contacts.sample().network()
     assert found.n_contacts == network.n_contacts
     mean = network.force_normal.mean()
     # Round-off of a coordinate over an overlap, times the contacts of a sphere.

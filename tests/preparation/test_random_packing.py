@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -115,13 +114,6 @@ def test_packings_are_isostatic_or_denser_and_uncrystallised():
     assert 0.48 < network.study["void_ratio"] < 0.64
 
 
-def test_higher_pressure_from_the_same_packing_is_denser():
-    sample = random_sample(100, 1e6, aspect=1.0, tolerance=1e-3)
-    loose = sample.network().study["void_ratio"]
-    dense, _ = minimise(sample, 1e7, tolerance=1e-3)
-    assert dense.network().study["void_ratio"] < loose
-
-
 def _pack(folder, *more):
     arguments = ["--spheres", "80", "--aspect", "1", "--stress", "1e7", "1e6", "-o", str(folder)]
     return ["pack", *arguments, *more]
@@ -153,19 +145,13 @@ def test_impossible_peak_is_refused(tmp_path, capsys, given, said):
     assert re.search(said, capsys.readouterr().err)
 
 
-def test_packing_short_of_rest_is_said(monkeypatch):
-    """So few steps that neither forces nor stresses are there: once 7e8 Pa came back for 1e5."""
-    monkeypatch.setattr(random_packing, "minimise", partial(minimise, max_steps=50))
-    with pytest.raises(InputError, match="no rest at 2e[+]08 Pa after 50 steps: .* off by"):
-        random_sample(60, 1e5, aspect=1.0)
-
-
 def test_walk_short_of_rest_leaves_a_checkpoint_that_the_next_call_takes_up(
     tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr(random_packing, "minimise", partial(minimise, max_steps=50))
+    """So few steps that neither forces nor stresses are there: once 7e8 Pa came back for 1e5."""
     assert main(_pack(tmp_path)) == 2
-    assert "goes on from there" in capsys.readouterr().err
+    said = "no rest at 2e[+]08 Pa after 50 steps: .* off by .* goes on from there"
+    assert re.search(said, capsys.readouterr().err)
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.h5"]
     monkeypatch.setattr(random_packing, "minimise", minimise)
     assert main(_pack(tmp_path)) == 0

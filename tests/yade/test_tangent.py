@@ -148,16 +148,6 @@ def test_a_turned_contact_carries_its_forces_along():
     assert abs(K @ shifted).max() < 1e-13 * abs(K).max()
 
 
-def test_asymmetry_is_the_share_of_the_antisymmetric_part():
-    """Symmetric and antisymmetric parts are orthogonal: any share can be made."""
-    random = np.random.default_rng(5).standard_normal((9, 9))
-    even, odd = random + random.T, random - random.T
-    even, odd = even / np.linalg.norm(even), odd / np.linalg.norm(odd)
-    for angle in (0.0, 0.3, np.pi / 2):
-        turned = sp.csr_matrix(np.cos(angle) * even + np.sin(angle) * odd)
-        assert asymmetry(turned) == pytest.approx(np.sin(angle), abs=1e-15)
-
-
 def test_crystal_without_shear_forces_stays_symmetric():
     network = gallery.fcc(cells=(2, 2, 5))
     normal, full = (stiffness_matrix(network, pre_stress=kind) for kind in ("normal", "full"))
