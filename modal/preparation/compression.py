@@ -216,15 +216,19 @@ def _short_of(study: dict[str, Any]) -> str:
     )
 
 
-def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> str:
-    """The stage that it goes on with; InputError if it has passed a stress, or heads elsewhere.
+def resumed(checkpoint: Path, files: dict[str, Path], study: Study, command: str) -> Sample | None:
+    """The state that it goes on from, its stage in `study`; None where it is to begin.
 
-    A compression that was at its end, or on its way to a stress, may be given higher ones later.
+    `files` are those of the stresses by their names. A compression that was at its end, or on its
+    way to a stress, may be given higher ones later. InputError where the checkpoint or one of the
+    files is of another study or was made by another `command` (one program's steps are not the
+    other's), where it is beyond a stress that it has not written, or heads elsewhere.
     """
-    stage = str(study["stage"])
-    if stage in PREPARATION:
-        return stage
-    done = float(study.get("stress", -math.inf))
+    if not checkpoint.exists():
+        return None
+    there = (checkpoint, *filter(Path.exists, files.values()))
+    sample, *_ = [_of_study(path, study, command) for path in there]
+    stage, done = sample.study["stage"], float(sample.study.get("stress", -math.inf))
     for name, path in files.items():
         if float(name) <= done and not path.exists():
             raise InputError(
@@ -232,29 +236,13 @@ def goes_on(study: dict[str, Any], files: dict[str, Path], checkpoint: Path) -> 
                 "another folder"
             )
     ahead = [name for name in files if float(name) > done]
-    if stage == END:
-        return ahead[0] if ahead else END
-    if stage not in ahead[:1]:
+    if stage not in (*PREPARATION, END, *ahead[:1]):
         raise InputError(
             f"{checkpoint}: the compression is on its way to {stage} Pa; make this the next stress "
             "that it has not reached, or take another folder"
         )
-    return stage
-
-
-def resumed(checkpoint: Path, files: dict[str, Path], study: Study, command: str) -> Sample | None:
-    """The state that it goes on from, its stage in `study`; None where it is to begin.
-
-    `files` are those of the stresses by their names. InputError where the checkpoint or one of them
-    is of another study or was made by another `command` (one program's steps are not the other's),
-    or it is beyond a stress that it has not written.
-    """
-    if not checkpoint.exists():
-        return None
-    sample = _of_study(checkpoint, study, command)
-    sample.study["stage"] = goes_on(sample.study, files, checkpoint)
-    for path in filter(Path.exists, files.values()):
-        _of_study(path, study, command)
+    if stage == END and ahead:
+        sample.study["stage"] = ahead[0]
     return sample
 
 

@@ -195,9 +195,3 @@ def test_higher_stress_is_added_to_a_finished_compression(products, tmp_path):
     run("compress", TABLE.replace(" 1e5", " 1e6"), tmp_path)
     higher = read_sample(folder / "1e+06Pa.sample.h5")
     assert higher.study["stress_zz"] == pytest.approx(1e6, rel=SETTLED[0])
-
-
-def test_checkpoint_of_another_study_is_refused(products):
-    other = TABLE.replace(" 1 1e5", " 2 1e5")
-    log = run("compress", other, products)
-    assert "it belongs to another study (seed is 1, not 2)" in log
