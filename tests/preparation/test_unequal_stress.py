@@ -11,7 +11,7 @@ from modal.packing.sample import read_sample
 from modal.preparation.packings import pack
 from modal.tools.errors import InputError
 
-GIVEN = {"spheres": 600, "friction": 0.3, "seed": 1, "aspect": 1.5, "periodic": True}
+GIVEN = {"spheres": 300, "friction": 0.3, "seed": 1, "aspect": 1.5, "periodic": True}
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_k0_of_one_dimensional_compression(folder, capsys):
     stiffness = modal.elastic_moduli(second.network()).stiffness
     assert stiffness[2, 2] > 1.1 * max(stiffness[0, 0], stiffness[1, 1])
     words = (
-        "pack --spheres 600 --friction 0.3 --aspect 1.5 --periodic --stress 1e5 1e6 --oedometric"
+        "pack --spheres 300 --friction 0.3 --aspect 1.5 --periodic --stress 1e5 1e6 --oedometric"
     )
     assert main([*words.split(), "-o", str(folder), "--json"]) == 0
     k0 = json.loads(capsys.readouterr().out)["k0"]
