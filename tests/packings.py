@@ -244,6 +244,21 @@ SPRINGS = ("stiffness_normal", "stiffness_tangential")
 PER_CONTACT = (*ENDS, "normal", "lever_i", "lever_j", *SPRINGS, *OPTIONAL)
 
 
+def from_other_end(network: Network, other: np.ndarray) -> Network:
+    """The contacts of `other` (m,) bool, none with a wall, told from their second sphere."""
+    i, j, side = network.particle_i, network.particle_j, other[:, None]
+    names = ("normal", "force_tangential", "cell_shift")
+    vectors = {name: getattr(network, name) for name in names}
+    return replace(
+        network,
+        particle_i=np.where(other, j, i),
+        particle_j=np.where(other, i, j),
+        lever_i=np.where(side, network.lever_j, network.lever_i),
+        lever_j=np.where(side, network.lever_i, network.lever_j),
+        **{name: np.where(side, -1, 1) * data for name, data in vectors.items()},
+    )
+
+
 def diluted(share: float, seed: int, layers: int = 6) -> Network:
     """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
     network = gallery.fcc(cells=(4, 4, layers))

@@ -51,21 +51,20 @@ def _chain(network: Network, corridor: float) -> Ints:
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
     # In a wide packing only what is near the line is looked at, if that is certain to be enough.
     widest = 2 * float(network.radius.max())
-    near = aside <= (corridor * widest) ** 2
-    if not near.all() and not network.cell_periodic[2]:
-        members = np.flatnonzero(near)
-        place = np.cumsum(near) - 1
+    near = (aside <= (corridor * widest) ** 2) | network.cell_periodic[2]
+    while True:
+        members, place = np.flatnonzero(near), np.cumsum(near) - 1
         both = near[i] & near[j]
         ends, at = (place[i[both]], place[j[both]]), place[goal[near[goal]]]
         path, cost = _cheapest(ends, length[both], weight[members], int(place[first]), at)
         # A path climbs from wall to wall; one that leaves the corridor pays for the way out, too.
         height = network.position[goal, 2].min() - network.position[first, 2]
-        if cost < SURE * (height + corridor**3 / 3 * widest):
-            return members[path]
-    path, cost = _cheapest((i, j), length, weight, first, goal)
+        if near.all() or cost < SURE * (height + corridor**3 / 3 * widest):
+            break
+        near[:] = True
     if not np.isfinite(cost):
         raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
-    return path
+    return members[path]
 
 
 def _cheapest(
@@ -81,15 +80,11 @@ def _cheapest(
     i, j = ends
     come, go = np.concatenate([i, j]), np.concatenate([j, i])
     cost = np.concatenate([length, length]) * weight[go]
-    shape = (len(weight),) * 2
-    graph = sp.coo_matrix((cost, (come, go)), shape=shape).tocsr()
-    if graph.nnz < len(cost):
-        # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
-        order = np.lexsort((cost, go, come))
-        come, go, cost = come[order], go[order], cost[order]
-        once = np.ones(len(cost), bool)
-        once[1:] = (np.diff(come) != 0) | (np.diff(go) != 0)
-        graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=shape)
+    # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
+    order = np.lexsort((cost, go, come))
+    come, go, cost = come[order], go[order], cost[order]
+    once = np.append(True, (np.diff(come) != 0) | (np.diff(go) != 0))[: len(cost)]
+    graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=(len(weight),) * 2)
     distance = dijkstra(graph, indices=first)
     nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):

@@ -181,9 +181,8 @@ class Columns:
     def some(self: Same, kept: Bools | Ints | slice) -> Same:
         """The contacts that `kept` selects, (m,) bool, indices or a slice, unchecked."""
         columns = {name: getattr(self, name) for name in CONTACTS}
-        return self.unchecked(
-            **{name: data[kept] for name, data in columns.items() if data is not None}
-        )
+        own = {name: data[kept] for name, data in columns.items() if data is not None}
+        return self.unchecked(**frozen(**own))
 
     def bodies(self) -> dict[str, Any]:
         """The columns of the particles that it has, by name."""
@@ -202,6 +201,13 @@ PARTICLES, CONTACTS = (
     [name for name, column in COLUMNS.items() if column.shape[0] == length] for length in "nm"
 )
 """Names of those of the particles and of the contacts."""
+
+
+def frozen(**columns: Array) -> dict[str, Any]:
+    """Arrays that nobody else writes to: a network takes them as they are, without a copy."""
+    for data in columns.values():
+        data.flags.writeable = False
+    return columns
 
 
 def _own(data: Array) -> Array:

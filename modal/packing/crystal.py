@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
 
 import numpy as np
 
@@ -18,8 +17,7 @@ from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.contact_models import ContactLaw, laws_of
 from modal.packing.neighbours import ContactList
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.sample import void_ratio
-from modal.packing.sphere_network import network_of
+from modal.packing.sample import Sample
 from modal.tools.arguments import checked, refuse_other_kinds
 from modal.tools.arrays import Ints
 from modal.tools.errors import InputError
@@ -36,6 +34,7 @@ NORMALS = np.array(
     + [(0, 0, -1), (0, 0, 1)]
 )
 """Towards those neighbours, and towards the source and the receiver wall."""
+MADE = {"command": "modal.packing.crystal"}
 
 
 @dataclass(frozen=True)
@@ -200,15 +199,17 @@ def fcc(
         NORMALS[kind],
         np.where(kind < 6, crystal.overlap, crystal.wall_overlap),
     )
-    side = np.array([nx * d, ny * d])
-    study = {
-        "case": "fcc",
-        "stress": stress,
-        "void_ratio": void_ratio(n, radius, side, height),
-        "coordination_number": float((kind < 6).sum() + len(kind)) / n,
-    }
-    more = {"position": position, "cell_periodic": np.array([True, True, periodic_z])}
-    return _network(contact, radius, material, (*side, height), study=study, **more)
+    return Sample(
+        position,
+        np.array([nx * d, ny * d]),
+        np.array([0.0, height]),
+        friction=np.inf,
+        radius=radius,
+        material=material,
+        periodic_z=periodic_z,
+        study={"case": "fcc", "stress": stress},
+        provenance=MADE,
+    ).network(contact)
 
 
 def column(
@@ -229,20 +230,14 @@ def column(
         normal,
         np.array([at_wall, *np.full(particles - 1, overlap), at_wall]),
     )
-    position = np.column_stack([np.zeros(particles), np.zeros(particles), z])
-    cell = (4 * radius, 4 * radius, z[-1] + radius - at_wall)
-    more = {"position": position, "cell_periodic": np.zeros(3, bool)}
-    return _network(contact, radius, material, cell, study={"case": "column"}, **more)
-
-
-def _network(
-    contact: ContactList,
-    radius: float,
-    material: Material,
-    cell: tuple[float, float, float],
-    **more: Any,
-) -> Network:
-    """The network of these contacts; the walls are the ends of the cell along z."""
-    ends, provenance = np.array([0.0, cell[2]]), {"command": "modal.packing.crystal"}
-    more |= {"cell_size": np.array(cell), "wall_position": ends, "provenance": provenance}
-    return network_of(contact, radius, material, **more)
+    return Sample(
+        np.column_stack([np.zeros(particles), np.zeros(particles), z]),
+        np.full(2, 4 * radius),
+        np.array([0.0, z[-1] + radius - at_wall]),
+        friction=np.inf,
+        radius=radius,
+        material=material,
+        periodic_sides=(False, False),
+        study={"case": "column"},
+        provenance=MADE,
+    ).network(contact)

@@ -15,16 +15,22 @@ from modal.tools.workload import refuse_above_memory
 SPHERE_BYTES, PAIR_BYTES = 800.0, 150.0
 """Memory for each sphere, and for each pair that is looked at, while contacts are found and
 checked, measured."""
+WALLS = {SOURCE_WALL: -1, RECEIVER_WALL: 1}
+"""The direction along z in which each wall lies."""
 CHUNK = 1 << 16
 """Points whose neighbours are sought at a time."""
+DECIDES = np.array([10000, 100, 1])
+"""Times the periods along x, y, z: the sign of the first that is not 0. No sphere reaches a hundred
+images."""
 
 
 @dataclass
 class ContactList:
-    """Contacts of equal spheres in canonical order (i, then j, then shift); see `touching`.
+    """Contacts of spheres in canonical order (i, then j, then shift); see `touching`.
 
     particle_i, particle_j (m,) with i <= j, or a wall's negative code in j; cell_shift (m, 3)
-    periods that are added to j; normal (m, 3) from i towards j or the wall; overlap (m,), m.
+    periods that are added to j; normal (m, 3) from i towards j or the wall; overlap (m,), m,
+    negative across a gap.
     """
 
     particle_i: Ints
@@ -32,6 +38,14 @@ class ContactList:
     cell_shift: Ints
     normal: Floats
     overlap: Floats
+
+    def along(self, force: Floats) -> Floats:
+        """Shape (m, 2): the components of vectors (m, 3) along the two `tangents`."""
+        return np.column_stack([(force * each).sum(axis=1) for each in tangents(self.normal)])
+
+    def some(self, kept: Bools) -> ContactList:
+        """Those that are `kept` (m,)."""
+        return self if kept.all() else ContactList(*(data[kept] for data in vars(self).values()))
 
 
 def canonical_order(i: Ints, j: Ints, shift: Ints) -> Ints:
@@ -56,8 +70,7 @@ def canonical(i: Ints, j: Ints, shift: Ints) -> tuple[Ints, Ints, Ints, Ints, Bo
     The lower-numbered end comes first, a sphere meets its own image on one side only, and a wall is
     behind no period.
     """
-    # The first period that is not 0 decides; no sphere reaches a hundred images.
-    own = (i == j) & (shift @ [10000, 100, 1] < 0)
+    own = (i == j) & (shift @ DECIDES < 0)
     turned = (j >= 0) & ((i > j) | own)
     shift = np.where(j < 0, 0, np.where(turned, -1, 1))[:, None] * shift
     first, second = np.where(turned, j, i), np.where(turned, i, j)
@@ -90,10 +103,7 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
         # Of a pair that is met in several images the one whose lower-numbered end is at home.
         turned = (owner[one] > owner[two]) | ((owner[one] == owner[two]) & (one > two))
         first, second = np.where(turned, two, one), np.where(turned, one, two)
-        along_x, along_y, along_z = period[second].T
-        upward = np.where(along_y == 0, along_z > 0, along_y > 0)
-        upward = np.where(along_x == 0, upward, along_x > 0)
-        kept = (first < n) & ((owner[second] != first) | upward)
+        kept = (first < n) & ((owner[second] != first) | (period[second] @ DECIDES > 0))
         first, second = first[kept], second[kept]
         found.append((first, owner[second], period[second]))
     i, j, shift = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -148,18 +158,25 @@ def touching(
     of all spheres, or of each (n,).
     """
     each = np.broadcast_to(radius, len(position))
-    i, j, shift = periodic_pairs(position, side, 2 * float(np.max(radius)))
-    parts = [(i, j, shift)]
-    planes = () if walls is None else ((SOURCE_WALL, walls[0], -1), (RECEIVER_WALL, walls[1], 1))
-    for wall, z, direction in planes:
-        (at,) = np.nonzero(each - direction * (z - position[:, 2]) > 0)
-        parts.append((at, np.full(len(at), wall), np.zeros((len(at), 3), shift.dtype)))
+    parts = [periodic_pairs(position, side, 2 * float(np.max(radius)))]
+    for wall, z in () if walls is None else zip(WALLS, walls, strict=True):
+        (at,) = np.nonzero(each - WALLS[wall] * (z - position[:, 2]) > 0)
+        parts.append((at, np.full(len(at), wall), np.zeros((len(at), 3), np.int8)))
     i, j, shift = (np.concatenate(column) for column in zip(*parts, strict=True))
     del parts
     order = canonical_order(i, j, shift)
-    i, j, shift = i[order], j[order], shift[order]
-    del order
-    # Millions of contacts: each array is worked on in place.
+    found = between((i[order], j[order], shift[order]), position, side, walls, each)
+    return found.some(found.overlap > 0)
+
+
+def between(
+    ends: tuple[Ints, ...], position: Floats, side: Floats, walls: Floats | None, each: Floats
+) -> ContactList:
+    """Contacts whose `ends`, i, j and periods, are known; `each` (n,) is a sphere's radius, m.
+
+    Millions of contacts: each array is worked on in place.
+    """
+    i, j, shift = ends
     partner = np.maximum(j, 0)  # a wall's code is no index of a single sphere
     normal = position[partner]
     for axis in range(len(side)):
@@ -169,13 +186,10 @@ def touching(
     distance[j < 0] = 1.0
     normal /= distance[:, None]
     overlap = np.subtract(each[i] + each[partner], distance, out=distance)
-    for wall, z, direction in planes:
-        with_wall = j == wall
+    for wall, z in () if walls is None else zip(WALLS, walls, strict=True):
+        with_wall, direction = j == wall, WALLS[wall]
         normal[with_wall] = 0.0, 0.0, direction
         overlap[with_wall] = each[i[with_wall]] - direction * (z - position[i[with_wall], 2])
-    apart = overlap <= 0
-    if apart.any():
-        i, j, shift, normal, overlap = (of[~apart] for of in (i, j, shift, normal, overlap))
     return ContactList(i, j, shift, normal, overlap)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from modal.formats.hdf5 import named
 from modal.formats.product import Product
 from modal.packing.checks import check, converted
-from modal.packing.columns import COLUMNS, UNKNOWN, Columns
+from modal.packing.columns import COLUMNS, UNKNOWN, Columns, frozen
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SCHEMA as SCHEMA
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
@@ -25,13 +25,6 @@ from modal.tools.display import quantity, table
 from modal.tools.errors import InputError
 
 FORMAT = Product(SCHEMA, COLUMNS, groups=("study", "provenance"), versions=VERSION)
-
-
-def freeze_arrays(**columns: Array) -> dict[str, Array]:
-    """Arrays that nobody else writes to: a `Network` takes them as they are, without a copy."""
-    for data in columns.values():
-        data.flags.writeable = False
-    return columns
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,6 +169,4 @@ def read_network(path: str | Path) -> Network:
     said = FORMAT.read(path)
     columns = {name: said[name] for name in COLUMNS if said[name] is not None}
     with named(path):
-        return Network(
-            **freeze_arrays(**columns), study=said["study"], provenance=said["provenance"]
-        )
+        return Network(**frozen(**columns), study=said["study"], provenance=said["provenance"])

@@ -7,6 +7,7 @@ of stiffnesses, or a mass in another unit, shows in these numbers and nowhere el
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -57,65 +58,61 @@ def plausibility(network: Network, *, sought: bool = False, waves: bool = False)
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
-    remarks = of_densities(density) + of_shape(network, waves)
+    remarks = [*_of_densities(density), *_of_shape(network, waves)]
     if network.n_contacts:
         if not sought and network.inertia_tensor is None:
-            _touching(network, remarks)
-        _stiffnesses(network, told, remarks)
-        _forces(network, told, remarks)
-    return told | {"remarks": remarks}
+            remarks += _of_places(network)
+        remarks += [*_of_stiffnesses(network, told), *_of_forces(network, told)]
+    return told | {"remarks": [text for unusual, text in remarks if unusual]}
 
 
-def of_densities(density: Floats) -> list[str]:
-    """Remarks on densities (n,), kg/m^3, that are those of no solid, or of several."""
-    remarks = []
-    if not SOLIDS[0] < np.median(density) < SOLIDS[1]:
-        remarks.append(
-            f"density of no solid, {np.median(density):.4g} kg/m^3: mass in kg, radius in m?"
-        )
-    if np.ptp(density) > UNIFORM * density.min():
-        remarks.append(f"densities from {density.min():.4g} to {density.max():.4g} kg/m^3")
-    return remarks
+Remarks = Iterator[tuple[Any, str]]
+"""One after the other: whether it is so, and what is said then."""
 
 
-def of_shape(network: Network, waves: bool = False) -> list[str]:
-    """Remarks on crystalline order, and on a cell that is too narrow, or for `waves` too short.
+def _of_densities(density: Floats) -> Remarks:
+    """Those of no solid, or of several."""
+    low, median, high = _spread(density)
+    no_solid = f"density of no solid, {median:.4g} kg/m^3: mass in kg, radius in m?"
+    yield not SOLIDS[0] < median < SOLIDS[1], no_solid
+    yield high - low > UNIFORM * low, f"densities from {low:.4g} to {high:.4g} kg/m^3"
+
+
+def _of_shape(network: Network, waves: bool) -> Remarks:
+    """Crystalline order, and a cell that is too narrow, or for `waves` too short.
 
     A lattice, all of whose contacts are alike, may be of any width: its periods are its own.
     """
-    remarks, diameter = [], 2 * float(network.radius.mean())
-    share, lattice = 0.0, False
+    diameter, few = 2 * float(network.radius.mean()), network.n_particles <= MANY
+    shares, lattice = {}, False
     if network.length > 0 and network.cell_size[:2].all():
-        shares, whole = {}, 1.0  # of many spheres alike springs alone tell a lattice
-        if network.n_particles <= MANY:
+        if few:  # of many spheres alike springs alone tell a lattice
             shares = crystalline_shares(network, profile(network))
-            whole = shares.get("crystalline_share", 0.0)
         springs = network.stiffness_normal[~network.with_wall]
-        share = shares.get("crystalline_share_of_bulk", whole if shares else 0.0)
         alike = springs.size > 0 and springs.std() <= UNIFORM * springs.mean()
-        lattice = whole > CRYSTAL and bool(alike)
-    if share > CRYSTALLINE and not lattice:
-        remarks.append(
-            f"crystalline share of the bulk {100 * share:.0f} %: of a random packing it is below "
-            f"{100 * CRYSTALLINE:.0f} %; take a wider cell, more spheres or another seed"
-        )
+        lattice = bool(alike) and shares.get("crystalline_share", 1.0 - few) > CRYSTAL
+    share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
+    words = (
+        f"crystalline share of the bulk {100 * share:.0f} %: of a random packing it is below "
+        f"{100 * CRYSTALLINE:.0f} %; take a wider cell, more spheres or another seed"
+    )
+    yield share > CRYSTALLINE and not lattice, words
     width = float(network.cell_size[network.cell_periodic].min(initial=np.inf)) / diameter
-    if width < WIDE and not lattice:
-        remarks.append(
-            f"{width:.1f} diameters wide: below {WIDE:g} its own images order it; take more "
-            "spheres or a smaller length over width"
-        )
+    words = (
+        f"{width:.1f} diameters wide: below {WIDE:g} its own images order it; take more "
+        "spheres or a smaller length over width"
+    )
+    yield width < WIDE and not lattice, words
     length = network.length / diameter
-    if waves and length < LONG and not network.cell_periodic[2]:
-        remarks.append(
-            f"{length:.1f} diameters long: below {LONG:g} a velocity or a low-pass frequency "
-            "depends on where along the packing it is read; take more spheres"
-        )
-    return remarks
+    words = (
+        f"{length:.1f} diameters long: below {LONG:g} a velocity or a low-pass frequency "
+        "depends on where along the packing it is read; take more spheres"
+    )
+    yield waves and length < LONG and not network.cell_periodic[2], words
 
 
-def _touching(network: Network, remarks: list[str]) -> None:
-    """Compare overlaps, levers and the list of contacts with positions and radii."""
+def _of_places(network: Network) -> Remarks:
+    """Overlaps, levers and the list of contacts against positions and radii."""
     i, j, pair = network.particle_i, network.partner, ~network.with_wall
     branch = network.branch
     reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
@@ -123,14 +120,14 @@ def _touching(network: Network, remarks: list[str]) -> None:
     # Spheres that just touch have overlaps of the round-off of their positions.
     round_off = 8 * float(np.spacing(abs(network.position).max() + reach.max()))
     least = max(TOUCH * float(abs(overlap).mean()), round_off)
-    if network.overlap is not None and abs(network.overlap - overlap).mean() > least:
-        remarks.append("overlaps differ from those of positions and radii: too few digits?")
+    told = overlap if network.overlap is None else network.overlap
+    too_few = "overlaps differ from those of positions and radii: too few digits?"
+    yield abs(told - overlap).mean() > least, too_few
     missed = _size(network.lever_i - network.lever_j - branch)[pair]
-    if pair.any() and missed.mean() > least:
-        remarks.append("levers do not end in one point: are they as long as the radii?")
+    too_long = "levers do not end in one point: are they as long as the radii?"
+    yield pair.any() and missed.mean() > least, too_long
     missing = _overlapping(network, least) - int((overlap > least).sum())
-    if missing > 0:
-        remarks.append(f"{missing} places where spheres, or wall, overlap without a contact")
+    yield missing > 0, f"{missing} places where spheres, or wall, overlap without a contact"
 
 
 def _overlapping(network: Network, depth: float) -> int:
@@ -149,38 +146,37 @@ def _overlapping(network: Network, depth: float) -> int:
     return int(((found.overlap > depth) & (walls | (found.particle_j >= 0))).sum())
 
 
-def _stiffnesses(network: Network, told: dict[str, Any], remarks: list[str]) -> None:
+def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:
     """Ratio of stiffnesses, and the law that stiffness, force and overlap follow."""
     stiff = network.stiffness_normal > 0
     if stiff.any():
         ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
         told["tangential_over_normal_stiffness"] = _spread(ratio)
-        if ratio.max() > 1 + UNIFORM:
-            remarks.append("contacts stiffer across than along their normal")
-        if np.ptp(ratio) > UNIFORM * ratio.max():
-            remarks.append("tangential over normal stiffness differs among contacts")
-    if not stiff.all():
-        remarks.append(f"{int((~stiff).sum())} contacts without normal stiffness")
+        yield ratio.max() > 1 + UNIFORM, "contacts stiffer across than along their normal"
+        differ = "tangential over normal stiffness differs among contacts"
+        yield np.ptp(ratio) > UNIFORM * ratio.max(), differ
+    loose = int((~stiff).sum())
+    yield loose, f"{loose} contacts without normal stiffness"
     ratio = force_ratio(network)
     if len(ratio):
         told["force_over_stiffness_times_overlap"] = _spread(ratio)
         law = told["law"] = _law(ratio)
-        if law not in LAWS:
-            remarks.append("stiffnesses, forces and overlaps follow no law that is known here")
-        elif others := int((abs(ratio / LAWS[law] - 1) > OUTLIER).sum()):
-            remarks.append(f"{others} contacts do not follow the law of the others")
+        unknown = "stiffnesses, forces and overlaps follow no law that is known here"
+        yield law not in LAWS, unknown
+        others = int((abs(ratio / LAWS.get(law, np.nan) - 1) > OUTLIER).sum())
+        yield others, f"{others} contacts do not follow the law of the others"
 
 
-def _forces(network: Network, told: dict[str, Any], remarks: list[str]) -> None:
+def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
     """Which contacts pull or slide, and whether the particles are in balance."""
-    force, shear = network.force_normal, network.force_tangential
+    force, shear, sliding = network.force_normal, network.force_tangential, network.sliding
     if force is None:
         return
     pulling = told["pulling_contacts"] = int((force < 0).sum())
-    if pulling:
-        remarks.append(f"{pulling} contacts pull")
-    if network.overlap is not None and (idle := int(((force == 0) & (network.overlap > 0)).sum())):
-        remarks.append(f"{idle} contacts overlap without a force")
+    yield pulling, f"{pulling} contacts pull"
+    if network.overlap is not None:
+        idle = int(((force == 0) & (network.overlap > 0)).sum())
+        yield idle, f"{idle} contacts overlap without a force"
     if shear is None:
         return
     across = _size(shear)
@@ -189,21 +185,14 @@ def _forces(network: Network, told: dict[str, Any], remarks: list[str]) -> None:
         net = _size(net_forces(network)[:, :3]) / mean
         told["net_force_over_contact_force"] = float(net.mean())
         told["largest_net_force_over_contact_force"] = float(net.max())
-        if net.max() > BALANCE or net.mean() > SETTLED:
-            remarks.append(
-                "particles not in balance under their contacts: net forces are "
-                f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; weight, or "
-                "motion?"
-            )
-    if network.sliding is not None and network.sliding.any():
-        _sliding(network, force, across, told, remarks)
-
-
-def _sliding(
-    network: Network, force: Floats, across: Floats, told: dict[str, Any], remarks: list[str]
-) -> None:
-    """What springs along sliding contacts mean, and whether shares of friction fit."""
-    stiff, sliding = network.stiffness_normal > 0, np.asarray(network.sliding)
+        words = (
+            "particles not in balance under their contacts: net forces are "
+            f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; weight, or motion?"
+        )
+        yield net.max() > BALANCE or net.mean() > SETTLED, words
+    if sliding is None or not sliding.any():
+        return
+    stiff = network.stiffness_normal > 0
     ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
     if ratio.any():
         told["springs_of_sliding_contacts"] = (
@@ -213,8 +202,8 @@ def _sliding(
         )
     share = across / np.where(force > 0, force, np.inf)
     most = share[sliding].max()
-    if np.ptp(share[sliding]) > UNIFORM * most or share[~sliding].max(initial=0.0) > most:
-        remarks.append("sliding contacts use unequal shares of friction, or less than others")
+    unequal = np.ptp(share[sliding]) > UNIFORM * most or share[~sliding].max(initial=0.0) > most
+    yield unequal, "sliding contacts use unequal shares of friction, or less than others"
 
 
 def _law(ratio: Floats) -> str:

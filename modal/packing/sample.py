@@ -7,21 +7,21 @@ kept, as two components in a frame that follows from the normal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from modal.formats.hdf5 import named
 from modal.formats.product import Column, Product
-from modal.packing.checks import density_of
-from modal.packing.columns import columns_of, stored
-from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
-from modal.packing.contact_models import ContactLaw, laws_of
-from modal.packing.neighbours import ContactList, canonical, tangents, touching
+from modal.packing.checks import Faults, density_of, refuse
+from modal.packing.columns import columns_of
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, YOUNG, Elasticity, Material
+from modal.packing.neighbours import ContactList, canonical
 from modal.packing.network import Network
-from modal.packing.sphere_network import constants, network_of
+from modal.packing.spheres import ELASTIC as ELASTIC
+from modal.packing.spheres import Sample as Sample
+from modal.packing.spheres import void_ratio as void_ratio
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
@@ -29,123 +29,12 @@ SCHEMA = "granular-sample"
 VERSION = 1, 2, 3
 """Between walls; periodic along z, and of another contact model than Hertz and Mindlin's, which
 earlier readers would not notice."""
-SPIN = "rad/s"
 UNEQUAL = 1e-9
 """Relative: a density so far from the material's is the sphere's own, not round-off."""
 ANOTHER = 1e-6
 """Of the mean stiffness: a contact so far from the law's is another law's."""
 
 
-@dataclass
-class Sample:
-    """Spheres between flat walls at rest, or, with velocities, on their way; SI units.
-
-    position (n, 3), x and y inside the cell; side (2,) of the lateral cell; walls (2,) z of source
-    and receiver wall; shear (m, 2) shear force on i of each contact in canonical order along
-    `neighbours.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
-    strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
-    contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
-    of spheres of several sizes, the mean of `radii` (n,). `densities` (n,), kg/m^3, stand in place
-    of the material's; the walls are of `wall_material`, where it is None of that of the spheres.
-    Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z. Where its
-    sides are not periodic, `periodic_sides` (x, y), it ends there, and no file has it.
-    """
-
-    position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]
-    side: Annotated[Floats, stored("cell", "f", 2, unit="m")]
-    walls: Annotated[Floats, stored("walls", "f", 2, unit="m", name="position")]
-    friction: float
-    shear: Annotated[Floats | None, stored("contacts", "f", "m", 2, unit="N")] = None
-    velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit="m/s")] = None
-    angular_velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit=SPIN)] = None
-    strain_rate: Annotated[Floats | None, stored("cell", "f", 3, unit="1/s")] = None
-    radius: float = RADIUS
-    radii: Annotated[Floats | None, stored("particles", "f", "n", unit="m", name="radius")] = None
-    material: Material = GLASS
-    densities: Annotated[
-        Floats | None, stored("particles", "f", "n", unit="kg/m^3", name="density")
-    ] = None
-    wall_material: Elasticity | None = None
-    periodic_z: bool = False
-    periodic_sides: tuple[bool, bool] = (True, True)
-    study: dict[str, Any] = field(default_factory=dict)
-    provenance: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def sizes(self) -> float | Floats:
-        """The radius of all spheres, or that of each (n,), m."""
-        return self.radius if self.radii is None else self.radii
-
-    @property
-    def laws(self) -> tuple[ContactLaw, ContactLaw]:
-        """The contact law between spheres, and with a wall."""
-        return laws_of(self.material, self.wall_material)
-
-    @property
-    def constants(self) -> dict[str, Any]:
-        """Its materials, as a network's `study` notes them."""
-        return constants(self.material, self.densities, self.wall_material)
-
-    @property
-    def masses(self) -> tuple[Floats, Floats]:
-        """Mass, kg, and moment of inertia, kg m^2, of each sphere (n,)."""
-        each = np.full(len(self.position), self.sizes)
-        mass, inertia = self.material.sphere(each, self.densities)
-        return mass, inertia
-
-    @property
-    def periods(self) -> Floats:
-        """Shape (2,), m: of the sides; of those that end, so far that no image is ever near."""
-        beyond = np.ptp(self.position[:, :2], axis=0) + 6 * np.max(self.sizes)
-        return np.where(self.periodic_sides, self.side, beyond)
-
-    def contacts(self) -> ContactList:
-        """All contacts, in canonical order; their overlaps follow from the positions."""
-        if not self.periodic_z:
-            return touching(self.position, self.periods, self.walls, self.sizes)
-        low, high = self.walls
-        lengths = np.array([*self.periods, high - low])
-        return touching(self.position - [0, 0, low], lengths, None, self.sizes)
-
-    def network(self) -> Network:
-        """The contact network: springs of the contact model at the present overlaps.
-
-        Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
-        """
-        contact = self.contacts()
-        tangential = None
-        if self.shear is not None:
-            if len(self.shear) != len(contact.particle_i):
-                raise InputError(
-                    f"sample: {len(self.shear)} shear forces for {len(contact.particle_i)} "
-                    "contacts; it was written by another program or is damaged, make it again"
-                )
-            first, second = tangents(contact.normal)
-            tangential = self.shear[:, :1] * first + self.shear[:, 1:] * second
-        n, wall = len(self.position), contact.particle_j < 0
-        length = float(self.walls[1] - self.walls[0])
-        study = {
-            "void_ratio": void_ratio(n, self.sizes, self.side, length),
-            "coordination_number": float((2 * (~wall).sum() + wall.sum()) / n),
-        }
-        return network_of(
-            contact,
-            self.sizes,
-            self.material,
-            densities=self.densities,
-            walls=self.wall_material,
-            tangential=tangential,
-            friction=self.friction,
-            study=self.study | study,
-            position=self.position,
-            cell_size=np.array([*self.side, length]),
-            cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
-            wall_position=np.asarray(self.walls, float),
-            provenance=self.provenance,
-        )
-
-
-ELASTIC = ("young", "poisson")
 _NUMBERS = "friction", "radius", *ELASTIC, "density", *(f"wall_{name}" for name in ELASTIC)
 COLUMNS = columns_of(Sample)
 FORMAT = Product(
@@ -159,12 +48,6 @@ FORMAT = Product(
     groups=("study", "provenance"),
     versions=VERSION,
 )
-
-
-def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> float:
-    """Volume of voids over volume of n spheres, wall to wall; `radius` of all or of each (n,)."""
-    cube = float(np.mean(radius**3))
-    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * cube) - 1)
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
@@ -213,18 +96,15 @@ def shear_along(network: Network, contact: ContactList) -> tuple[Floats, Ints]:
     InputError where `contact`, those of spheres that overlap, are not the network's.
     """
     periods = network.require("cell_shift", "sample with its contacts in order")
+    force = network.require("force_tangential", "sample with its history")
     rows, i, j, shift, turned = canonical(network.particle_i, network.particle_j, periods)
-    force = network.require("force_tangential", "sample with its history")[rows]
-    force[turned] *= -1
     theirs = contact.particle_i, contact.particle_j, contact.cell_shift
     if not all(map(np.array_equal, (i, j, shift), theirs)):
         raise InputError(
             "the network's contacts are not those of spheres that overlap in a lateral cell: by "
             "round-off, or from another program; take the network itself"
         )
-    del i, j, shift, theirs
-    shear = [(force * along).sum(axis=1) for along in tangents(contact.normal)]
-    return np.column_stack(shear), rows
+    return contact.along(force[rows] * np.where(turned, -1, 1)[:, None]), rows
 
 
 def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
@@ -238,10 +118,9 @@ def write_sample(path: str | Path, sample: Sample) -> None:
     """Write the sample atomically; InputError for one that ends sideways."""
     if not all(sample.periodic_sides):
         raise InputError("a sample without periods sideways has no file; write its network")
-    walls = sample.wall_material
-    own = {} if walls is None else {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
-    own["period"] = np.diff(sample.walls) if sample.periodic_z else None
-    FORMAT.write(path, vars(sample) | vars(sample.material) | own)
+    period = np.diff(sample.walls) if sample.periodic_z else None
+    values = vars(sample) | vars(sample.material) | sample.wall_constants
+    FORMAT.write(path, values | {"period": period})
 
 
 def read_sample(path: str | Path) -> Sample:
@@ -261,47 +140,41 @@ def read_sample(path: str | Path) -> Sample:
 
 def validate(sample: Sample, name: str = "sample") -> None:
     """Refuse what no packing of spheres can be; InputError with one line."""
+    with named(name):
+        refuse(_faults(sample))
+        _ = sample.laws
+
+
+def _faults(sample: Sample) -> Faults:
+    """One after the other: the positions last, as they take longest."""
     for column in COLUMNS:
         data = getattr(sample, column)
-        if data is not None and not np.isfinite(data).all():
-            raise InputError(f"{name}: {column} is not finite; the run failed, make it again")
+        wrong = data is not None and not np.isfinite(data).all()
+        yield "", wrong, f"{column} is not finite; the run failed, make it again"
     material, radius = sample.material, sample.radius
     wall = sample.wall_material or material
     dense = material.density if sample.densities is None else float(sample.densities.min())
     positive = (material.young, wall.young, dense, float(np.min(sample.sizes)))
     sound = all(0 < number < np.inf for number in positive)
     sound &= -1 < min(material.poisson, wall.poisson) <= max(material.poisson, wall.poisson) < 0.5
-    if not (sound and 0 <= sample.friction < np.inf):
-        raise InputError(
-            f"{name}: radius, friction and the material's constants must be positive, Poisson's "
-            "ratio from -1 to 0.5; make the sample again"
-        )
+    fault = (
+        "radius, friction and the material's constants must be positive, Poisson's ratio from -1 "
+        "to 0.5; make the sample again"
+    )
+    yield "", not (sound and 0 <= sample.friction < np.inf), fault
     for young in (material.young, wall.young):
-        if not YOUNG[0] <= young <= YOUNG[1]:
-            raise InputError(
-                f"{name}: Young's modulus {young:g} Pa is none of a solid ({YOUNG[0]:g} to "
-                f"{YOUNG[1]:g}); give it in Pa"
-            )
-    with named(name):
-        _ = sample.laws  # after its moduli, which it divides by
+        fault = f"Young's modulus {young:g} Pa is none of a solid ({YOUNG[0]:g} to {YOUNG[1]:g})"
+        yield "", not YOUNG[0] <= young <= YOUNG[1], f"{fault}; give it in Pa"
     n, (low, high) = len(sample.position), sample.walls
-    if n == 0 or low >= high or min(sample.side) < radius:
-        raise InputError(
-            f"{name}: a sample needs spheres, a cell at least one radius wide and two walls; "
-            "make it again"
-        )
+    fault = "a sample needs spheres, a cell at least one radius wide and two walls; make it again"
+    yield "", n == 0 or low >= high or min(sample.side) < radius, fault
     lateral, z = sample.position[:, :2], sample.position[:, 2]
     # On the cell's edge a centre may lie on either side of it by round-off.
     slack = 1e-9 * radius
     outside = ((lateral < -slack) | (lateral > sample.side + slack)).any(axis=1)
     outside |= (z < low) | (z > high)
-    if outside.any():
-        raise InputError(
-            f"{name}: sphere {int(np.argmax(outside))} lies outside the cell or the walls; "
-            "make the sample again"
-        )
-    if _repeated(sample.position):
-        raise InputError(f"{name}: two spheres lie in one place; make the sample again")
+    yield "sphere", outside, "lies outside the cell or the walls; make the sample again"
+    yield "", _repeated(sample.position), "two spheres lie in one place; make the sample again"
 
 
 def _repeated(position: Floats) -> bool:

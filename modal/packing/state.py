@@ -207,16 +207,12 @@ def net_forces(network: Network) -> Floats:
     force = -along[:, None] * network.normal
     force += across
     load = np.zeros((network.n_particles, 6))
-    for end, lever in (
-        (network.particle_i, network.lever_i),
-        (network.particle_j, network.lever_j),
-    ):
+    ends = ((network.particle_i, network.lever_i), (network.particle_j, network.lever_j))
+    for end, lever in ends:
         body = end >= 0
-        for axis in range(3):
-            one, two = (axis + 1) % 3, (axis + 2) % 3
-            torque = lever[:, one] * force[:, two] - lever[:, two] * force[:, one]
-            for column, moment in ((axis, force[:, axis]), (3 + axis, torque)):
-                load[:, column] += np.bincount(end[body], moment[body], len(load))
+        both = np.hstack([force, np.cross(lever, force)])
+        for column in range(6):
+            load[:, column] += np.bincount(end[body], both[body, column], len(load))
         # What acts on i acts on j the other way.
         np.negative(force, out=force)
     return load

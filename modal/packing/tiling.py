@@ -11,21 +11,48 @@ from dataclasses import replace
 
 import numpy as np
 
+from modal.packing.columns import frozen
+from modal.packing.neighbours import ContactList, canonical
 from modal.packing.network import Network
-from modal.packing.sample import Sample, shear_along
-from modal.tools.arrays import Floats, Ints
+from modal.packing.sample import Sample
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 
-def _copies(position: Floats, times_x: int, times_y: int) -> tuple[Ints, Ints, Ints]:
-    """Original and cell (k, 3), in periods, of each repeated particle; the place of each original.
+class Copies:
+    """`times` (x, y) copies of a packing side by side, across its periods.
 
-    They stand along z, equally high ones as they come, the copies of one behind each other.
+    `source`, `cell` (k, 3): the original, and the cell in periods, of each repeated particle. They
+    stand along z, equally high ones as they come, the copies of one behind each other. InputError
+    where there is no period along an axis on which it is to be repeated.
     """
-    cells = np.array([(a, b, 0) for a in range(times_x) for b in range(times_y)])
-    order = np.argsort(position[:, 2], kind="stable")
-    source, cell = np.repeat(order, len(cells)), np.tile(cells, (len(order), 1))
-    return source, cell, np.argsort(order) * len(cells)
+
+    def __init__(self, position: Floats, periodic: Bools, times: tuple[int, int]) -> None:
+        self.times = np.array([*times, 1])
+        if min(times) < 1 or (~periodic & (self.times > 1)).any():
+            raise InputError(
+                f"cannot repeat {times[0]} by {times[1]}: give whole numbers from 1 on, of a "
+                "packing that is periodic along the axis"
+            )
+        self._cells = np.array([(a, b, 0) for a in range(times[0]) for b in range(times[1])])
+        order = np.argsort(position[:, 2], kind="stable")
+        self._place = np.argsort(order) * len(self._cells)
+        self.source = np.repeat(order, len(self._cells))
+        self.cell = np.tile(self._cells, (len(order), 1))
+
+    def contacts(self, i: Ints, j: Ints, shifts: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+        """Rows of the contacts, of m, that the copies have; their ends and periods."""
+        m, copies, wall = len(i), len(self._cells), j < 0
+        ends = self._place[i], self._place[np.where(wall, 0, j)]
+        one, two = np.empty((2, m * copies), np.int64)
+        shift = np.empty((m * copies, 3), np.int8)
+        for own in range(copies):
+            part = slice(own * m, (own + 1) * m)
+            shift[part], inside = np.divmod(self._cells[own] + shifts, self.times)
+            one[part] = ends[0] + own
+            other = ends[1] + inside[:, 0] * self.times[1] + inside[:, 1]
+            two[part] = np.where(wall, j, other)
+        return np.tile(np.arange(m, dtype=np.int32), copies), one, two, shift
 
 
 def repeat(network: Network, times_x: int, times_y: int) -> Network:
@@ -33,32 +60,15 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
 
     InputError where the network has no period along an axis on which it is to be repeated.
     """
-    copies, wanted = times_x * times_y, np.array([times_x, times_y, 1])
-    if min(times_x, times_y) < 1 or (~network.cell_periodic & (wanted > 1)).any():
-        raise InputError(
-            f"cannot repeat {times_x} by {times_y}: the network must be periodic along the axis"
-        )
-    source, cell, place = _copies(network.position, times_x, times_y)
-    m, wall = network.n_contacts, network.with_wall
+    copies = Copies(network.position, network.cell_periodic, (times_x, times_y))
     shifts = network.require("cell_shift", "telling which copies touch")
-    ends = place[network.particle_i], place[network.partner]
-    i, j = np.empty((2, m * copies), np.int64)
-    shift, row = np.empty((m * copies, 3), np.int8), np.tile(np.arange(m, dtype=np.int32), copies)
-    for own in range(copies):
-        part = slice(own * m, (own + 1) * m)
-        shift[part], inside = np.divmod(cell[own] + shifts, wanted)
-        i[part] = ends[0] + own
-        other = ends[1] + inside[:, 0] * times_y + inside[:, 1]
-        j[part] = np.where(wall, network.particle_j, other)
-    bodies = {name: data[source] for name, data in network.bodies().items()}
-    bodies["position"] += cell * network.cell_size
+    row, i, j, shift = copies.contacts(network.particle_i, network.particle_j, shifts)
+    bodies = {name: data[copies.source] for name, data in network.bodies().items()}
+    bodies["position"] += copies.cell * network.cell_size
     return replace(
         network.some(row),
-        **bodies,
-        particle_i=i,
-        particle_j=j,
-        cell_shift=shift,
-        cell_size=network.cell_size * wanted,
+        **frozen(**bodies, particle_i=i, particle_j=j, cell_shift=shift),
+        cell_size=network.cell_size * copies.times,
         provenance=network.provenance | {"repeated": f"{times_x} x {times_y}"},
     )
 
@@ -68,20 +78,38 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
 
     InputError for a sample in motion.
     """
-    if min(times_x, times_y) < 1:
-        raise InputError(f"cannot repeat {times_x} by {times_y}: give whole numbers from 1 on")
     if sample.velocity is not None or sample.strain_rate is not None:
         raise InputError("the sample is in motion; bring it to rest first (relax)")
-    source, cell, _ = _copies(sample.position, times_x, times_y)
-    position = sample.position[source]
-    position[:, :2] += cell[:, :2] * sample.side
-    study = sample.study | {"repeated": f"{times_x} x {times_y}"}
+    periodic = np.array([*sample.periodic_sides, True])
+    copies = Copies(sample.position, periodic, (times_x, times_y))
+    position = sample.position[copies.source]
+    position[:, :2] += copies.cell[:, :2] * sample.side
     own = {name: getattr(sample, name) for name in ("radii", "densities")}
-    own = {name: data if data is None else data[source] for name, data in own.items()}
-    side = sample.side * [times_x, times_y]
-    large = replace(sample, position=position, side=side, shear=None, study=study, **own)
+    own = {name: data if data is None else data[copies.source] for name, data in own.items()}
+    large = replace(
+        sample,
+        position=position,
+        side=sample.side * copies.times[:2],
+        shear=None,
+        study=sample.study | {"repeated": f"{times_x} x {times_y}"},
+        **own,
+    )
     if sample.shear is None:
         return large
-    # Shear forces stand in the order of the contacts, along tangents that follow from the normals.
-    shear, _ = shear_along(repeat(sample.network(), times_x, times_y), large.contacts())
-    return replace(large, shear=shear)
+    return replace(large, shear=_shear(sample, copies, large))
+
+
+def _shear(sample: Sample, copies: Copies, large: Sample) -> Floats:
+    """Shape (k, 2), N: in the order of the large sample's contacts, along their own tangents."""
+    network = sample.network()
+    small = network.particle_i, network.particle_j, network.require("cell_shift", "copies")
+    row, *ends = copies.contacts(*small)
+    order, *ends, turned = canonical(*ends)
+    contact: ContactList = large.contacts(tuple(ends))
+    if not (contact.overlap > 0).all():
+        raise InputError(
+            "contacts of the copies open by round-off; repeat its network, *.network.h5"
+        )
+    force = network.require("force_tangential", "copies")[row[order]]
+    force[turned] *= -1
+    return contact.along(force)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shlex
 import shutil
 from dataclasses import replace
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import ROOT
+from places import ROOT, SHEARED
 
 from analysis.__main__ import main as analysis_main
 from analysis.case import find
@@ -34,7 +35,7 @@ from modal.formats.provenance import (
 from modal.modes.density import density_of_states, write_density
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.packing.sample import Sample, sample_of_network, write_sample
+from modal.packing.sample import Sample, read_sample, write_sample
 from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
 from modal.waves.signals import read_signals, write_signals
@@ -48,6 +49,11 @@ COMMANDS = {
 """Commands that make a product of a packing, with options that make it small."""
 OTHER = {"modes": "5", "density": "1.5e4", "wave": "2.5e-5", "response": "2.5e4"}
 """Other values of the first of those options."""
+DEFAULTS = {
+    "wave": {"interval": 1e-6, "direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9},
+    "response": {"direction": "z"},
+}
+"""What the help of these commands says of options that are not given."""
 
 
 @pytest.fixture
@@ -79,63 +85,40 @@ def test_the_command_is_what_was_typed(tmp_path):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_product_says_what_it_was_made_from(command, network):
+def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
+    command, network, capsys
+):
     """The digest is that of the bytes on the disk; the text of the settings is canonical."""
-    path = made(command, network)
+    path, digest = made(command, network), hashlib.sha256(network.read_bytes()).hexdigest()
     with h5py.File(path) as file:
         said = dict(file["provenance"].attrs)
-    assert json.loads(said["sources"]) == [
-        {
-            "role": "packing",
-            "name": "case02.network.h5",
-            "sha256": hashlib.sha256(network.read_bytes()).hexdigest(),
-        }
-    ]
-    settings = json.loads(said["settings"])
-    assert said["settings"] == json.dumps(settings, sort_keys=True, separators=(",", ":"))
-    option, value = COMMANDS[command][:2]
-    assert settings[option.removeprefix("--")] == float(value)
+    source = {"role": "packing", "name": "case02.network.h5", "sha256": digest}
+    assert json.loads(said["sources"]) == [source]
+    kept = json.loads(said["settings"])
+    assert said["settings"] == json.dumps(kept, sort_keys=True, separators=(",", ":"))
+    option, old = COMMANDS[command][:2]
+    assert kept[option[2:]] == float(old)
     assert said["command"].startswith(f"python -m modal {command} case02.network.h5 --")
     assert str(network.parent) not in "".join(said.values())
     assert f"numpy {np.__version__}" in said["versions"]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_current_product_is_kept_and_a_stale_one_made_again(command, network, capsys):
-    path = made(command, network)
+    # A default that is typed is no other setting: it is recorded as it is in force.
+    defaults = DEFAULTS.get(command, {})
+    assert defaults.items() <= kept.items()
     before = path.stat().st_mtime_ns
-    made(command, network, "--skip-current")
+    for name, value in {"skip-current": "", **defaults}.items():
+        typed = [f"--{name}", str(value)] if value else []
+        made(command, network, "--skip-current", *typed)
     assert path.stat().st_mtime_ns == before
     capsys.readouterr()
-    option, value = COMMANDS[command][0], OTHER[command]
-    made(command, network, "--skip-current", option, value)
-    told = capsys.readouterr().err
-    old = json.loads(COMMANDS[command][1])
-    assert f"stale, {option[2:]} was {old}, is {json.loads(value)}; making it again" in told
+    new = json.loads(OTHER[command])
+    made(command, network, "--skip-current", option, OTHER[command])
+    told = f"stale, {option[2:]} was {json.loads(old)}, is {new}; making it again"
+    assert told in capsys.readouterr().err
     assert path.stat().st_mtime_ns != before
-    assert read_provenance(path).settings[option[2:]] == json.loads(value)
+    assert read_provenance(path).settings[option[2:]] == new
     # Without a file there is nothing to keep.
     assert main([command, str(network), "--skip-current"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-DEFAULTS = {
-    "wave": {"interval": 1e-6, "direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9},
-    "response": {"direction": "z"},
-}
-"""What the help of these commands says of options that are not given."""
-
-
-@pytest.mark.parametrize("command", DEFAULTS)
-def test_a_default_that_is_typed_is_no_other_setting(command, network):
-    """It is recorded as it is in force, so that another one of a later version would be seen."""
-    path = made(command, network)
-    before = path.stat().st_mtime_ns
-    said = read_provenance(path).settings
-    assert DEFAULTS[command].items() <= said.items()
-    for name, value in DEFAULTS[command].items():
-        made(command, network, "--skip-current", f"--{name}", str(value))
-    assert path.stat().st_mtime_ns == before
 
 
 def test_a_file_takes_the_place_of_the_setting_that_it_gives(network, tmp_path):
@@ -147,10 +130,9 @@ def test_a_file_takes_the_place_of_the_setting_that_it_gives(network, tmp_path):
 
 
 def test_changed_source_makes_a_product_stale(network, capsys):
-    path = made("wave", network)
-    old = hashlib.sha256(network.read_bytes()).hexdigest()
+    path, old = made("wave", network), sha256(network)
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
-    new = hashlib.sha256(network.read_bytes()).hexdigest()
+    new = sha256(network)
     made("wave", network, "--skip-current")
     told = capsys.readouterr().err
     assert f"was case02.network.h5 ({old[:8]}), is case02.network.h5 ({new[:8]})" in told
@@ -165,31 +147,26 @@ def test_a_kept_product_that_fell_short_keeps_its_status(network, tmp_path):
     arguments = ["modes", str(network), *COMMANDS["modes"], "--skip-current", "-o", str(modes)]
     assert main(arguments) == 3
     rested = tmp_path / "case30.sample.h5"
-    relax = ["relax", str(ROOT / "tests/data/friction150.sample.h5"), "-o", str(rested)]
-    assert main([*relax, "--tolerance", "1e-6"]) == 0
+    relax = ["relax", str(SHEARED), "-o", str(rested), "--tolerance", "1e-6"]
+    assert main(relax) == 0
     with h5py.File(rested, "r+") as file:
         file["study"].attrs["at_rest"] = False
-    assert main([*relax, "--tolerance", "1e-6", "--skip-current"]) == 3
+    assert main([*relax, "--skip-current"]) == 3
 
 
-def test_file_of_an_earlier_version_is_read_and_counts_as_of_unknown_origin(network):
-    path = made("modes", network)
-    with h5py.File(path, "r+") as file:
-        del file["provenance"]
+def test_files_of_an_earlier_version(network):
+    """Read as of unknown origin, but for those that have always named their network at the root."""
     packing = packing_of(network)
-    assert "of unknown origin" in require_same_packing(path, packing)
-    assert changes(path, Provenance(settings={"lowest": 4}, sources=packing)) != []
-
-
-def test_digest_of_an_earlier_version_is_compared(network):
-    """Signals and responses have always named their network at the root."""
-    path = made("wave", network)
-    with h5py.File(path, "r+") as file:
-        del file["provenance"]
-    assert require_same_packing(path, packing_of(network)) == ""
+    modes, wave = made("modes", network), made("wave", network)
+    for path in (modes, wave):
+        with h5py.File(path, "r+") as file:
+            del file["provenance"]
+    assert "of unknown origin" in require_same_packing(modes, packing)
+    assert changes(modes, Provenance(settings={"lowest": 4}, sources=packing)) != []
+    assert require_same_packing(wave, packing) == ""
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     with pytest.raises(InputError, match=r"wave\.h5: made from .* not from case02"):
-        require_same_packing(path, packing_of(network))
+        require_same_packing(wave, packing_of(network))
 
 
 def test_a_network_that_is_not_among_the_sources_is_refused(network):
@@ -203,33 +180,30 @@ def test_a_network_that_is_not_among_the_sources_is_refused(network):
 
 def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
     """Both ways round; not to another export, nor to the network of another sample."""
-    sample, network = tmp_path / "a.sample.h5", tmp_path / "a.network.h5"
+    files = sample, network, other = [tmp_path / f"{name}.h5" for name in EXPORTS]
     packing = gallery.fcc(1e5, (3, 3, 4))
-    column = sample_of_network(
-        Sample(packing.position, packing.cell_size[:2], packing.wall_position, 0.1).network(), 0.1
-    )
-    write_sample(sample, column)
+    write_sample(sample, Sample(packing.position, packing.cell_size[:2], packing.wall_position, 0))
     made = Provenance("export", {}, packing_of(sample)).attributes()
-    exported = replace(column.network(), provenance=made)
+    exported = replace(read_sample(sample).network(), provenance=made)
     write_network(network, exported)
-    of_sample, of_network = tmp_path / "s.modes.h5", tmp_path / "n.modes.h5"
-    for source, product in ((sample, of_sample), (network, of_network)):
+    write_network(other, replace(exported, stiffness_normal=2 * exported.stiffness_normal))
+    for source in files[:2]:
+        product = source.with_suffix(".modes.h5")
         assert main(["modes", str(source), "--highest", "1", "-o", str(product)]) == 0
-        for packing_file in (sample, network):
-            assert require_same_packing(product, packing_of(packing_file)) == ""
-    exported = replace(exported, stiffness_normal=2 * exported.stiffness_normal)
-    other = tmp_path / "b.network.h5"
-    write_network(other, exported)
+        assert all(require_same_packing(product, packing_of(file)) == "" for file in files[:2])
     with pytest.raises(InputError, match=r"made from a\.network\.h5 .* not from b\.network\.h5"):
-        require_same_packing(of_network, packing_of(other))
+        require_same_packing(product, packing_of(other))
+
+
+EXPORTS = "a.sample", "a.network", "b.network"
 
 
 def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
-    state, rested = ROOT / "tests/data/friction150.sample.h5", tmp_path / "case30.sample.h5"
-    relax = ["relax", str(state), "--tolerance", "1e-6", "-o", str(rested)]
+    rested = tmp_path / "case30.sample.h5"
+    relax = ["relax", str(SHEARED), "--tolerance", "1e-6", "-o", str(rested)]
     assert main(relax) == 0
-    said = read_provenance(rested)
-    assert [(s.role, s.sha256) for s in said.sources] == [("state", sha256(state))]
+    sources = read_provenance(rested).sources
+    assert [(s.role, s.sha256) for s in sources] == [("state", sha256(SHEARED))]
     assert [s.sha256 for s in packing_of(rested)] == [sha256(rested)]
     before = rested.stat().st_mtime_ns
     assert main([*relax, "--skip-current"]) == 0
@@ -276,24 +250,22 @@ def folder(made_once, tmp_path) -> Path:
     return Path(shutil.copytree(made_once, tmp_path / "products"))
 
 
-@pytest.mark.parametrize("kind", ["modes", "signals"])
-def test_product_of_another_stress_is_refused_with_both_names(kind, folder, capsys):
-    shutil.copy(folder / f"case02.{kind}.h5", folder / f"case03.{kind}.h5")
+@pytest.mark.parametrize("kind", ["modes", "signals", "reverse"])
+def test_products_of_another_stress_are_refused_with_both_names(kind, folder, capsys):
+    """In place of a case's own, and as another run of an agreement."""
+    mine, its = (folder / f"case{case}.{kind}.h5" for case in ("03", "02"))
     name = "natural_frequencies" if kind == "modes" else "signals"
-    arguments = ["figure", name, "3"]
+    command = ["figure", name, "3", "--products", str(folder), "-o", str(folder / "out")]
+    if kind == "reverse":
+        case, its = folder / "case03", folder / "case02.signals.h5"
+        command = ["agreement", f"{case}.network.h5", f"{case}.signals.h5", "--reverse", str(its)]
+    else:
+        shutil.copy(its, mine)
     capsys.readouterr()
-    assert analysis_main([*arguments, "--products", str(folder), "-o", str(folder / "out")]) == 2
+    assert analysis_main(command) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"case03.{kind}.h5: made from case02.network.h5" in line
-    assert "not from case03.network.h5" in line
-
-
-def test_other_runs_of_an_agreement_belong_to_its_network(folder, capsys):
-    arguments = [str(folder / "case03.network.h5"), str(folder / "case03.signals.h5")]
-    other = ["--reverse", str(folder / "case02.signals.h5")]
-    capsys.readouterr()
-    assert analysis_main(["agreement", *arguments, *other]) == 2
-    assert "made from case02.network.h5" in capsys.readouterr().err
+    assert re.search("made from case02.network.h5 .* not from case03.network.h5", line)
+    assert (its if kind == "reverse" else mine).name in line
 
 
 def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
@@ -361,21 +333,25 @@ def test_result_names_command_and_sources_of_every_file(folder):
 def books(**changed: float) -> EnergyBalance:
     """A run whose energy drifts by 1e-3 within a limit of 1e-2, and whose books close to 2e-4."""
     sound = {"energy": 2e-10, "drift": 1e-3, "friction": 0.0, "limit": 1e-2}
-    sound |= {"work": 2.1e-10, "gap": 2e-4}
-    return EnergyBalance(**{**sound, "contacts": 1200, "opened": 17, "slid": 0} | changed)
+    sound |= {"work": 2.1e-10, "gap": 2e-4, "contacts": 1200, "opened": 17, "slid": 0}
+    return EnergyBalance(**sound | changed)
+
+
+BOOKS = [
+    (books(), 0),
+    (books(drift=-0.5), 1),
+    (books(drift=-0.5, limit=nan), 0),
+    (books(drift=-0.5, limit=nan, gap=2e-3), 1),
+    (books(drift=-0.5, limit=nan, gap=nan, work=nan), 0),
+]
 
 
 def test_energy_balance_survives_the_file_and_is_shown(folder):
+    """Files of before the wall's work: what they do not say is unknown, the rest is kept."""
     path = folder / "case02.signals.h5"
     made, signals = read_provenance(path), read_signals(path)
     assert signals.balance is None
-    for balance, note in (
-        (books(), 0),
-        (books(drift=-0.5), 1),
-        (books(drift=-0.5, limit=nan), 0),
-        (books(drift=-0.5, limit=nan, gap=2e-3), 1),
-        (books(drift=-0.5, limit=nan, gap=nan, work=nan), 0),
-    ):
+    for balance, note in BOOKS:
         write_signals(path, replace(signals, producer="yade", balance=balance), made)
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
@@ -386,12 +362,7 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
             found = QUANTITIES[f"energy_{name}"].measured(m).value
             assert found == pytest.approx(getattr(balance, name), nan_ok=True)
         assert sum("do not trust this run" in text for text in case.notes) == note
-
-
-def test_books_of_an_earlier_version_are_read(folder):
-    """Files of before the wall's work: what they do not say is unknown, what they say is kept."""
-    path = folder / "case02.signals.h5"
-    write_signals(path, replace(read_signals(path), balance=books()), read_provenance(path))
+    write_signals(path, replace(signals, balance=books()), made)
     with h5py.File(path, "a") as file:
         for name in ("work", "gap"):
             del file["balance"].attrs[name]

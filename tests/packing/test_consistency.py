@@ -226,16 +226,7 @@ def test_a_contact_listed_twice_is_refused():
     with pytest.raises(InputError, match="selected twice"):
         CRYSTAL.with_contacts(rows)
     pair = ~CRYSTAL.with_wall
-    other = CRYSTAL.unchecked(
-        particle_i=CRYSTAL.particle_j,
-        particle_j=CRYSTAL.particle_i,
-        normal=-CRYSTAL.normal,
-        lever_i=CRYSTAL.lever_j,
-        lever_j=CRYSTAL.lever_i,
-        cell_shift=-CRYSTAL.cell_shift,
-        force_tangential=-CRYSTAL.force_tangential,
-    ).some(pair)
-    other = replace(other)
+    other = packings.from_other_end(CRYSTAL, pair).with_contacts(pair)
     both = {
         name: np.concatenate([getattr(CRYSTAL, name), getattr(other, name)])
         for name in packings.PER_CONTACT

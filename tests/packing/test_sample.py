@@ -1,8 +1,9 @@
 """The compact form: neighbour search against all pairs, rebuilt network against its source."""
 
-from dataclasses import replace
+from itertools import product
 
 import numpy as np
+import packings
 import pytest
 
 from modal.packing import crystal as gallery
@@ -15,28 +16,17 @@ from modal.tools.errors import InputError
 @pytest.mark.parametrize("side", [(0.9, 1.3), (2.2, 3.1), (6.0, 5.0)])
 def test_pairs_equal_those_of_all_images(side):
     """The slow way: every pair of images within three periods; also cells narrower than reach."""
-    rng = np.random.default_rng(1)
-    position = rng.random((30, 3)) * (*side, 4.0)
-    found = set(
-        zip(*(map(tuple, np.atleast_2d(x).T) for x in _columns(position, side)), strict=True)
-    )
-    slow = set()
-    for a in range(-3, 4):
-        for b in range(-3, 4):
-            image = position + (a * side[0], b * side[1], 0)
-            for i in range(30):
-                for j in range(30):
-                    upward = a > 0 or (a == 0 and b > 0)
-                    if (i < j or (i == j and upward)) and np.linalg.norm(
-                        image[j] - position[i]
-                    ) <= 1.0:
-                        slow.add(((i,), (j,), (a,), (b,)))
-    assert found == slow
-
-
-def _columns(position, side):
+    position = np.random.default_rng(1).random((30, 3)) * (*side, 4.0)
     i, j, shift = periodic_pairs(position, np.array(side), 1.0)
-    return i, j, shift[:, 0], shift[:, 1]
+    found = {(*pair, *moved[:2]) for *pair, moved in zip(i, j, shift.tolist(), strict=True)}
+    slow = set()
+    for a, b in product(range(-3, 4), repeat=2):
+        image = position + (a * side[0], b * side[1], 0)
+        near = np.linalg.norm(image[None] - position[:, None], axis=2) <= 1.0
+        upward = a > 0 or (a == 0 and b > 0)
+        kept = np.triu(near, 0 if upward else 1)
+        slow |= {(i, j, a, b) for i, j in np.argwhere(kept)}
+    assert len(found) == len(i) and found == slow
 
 
 @pytest.mark.parametrize("width", [1, 2, 4])
@@ -89,18 +79,7 @@ def test_shear_forces_survive_the_file(tmp_path):
     random = np.random.default_rng(1)
     listed = network.with_contacts(random.permutation(network.n_contacts))
     other = (listed.particle_j >= 0) & (random.random(listed.n_contacts) < 0.5)
-    sign = np.where(other, -1, 1)[:, None]
-    i, j = listed.particle_i, listed.particle_j
-    turned = replace(
-        listed,
-        particle_i=np.where(other, j, i),
-        particle_j=np.where(other, i, j),
-        cell_shift=sign * listed.cell_shift,
-        normal=sign * listed.normal,
-        force_tangential=sign * listed.force_tangential,
-        lever_i=np.where(other[:, None], listed.lever_j, listed.lever_i),
-        lever_j=np.where(other[:, None], listed.lever_i, listed.lever_j),
-    )
+    turned = packings.from_other_end(listed, other)
     assert other.any()
     assert sample_of_network(turned, 0.3).shear == pytest.approx(sample.shear, abs=1e-17)
     normal_part = (network.force_tangential * network.normal).sum(axis=1)

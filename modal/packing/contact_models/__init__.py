@@ -17,7 +17,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from modal.packing.contact_law import Elasticity, Material, Moduli
-from modal.tools.arrays import Bools, Floats
+from modal.tools.arrays import Bools
 from modal.tools.errors import InputError
 
 MODELS = tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)))
@@ -31,19 +31,19 @@ class ContactLaw(Protocol):
     def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> Self:
         """Of the elastic moduli and the model's own numbers; InputError where these are wrong."""
 
-    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+    def normal_force(self, overlap: Any, radius: Any) -> Any:
         """Compressive force, N."""
 
-    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+    def elastic_energy(self, overlap: Any, radius: Any) -> Any:
         """Work of that force from touch to the overlap, J."""
 
-    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
         """Tangent of the force, dN/d(overlap), N/m."""
 
-    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
         """Stiffness along the contact without slip, N/m."""
 
-    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+    def overlap_of_force(self, force: Any, radius: Any) -> Any:
         """The inverse of `normal_force`, m."""
 
 

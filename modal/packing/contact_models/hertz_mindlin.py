@@ -14,7 +14,6 @@ import numpy as np
 
 from modal.packing.contact_law import Moduli
 from modal.packing.contact_models import refuse_numbers
-from modal.tools.arrays import Floats
 
 
 class HertzMindlin(NamedTuple):
@@ -32,32 +31,26 @@ class HertzMindlin(NamedTuple):
         refuse_numbers(numbers, "hertz-mindlin")
         return cls(*moduli)
 
-    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+    def normal_force(self, overlap: Any, radius: Any) -> Any:
         """N = 4/3 E* a overlap."""
-        hertz = 4 / 3 * self.effective_young
-        force: Floats = hertz * np.sqrt(radius * overlap) * overlap
-        return force
+        return 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
 
-    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+    def elastic_energy(self, overlap: Any, radius: Any) -> Any:
         """2/5 N overlap."""
-        hertz = 4 / 3 * self.effective_young
-        energy: Floats = 0.4 * (hertz * np.sqrt(radius * overlap) * overlap) * overlap
-        return energy
+        force = 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
+        return 0.4 * force * overlap
 
-    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
         """kn = 2 E* a."""
-        stiffness: Floats = 2 * self.effective_young * np.sqrt(radius * overlap)
-        return stiffness
+        return 2 * self.effective_young * np.sqrt(radius * overlap)
 
-    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
         """kt = 8 G* a."""
-        stiffness: Floats = 8 * self.effective_shear * np.sqrt(radius * overlap)
-        return stiffness
+        return 8 * self.effective_shear * np.sqrt(radius * overlap)
 
-    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+    def overlap_of_force(self, force: Any, radius: Any) -> Any:
         """(3 N / (4 E* sqrt(R*)))^(2/3)."""
-        overlap: Floats = (0.75 * force / (self.effective_young * np.sqrt(radius))) ** (2 / 3)
-        return overlap
+        return (0.75 * force / (self.effective_young * np.sqrt(radius))) ** (2 / 3)
 
 
 LAW = HertzMindlin

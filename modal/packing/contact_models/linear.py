@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 from modal.packing.contact_law import Moduli
 from modal.packing.contact_models import refuse_numbers
-from modal.tools.arrays import Floats
 
 
 class Linear(NamedTuple):
@@ -26,30 +25,25 @@ class Linear(NamedTuple):
         refuse_numbers(numbers, "linear")
         return cls(*moduli)
 
-    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+    def normal_force(self, overlap: Any, radius: Any) -> Any:
         """N = kn overlap."""
-        force: Floats = 2 * self.effective_young * radius * overlap
-        return force
+        return 2 * self.effective_young * radius * overlap
 
-    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+    def elastic_energy(self, overlap: Any, radius: Any) -> Any:
         """Half of N overlap."""
-        energy: Floats = self.effective_young * radius * overlap**2
-        return energy
+        return self.effective_young * radius * overlap**2
 
-    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
         """Whatever the overlap."""
-        stiffness: Floats = 2 * self.effective_young * radius + 0 * overlap
-        return stiffness
+        return 2 * self.effective_young * radius + 0 * overlap
 
-    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
         """Whatever the overlap."""
-        stiffness: Floats = 8 * self.effective_shear * radius + 0 * overlap
-        return stiffness
+        return 8 * self.effective_shear * radius + 0 * overlap
 
-    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+    def overlap_of_force(self, force: Any, radius: Any) -> Any:
         """N / kn."""
-        overlap: Floats = force / (2 * self.effective_young * radius)
-        return overlap
+        return force / (2 * self.effective_young * radius)
 
 
 LAW = Linear

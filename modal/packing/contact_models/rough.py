@@ -33,7 +33,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.packing.contact_law import Moduli
-from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 SHIFT_1, SHIFT_2 = 0.82, 1.24
@@ -93,37 +92,32 @@ class Rough(NamedTuple):
             )
         return cls(*moduli, float(np.hypot(numbers[0], numbers[-1 if wall else 0])))
 
-    def normal_force(self, overlap: Any, radius: Any) -> Floats:
+    def normal_force(self, overlap: Any, radius: Any) -> Any:
         """The three power laws."""
-        force: Floats
         force, _, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
         return force
 
-    def elastic_energy(self, overlap: Any, radius: Any) -> Floats:
+    def elastic_energy(self, overlap: Any, radius: Any) -> Any:
         """The integral of the force."""
-        stored: Floats
         _, _, stored = force_and_rate(self.effective_young, self.roughness, overlap, radius)
         return stored
 
-    def stiffness_normal(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
         """The derivative of the force."""
         force, rate, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
-        stiffness: Floats = force * rate
-        return stiffness
+        return force * rate
 
-    def stiffness_tangential(self, overlap: Any, radius: Any) -> Floats:
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
         """kn 4 G* / E*."""
         force, rate, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
-        stiffness: Floats = force * rate * (4 * self.effective_shear / self.effective_young)
-        return stiffness
+        return force * rate * (4 * self.effective_shear / self.effective_young)
 
-    def overlap_of_force(self, force: Any, radius: Any) -> Floats:
+    def overlap_of_force(self, force: Any, radius: Any) -> Any:
         """Each of the three power laws has its inverse."""
         unit = self.roughness * self.effective_young * np.sqrt(2 * radius * self.roughness)
         load = force / unit
         origin, span, power, size, _ = regime(load >= 1, load >= RATIO)
-        overlap: Floats = self.roughness * (origin + span * (load / size) ** (1 / power))
-        return overlap
+        return self.roughness * (origin + span * (load / size) ** (1 / power))
 
 
 LAW = Rough

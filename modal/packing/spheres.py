@@ -1,0 +1,177 @@
+"""Spheres between two walls, or through a period, and the network of their contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+
+from modal.packing.columns import frozen, stored
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Elasticity, Material
+from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
+from modal.packing.neighbours import ContactList, between, tangents, touching
+from modal.packing.network import Network
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
+
+SPIN = "rad/s"
+ELASTIC = ("young", "poisson")
+
+
+@dataclass
+class Sample:
+    """Spheres between flat walls at rest, or, with velocities, on their way; SI units.
+
+    position (n, 3), x and y inside the cell; side (2,) of the lateral cell; walls (2,) z of source
+    and receiver wall; shear (m, 2) shear force on i of each contact in canonical order along
+    `neighbours.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
+    strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
+    contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
+    of spheres of several sizes, the mean of `radii` (n,). `densities` (n,), kg/m^3, stand in place
+    of the material's; the walls are of `wall_material`, where it is None of that of the spheres.
+    Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z. Where its
+    sides are not periodic, `periodic_sides` (x, y), it ends there, and no file has it.
+    """
+
+    position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]
+    side: Annotated[Floats, stored("cell", "f", 2, unit="m")]
+    walls: Annotated[Floats, stored("walls", "f", 2, unit="m", name="position")]
+    friction: float
+    shear: Annotated[Floats | None, stored("contacts", "f", "m", 2, unit="N")] = None
+    velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit="m/s")] = None
+    angular_velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit=SPIN)] = None
+    strain_rate: Annotated[Floats | None, stored("cell", "f", 3, unit="1/s")] = None
+    radius: float = RADIUS
+    radii: Annotated[Floats | None, stored("particles", "f", "n", unit="m", name="radius")] = None
+    material: Material = GLASS
+    densities: Annotated[
+        Floats | None, stored("particles", "f", "n", unit="kg/m^3", name="density")
+    ] = None
+    wall_material: Elasticity | None = None
+    periodic_z: bool = False
+    periodic_sides: tuple[bool, bool] = (True, True)
+    study: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def sizes(self) -> float | Floats:
+        """The radius of all spheres, or that of each (n,), m."""
+        return self.radius if self.radii is None else self.radii
+
+    @property
+    def laws(self) -> tuple[ContactLaw, ContactLaw]:
+        """The contact law between spheres, and with a wall."""
+        return laws_of(self.material, self.wall_material)
+
+    @property
+    def constants(self) -> dict[str, Any]:
+        """Its materials, as a network's `study` notes them; no density if the spheres' differ."""
+        own = vars(self.material)
+        kept = [*ELASTIC]
+        kept += ["contact_model"] * (self.material.contact_model != HERTZ_MINDLIN)
+        kept += ["density"] * (self.densities is None)
+        return {name: own[name] for name in kept} | self.wall_constants
+
+    @property
+    def wall_constants(self) -> dict[str, float]:
+        """The walls' own moduli by name, if they are not the spheres'."""
+        walls = self.wall_material
+        return {} if walls is None else {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
+
+    @property
+    def masses(self) -> tuple[Floats, Floats]:
+        """Mass, kg, and moment of inertia, kg m^2, of each sphere (n,)."""
+        each = np.full(len(self.position), self.sizes)
+        mass, inertia = self.material.sphere(each, self.densities)
+        return mass, inertia
+
+    @property
+    def length(self) -> float:
+        """Between the walls, or of the period along z, m."""
+        return float(self.walls[1] - self.walls[0])
+
+    @property
+    def periods(self) -> Floats:
+        """Shape (2,), m: of the sides; of those that end, so far that no image is ever near."""
+        beyond = np.ptp(self.position[:, :2], axis=0) + 6 * np.max(self.sizes)
+        return np.where(self.periodic_sides, self.side, beyond)
+
+    def contacts(self, ends: tuple[Ints, ...] | None = None) -> ContactList:
+        """All contacts, in canonical order, or those whose `ends`, i, j and periods, are known.
+
+        Their overlaps follow from the positions.
+        """
+        lengths, position = self.periods, self.position
+        if self.periodic_z:
+            lengths = np.array([*lengths, self.length])
+            position = position - [0, 0, self.walls[0]]
+        walls = None if self.periodic_z else self.walls
+        if ends is None:
+            return touching(position, lengths, walls, self.sizes)
+        each = np.broadcast_to(self.sizes, len(position))
+        return between(ends, position, lengths, walls, each)
+
+    def network(self, contact: ContactList | None = None) -> Network:
+        """The contact network: springs of the contact model at the present overlaps.
+
+        Its contacts are found, unless they are known. The contact point lies in the middle of the
+        overlap, also at a wall.
+
+        Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
+        """
+        contact = self.contacts() if contact is None else contact
+        n, m, overlap = len(self.position), len(contact.particle_i), contact.overlap
+        wall, each = contact.particle_j < 0, np.full(n, self.sizes)
+        first, second = each[contact.particle_i], each[np.maximum(contact.particle_j, 0)]
+        effective = np.where(wall, first, first * (second / (first + second)))
+        law = law_of_each(self.laws, wall)
+        force, tangential = law.normal_force(overlap, effective), np.zeros((m, 3))
+        if self.shear is not None:
+            if len(self.shear) != m:
+                raise InputError(
+                    f"sample: {len(self.shear)} shear forces for {m} contacts; it was written by "
+                    "another program or is damaged, make it again"
+                )
+            along, across = tangents(contact.normal)
+            tangential = self.shear[:, :1] * along + self.shear[:, 1:] * across
+        sliding = np.linalg.norm(tangential, axis=1) >= self.friction * force * (1 - 1e-9)
+        lever = (first - overlap / 2)[:, None] * contact.normal
+        backwards = (overlap / 2 - second)[:, None] * contact.normal
+        backwards[wall] = 0
+        mass, inertia = self.masses
+        solid = {
+            "void_ratio": void_ratio(n, self.sizes, self.side, self.length),
+            "coordination_number": float((2 * m - wall.sum()) / n),
+        }
+        return Network(
+            position=self.position,
+            cell_size=np.array([*self.side, self.length]),
+            cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
+            wall_position=np.asarray(self.walls, float),
+            study=self.study | solid | self.constants,
+            provenance=self.provenance,
+            **frozen(
+                radius=each,
+                mass=mass,
+                inertia=inertia,
+                particle_i=contact.particle_i,
+                particle_j=contact.particle_j,
+                normal=contact.normal,
+                lever_i=lever,
+                lever_j=backwards,
+                stiffness_normal=law.stiffness_normal(overlap, effective),
+                stiffness_tangential=law.stiffness_tangential(overlap, effective),
+                force_normal=force,
+                force_tangential=tangential,
+                overlap=overlap,
+                sliding=sliding,
+                cell_shift=contact.cell_shift,
+            ),
+        )
+
+
+def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> float:
+    """Volume of voids over volume of n spheres, wall to wall; `radius` of all or of each (n,)."""
+    cube = float(np.mean(radius**3))
+    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * cube) - 1)
