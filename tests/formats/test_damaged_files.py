@@ -16,6 +16,7 @@ from pathlib import Path
 import damage
 import h5py
 import numpy as np
+import packings
 import pytest
 from places import SHEARED
 
@@ -47,12 +48,9 @@ COSMETIC = {"case", "producer", "study", "provenance", "creator", "run_time"}
 def sound(tmp_path_factory) -> Path:
     """Folder with one sound file of each format; the network's crystal is 12 layers long."""
     folder = tmp_path_factory.mktemp("sound")
-    network, sample = (
-        gallery.fcc(cells=(2, 2, 12)),
-        SHEARED,
-    )
+    network = gallery.fcc(cells=(2, 2, 12))
     write_network(folder / FILES["network"], network)
-    write_sample(folder / FILES["sample"], read_sample(sample))
+    write_sample(folder / FILES["sample"], read_sample(SHEARED))
     wave = propagate(network, 6e-5, network_sha256=sha256(folder / FILES["network"]))
     write_signals(folder / FILES["signals"], wave.signals)
     write_modes(folder / FILES["modes"], all_modes(LinearSystem.of(network)))
@@ -61,24 +59,23 @@ def sound(tmp_path_factory) -> Path:
 
 def commands(kind: str, folder: Path) -> list[tuple]:
     """The commands that read a file of this kind: entry point and arguments."""
-    path = {name: str(folder / file) for name, file in FILES.items()}
-    at_rest = ["--quantities", "rattlers"]
+    network, sample, signals, modes = (str(folder / file) for file in FILES.values())
     page = ["-o", str(folder / "page.html")]
     return {
         "network": [
-            (modal_main, ["info", path["network"], "--json"]),
-            (modal_main, ["modes", path["network"], "--lowest", "3", "--json"]),
-            (modal_main, ["count", path["network"], "--at", "3e4", "--json"]),
-            (modal_main, ["wave", path["network"], "--duration", "2e-5", "--json"]),
-            (analysis_main, ["measure", path["network"], "--quantities", "void_ratio"]),
+            (modal_main, ["info", network, "--json"]),
+            (modal_main, ["modes", network, "--lowest", "3", "--json"]),
+            (modal_main, ["count", network, "--at", "3e4", "--json"]),
+            (modal_main, ["wave", network, "--duration", "2e-5", "--json"]),
+            (analysis_main, ["measure", network, "--quantities", "void_ratio"]),
         ],
         "sample": [
-            (modal_main, ["info", path["sample"], "--json"]),
-            (modal_main, ["count", path["sample"], "--at", "3e4", "--json"]),
-            (analysis_main, ["measure", path["sample"], *at_rest]),
+            (modal_main, ["info", sample, "--json"]),
+            (modal_main, ["count", sample, "--at", "3e4", "--json"]),
+            (analysis_main, ["measure", sample, "--quantities", "rattlers"]),
         ],
-        "signals": [(analysis_main, ["agreement", path["network"], path["signals"]])],
-        "modes": [(analysis_main, ["watch", path["modes"], path["network"], *page])],
+        "signals": [(analysis_main, ["agreement", network, signals])],
+        "modes": [(analysis_main, ["watch", modes, network, *page])],
     }[kind]
 
 
@@ -133,9 +130,6 @@ def verdict(kind: str, folder: Path, reading, answers: list[tuple], number: int)
 def wrong_contents(kind: str, path: Path) -> list[tuple[str, object]]:
     """What a faulty exporter writes, format and checksums being right: name, change."""
     changes: list[tuple[str, object]] = []
-    optional = {f"contacts/{name}" for name in OPTIONAL_CONTACTS}
-    optional |= {"contacts/shear", "layers/position", "layers/displacement", "mode_shape"}
-    optional |= {"resonance_frequency", "resonance_wavenumber", "resonance_shape"}
     for name in damage.datasets(path):
         with h5py.File(path) as file:
             data = file[name][()]
@@ -148,32 +142,33 @@ def wrong_contents(kind: str, path: Path) -> list[tuple[str, object]]:
             "a row more": np.concatenate([data, data[-1:]]),
         }
         # An optional dataset that nothing else fixes the length of may be empty or absent.
-        if name not in optional:
+        if name not in OPTIONAL:
             changes.append((f"{name} absent", lambda f, n=name: f.__delitem__(n)))
             changes.append((f"{name} renamed", lambda f, n=name: f.move(n, n + "_")))
         if name in ("time", "frequency"):
             spoiled["backwards"] = data[::-1]
         if name == "chain/particle":
             spoiled["negative"] = -1 - data
-        if data.dtype.kind == "f":
-            spoiled["nan"] = _with_first(data, np.nan)
-            spoiled["infinite"] = _with_first(data, np.inf)
-        if data.dtype.kind == "i":
-            spoiled["out of range"] = _with_first(data, 2**30)
-            spoiled["fraction"] = data + 0.5
+        wrong = {"f": {"nan": np.nan, "infinite": np.inf}, "i": {"out of range": 2**30}}
         if name.rsplit("/")[-1] in POSITIVE:
-            spoiled["negative"] = _with_first(data, -abs(np.ravel(data)[0]) - 1e-30)
+            wrong["f"]["negative"] = -abs(np.ravel(data)[0]) - 1e-30
+        for how, value in wrong.get(data.dtype.kind, {}).items():
+            spoiled[how] = _with_first(data, value)
+        if data.dtype.kind == "i":
+            spoiled["fraction"] = data + 0.5
         changes += [
             (f"{name} {how}", lambda f, n=name, d=data: damage.replaced(f, n, d))
             for how, data in spoiled.items()
         ]
-    changes += [("schema_version 9", lambda f: f.attrs.__setitem__("schema_version", 9))]
-    changes += [("schema of another", lambda f: f.attrs.__setitem__("schema", "other"))]
-    return changes + [(name, change) for name, change in SPECIFIC[kind].items()]
+    changes += [("schema_version 9", _attribute("schema_version", 9))]
+    changes += [("schema of another", _attribute("schema", "other"))]
+    return changes + [*SPECIFIC[kind].items()]
 
 
 POSITIVE = {"radius", "mass", "inertia", "stiffness_normal", "stiffness_tangential", "side"}
-OPTIONAL_CONTACTS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+OPTIONAL = {f"contacts/{name}" for name in (*packings.OPTIONAL, "shear")}
+OPTIONAL |= {"layers/position", "layers/displacement", "mode_shape"}
+OPTIONAL |= {f"resonance_{name}" for name in ("frequency", "wavenumber", "shape")}
 
 
 def _with_first(data: np.ndarray, value: float) -> np.ndarray:
@@ -182,64 +177,61 @@ def _with_first(data: np.ndarray, value: float) -> np.ndarray:
     return changed
 
 
-def _set(name: str, row: int, value: object):
-    return lambda f: f[name].__setitem__(row, value)
+def _set(name: str, row: object, value: object):
+    """Another value, or what a function makes of the whole column."""
+
+    def change(file: h5py.File) -> None:
+        file[name][row] = value(file[name][()])[row] if callable(value) else value
+
+    return change
 
 
 def _attribute(name: str, value: object):
     return lambda f: f.attrs.__setitem__(name, value)
 
 
+def _attributes(names: str, *values: object) -> dict[str, object]:
+    return {
+        f"{name} {value}": _attribute(name, value) for name in names.split() for value in values
+    }
+
+
+PAIR = [1.0, 2.0]
+BACKWARDS = {"walls changed places": _set("walls/position", ..., lambda walls: walls[::-1])}
 SPECIFIC = {
     "network": {
         "radius zero": _set("particles/radius", 2, 0.0),
         "a pair is one particle": lambda f: (
-            f["contacts/particle_j"].__setitem__(0, f["contacts/particle_i"][0]),
-            f["contacts/cell_shift"].__setitem__(0, 0),
+            _set("contacts/particle_j", 0, f["contacts/particle_i"][0])(f),
+            _set("contacts/cell_shift", 0, 0)(f),
         ),
         "another particle": _set("contacts/particle_j", 3, 40),
         "normal too long": _set("contacts/normal", 0, [0.0, 0.0, 1.01]),
         "normal zero": _set("contacts/normal", 0, [0.0, 0.0, 0.0]),
-        "lever in mm": lambda f: f["contacts/lever_i"].__setitem__(
-            5, 1e3 * f["contacts/lever_i"][5]
-        ),
-        "position in mm": lambda f: f["particles/position"].__setitem__(
-            ..., 1e3 * f["particles/position"][()]
-        ),
+        "lever in mm": _set("contacts/lever_i", 5, lambda lever: 1e3 * lever),
+        "position in mm": _set("particles/position", ..., lambda place: 1e3 * place),
         "no period": _set("cell/size", 0, 0.0),
         "a period along z": _set("contacts/cell_shift", 0, [0, 0, 1]),
         "wall -3": _set("contacts/particle_j", 0, -3),
-        "walls changed places": lambda f: f["walls/position"].__setitem__(
-            ..., f["walls/position"][()][::-1]
-        ),
+        **BACKWARDS,
     },
     "sample": {
-        **{
-            f"{name} {value}": _attribute(name, value)
-            for name in ("radius", "young", "density", "poisson", "friction")
-            for value in (-1.0, np.nan, np.inf, "much", [1.0, 2.0])
-        },
+        **_attributes("radius young density poisson friction", -1.0, np.nan, np.inf, "much", PAIR),
         "no radius": lambda f: f.attrs.__delitem__("radius"),
         "radius in mm": _attribute("radius", 1.27),
         "narrow": _set("cell/side", 0, 1e-300),
         "wide": _set("cell/side", 0, 1.0),
-        "all in one place": lambda f: f["particles/position"].__setitem__(..., [1e-3, 1e-3, 5e-3]),
+        "all in one place": _set("particles/position", ..., [1e-3, 1e-3, 5e-3]),
         "outside the cell": _set("particles/position", 7, [1.0, 1e-3, 1e-3]),
         "behind the wall": _set("particles/position", 7, [1e-3, 1e-3, -1.0]),
-        "walls changed places": lambda f: f["walls/position"].__setitem__(
-            ..., f["walls/position"][()][::-1]
-        ),
+        **BACKWARDS,
     },
     "signals": {
-        **{
-            f"{name} {value}": _attribute(name, value)
-            for name in ("amplitude", "input_frequency", "time_step")
-            for value in (np.nan, np.inf, "much", [1.0, 2.0])
-        },
+        **_attributes("amplitude input_frequency time_step", np.nan, np.inf, "much", PAIR),
         "no producer": lambda f: f.attrs.__delitem__("producer"),
-        "uneven": lambda f: f["time"].__setitem__(3, f["time"][3] * 1.3),
+        "uneven": _set("time", 3, lambda time: 1.3 * time),
         "of another network": _attribute("network_sha256", "0" * 64),
-        "one particle twice": lambda f: f["chain/particle"].__setitem__(0, f["chain/particle"][1]),
+        "one particle twice": _set("chain/particle", 0, lambda chain: np.roll(chain, -1)),
     },
     "modes": {
         "another frequency": lambda f: f["frequency"].__setitem__(0, 1e9),
