@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FAST = ("numba", "pypardiso")
 """Optional packages of the recommended path."""
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
-MAY_BE_ABSENT = ["LAMMPS", "Chromium", "Slurm", "'vtk'", "'ovito.io'", *HIDDEN]
+MAY_BE_ABSENT = ["LAMMPS", "Chromium", "Slurm", *HIDDEN]
 """What a test that is skipped where the tests must be complete may name as its reason."""
 LONG = ("faults_study", "workflow", "docs", "yade")
 """What the names of files hold that take longest."""

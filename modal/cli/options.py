@@ -150,7 +150,11 @@ def check_text(arguments: Sequence[str]) -> None:
 
 
 def json_text(result: Any) -> str:
-    """A result as JSON, which knows neither NaN nor infinity: null stands for them."""
+    """A result as JSON, which knows neither NaN nor infinity: null stands for them.
+
+    >>> json_text({"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "ok": True})
+    '{"velocity": [null, 1.5], "worst": {"residual": null}, "ok": true}'
+    """
 
     def plain(value: Any) -> Any:
         if isinstance(value, dict):

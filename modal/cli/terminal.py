@@ -66,10 +66,20 @@ def put(text: object, end: str = "\n") -> None:
 def page(result: dict[str, Any], groups: Groups | None = None) -> str:
     """The text for people: titled groups, then how long it took and how much memory.
 
-    >>> print(page({"stress_pa": [1e5, 99976.0], "rattlers": 4127, "certified": True}))
-    stress     100.0, 100.0 kPa
-    rattlers   4,127
-    certified  yes
+    >>> result = {"stress_pa": [1e5, 99976.0], "rattlers": 4127, "certified": True, "absent": []}
+    >>> result |= {"count_below": {"1500": 12, "2e4": 40}}
+    >>> result |= {"stiffness_pa": [[2.5e8, -1e6], [0.0, 1.25e7]]}
+    >>> print(page(result | {"seconds": 0.25, "peak_memory_bytes": 2_000_000_000}))
+    stress                     100.0, 100.0 kPa
+    rattlers                   4,127
+    complete by inertia count  yes
+    absent                     none
+    count below                1.5 kHz  12
+                               20 kHz   40
+    stiffness                  in MPa
+                               250.0  -1.0
+                                 0.0  12.5
+    0.25 s, at most 2 GB of memory
     """
     groups = groups or {"": {k: v for k, v in result.items() if k not in COST}}
     parts = []

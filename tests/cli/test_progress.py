@@ -1,6 +1,5 @@
 """Progress on a terminal and in a log, by a clock that ticks as told; memory without Linux."""
 
-import doctest
 import io
 import math
 import re
@@ -72,10 +71,6 @@ def test_a_terminal_has_a_bar_that_is_wiped_away(said):
     bars = re.findall(r"\[(#*) *\]", text)
     assert [len(bar) for bar in bars] == [int(module.WIDTH * k / 40) for k in range(1, 41)]
     assert "\n" not in text and text.endswith("\r\033[K")
-
-
-def test_the_example_of_times_to_go():
-    assert doctest.testmod(module).failed == 0
 
 
 def test_memory_of_a_system_without_proc(monkeypatch):

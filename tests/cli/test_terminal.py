@@ -1,5 +1,7 @@
 """What people see on a terminal: units, columns, groups, examples of the help; pipes that close."""
 
+import doctest
+import importlib
 import importlib.util
 import json
 import math
@@ -7,10 +9,11 @@ import re
 import subprocess
 import sys
 
-import numpy as np
+import program_files
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from places import ROOT
 
 import modal
 from modal.cli.main import COMMANDS, main, parser
@@ -41,7 +44,7 @@ def test_examples_of_the_help_run(tmp_path, monkeypatch, capsys):
     """What the help calls mine is small here, and imported before anything is made of it."""
     monkeypatch.chdir(tmp_path)
     network = modal.fcc(cells=(3, 3, 8))  # no pair touches twice, which a table cannot say
-    _write_tables(network)
+    program_files.tables(network, tmp_path)
     first = ["import", "pack", "modes"]
     for name in first + [name for name in COMMANDS if name not in first]:
         example = _example(name, capsys)
@@ -57,23 +60,6 @@ def _example(name, capsys):
         parser().parse_args([name, "--help"])
     line = capsys.readouterr().out.rstrip().splitlines()[-1]
     return line.removeprefix("example: python -m modal ").split()
-
-
-def _write_tables(network):
-    """The crystal as the two tables of any program."""
-    (a, b, _), (low, high) = network.cell_size, network.wall_position
-    head = f"# cell 0 {a} 0 {b} {low} {high}\n# periodic x y\n# walls {low} {high}\n"
-    columns = (network.position, network.radius, network.mass)
-    spheres = np.column_stack([np.arange(network.n_particles), *columns])
-    columns = (network.particle_i, network.particle_j, network.stiffness_normal)
-    columns += (network.stiffness_tangential, network.force_normal)
-    for name, top, rows in (
-        ("spheres", head + "id,x,y,z,radius,mass", spheres),
-        ("contacts", "i,j,kn,kt,fn", np.column_stack(columns)),
-    ):
-        kinds = ["%d"] * (2 if name == "contacts" else 1)
-        kinds += ["%.17g"] * (rows.shape[1] - len(kinds))
-        np.savetxt(f"{name}.csv", rows, kinds, ",", header=top, comments="")
 
 
 @pytest.fixture
@@ -117,28 +103,13 @@ def test_lists_of_modes_stand_in_columns(crystal, capsys):
         assert float(text) == pytest.approx(frequency[int(number) - 1] / 1e3, abs=5.1e-4)
 
 
-def test_named_values_texts_and_what_is_absent():
-    result = {
-        "count_below": {"1500": 12, "2e4": 40},
-        "absent": [],
-        "certified": False,
-        "stiffness_pa": [[2.5e8, -1e6], [0.0, 1.25e7]],
-        "remarks": ["a remark that is as long as one about a network tends to be"] * 2,
-        "seconds": 0.25,
-        "peak_memory_bytes": 2_000_000_000,
-    }
-    assert page(result).splitlines() == [
-        "count below                1.5 kHz  12",
-        "                           20 kHz   40",
-        "absent                     none",
-        "complete by inertia count  no",
-        "stiffness                  in MPa",
-        "                           250.0  -1.0",
-        "                             0.0  12.5",
-        "remarks                    a remark that is as long as one about a network tends to be",
-        "                           a remark that is as long as one about a network tends to be",
-        "0.25 s, at most 2 GB of memory",
-    ]
+def test_examples_in_docstrings_run():
+    """Of all modules of these rooms."""
+    for room in ("cli", "exchange", "tools"):
+        for path in (ROOT / "modal" / room).rglob("*.py"):
+            if ">>>" in path.read_text():
+                name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+                assert doctest.testmod(importlib.import_module(name)).failed == 0, name
 
 
 def test_names_and_velocities_for_people():

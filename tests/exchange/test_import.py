@@ -9,8 +9,7 @@ import numpy as np
 import program_files
 import pytest
 from packings import contact_matrices
-from places import PACKINGS
-from program_files import PAIR, Given, same
+from program_files import PAIR, same
 
 import modal
 from modal.__main__ import main
@@ -110,47 +109,31 @@ def test_liggghts_gives_the_packing_back(given, periodic_z):
         files.refused(said, pair=program_files.LIGGGHTS.replace(old, new))
 
 
-def test_cgs_is_the_same_packing(given):
-    """Lengths in cm, masses in g, forces in dyn and Young's modulus in dyn/cm^2."""
-    files = given("lammps")
-    want = files.network()
-    factors = {"spheres": (1, 1, 1e2, 1e2, 1e2, 1e2, 1e3), "contacts": (1, 1, 1, *[1e5] * 7)}
-    for name, factor in factors.items():
-
-        def scaled(words: list[str], factor: tuple[float, ...] = factor) -> list[str]:
-            numbers = [float(w) * f for w, f in zip(words, factor, strict=True)]
-            return [repr(x) if x != int(x) else str(int(x)) for x in numbers]
-
-        files.rewrite(name, scaled, 9)
-        for line in (6, 7, 8):
-            files.spoil(name, rf"(?m)\A((?:.*\n){{{line - 1}}})(.*)", in_cm)
-    files.spoil("log", "units si", "units cgs")
-    files.spoil("log", "6e10", "6e11", 0)
-    found = files.network()
-    for name in ("mass", *STIFFNESSES.split()):
-        np.testing.assert_allclose(getattr(found, name), getattr(want, name), rtol=1e-9)
-
-
-def in_cm(line) -> str:
-    """The bounds of a cell, in m before."""
-    return line[1] + " ".join(repr(1e2 * float(word)) for word in line[2].split())
-
-
 def named(units: str) -> tuple[str, str, str]:
     """Let a dump name its units, as with `dump_modify ... units yes`."""
     return "spheres", r"\A", f"ITEM: UNITS\n{units}\n"
 
 
 def test_units_of_the_dump_are_used(given):
-    """Lengths of micrometres are told by the dump alone; other scales beside it are refused."""
+    """Lengths of micrometres, 6e10 Pa in pg / (um us^2); other scales beside it are refused.
+
+    Hertz' forces go with the square of lengths, and 1e-9 N are their unit; stiffnesses as lengths.
+    """
     made = program_files.packing(True)
     files = given("lammps", made)
-    files.options = {"pair": PAIR.replace("6e10", "6e7")}  # 6e10 Pa in pg / (um us^2)
+    files.rewrite("contacts", lambda w: [*w[:3], *(repr(1e-3 * float(x)) for x in w[3:])], 9)
+    files.options = {"pair": PAIR.replace("6e10", "6e7"), "contacts": files.contacts}
     files.spoil(*named("micro"))
+    files.spoil("contacts", "c_f.*", "force p1 p2 p3 fx fy fz")
+    files.spoil("contacts", r"c_p\[1\] c_p\[2\]", "patom1 patom2")
     assert files.imported()["assumed"] == []
     found = read_network(files.out)
-    np.testing.assert_allclose(found.radius, 1e-6 * made.radius, rtol=1e-12)
-    np.testing.assert_allclose(found.mass, 1e-15 * made.mass, rtol=1e-12)
+    like = {"radius": 1e-6, "mass": 1e-15, "stiffness_normal": 1e-6, "stiffness_tangential": 1e-6}
+    like |= {"force_normal": 1e-12, "force_tangential": 1e-12}
+    wanted = made.unchecked(**{name: unit * getattr(made, name) for name, unit in like.items()})
+    np.testing.assert_allclose(found.radius, wanted.radius, rtol=1e-12)
+    np.testing.assert_allclose(found.mass, wanted.mass, rtol=1e-12)
+    same(found, wanted, f"{STIFFNESSES} force_tangential", 1e-9)
     files.refused("x.atoms: ITEM: UNITS micro, and --scales 1 1 1; leave", scales=(1, 1, 1))
 
 
@@ -169,15 +152,9 @@ def test_a_triclinic_box_without_tilt_is_the_rectangular_one(given):
     files.refused(r"x.atoms, line 9: the cell is triclinic")
 
 
-@pytest.mark.parametrize("program", ["lammps", "mercury", "tables"])
+@pytest.mark.parametrize("program", ["lammps", "tables"])
 def test_import_remarks_on_what_info_remarks_on(program, given, capsys):
-    if program == "mercury":
-        files = given("lammps")
-        files = Given(capsys, files.spheres.with_name("x.restart"), {})
-        file = PACKINGS / "mercury_CubicPacking.restart"
-        files.spheres.write_bytes(file.read_bytes())
-    else:
-        files = given(program, False)
+    files = given(program, False)
     told = files.imported()["remarks"]
     assert main(["info", str(files.out), "--json"]) == 0
     wanted = json.loads(capsys.readouterr().out)["remarks"]
