@@ -301,31 +301,24 @@ def test_rigid_bodies_are_those_of_lammps(tmp_path):
 
 
 VARIABLES = """variable none string ""
-variable one string 1
 variable n index 2
 variable k loop 3
 variable E equal 4.0e6
 variable half equal v_E/2
-variable short format E %g
-variable where getenv NOWHERE
 variable rest string "0 tangential linear_history 3e6 0 3"
 variable how string "pair_coeff"
-variable w world granular
-variable u universe granular
-variable v vector [1,2]
-variable a atom x*2
-pair_style ${w}
+pair_style granular
 print "pair_style gran/hooke 1 1 1 1 1 1"
-pair_coeff ${none} ${one} $k hooke $E ${rest} ${none}
-pair_coeff $n 2 hooke $(v_half:%.3e) ${rest} ${where}# of type $n
+pair_coeff ${none} 1 $k hooke $E ${rest} ${none}
+pair_coeff $n 2 hooke $(v_half:%.3e) ${rest} # of type $n
 ${how} 1 $n hooke &
-  ${short} ${rest}
+  $E ${rest}
 print "pair_coeff 1 2 hooke 9e6 ${rest}"
 variable COEFF string "1 2 hooke 3e6 ${none} ${rest}"
 if "$k == 1" then "pair_coeff ${COEFF}"
 ${none}
 fix ${none} nve all nve/sphere"""
-"""Commands with variables of all styles that a log shows; the last pair_coeff of 1 and 2 holds."""
+"""Commands with variables that a log shows; the last pair_coeff of 1 and 2 holds."""
 
 
 def test_variables_of_a_log_are_read_as_lammps_puts_them_in(tmp_path):
