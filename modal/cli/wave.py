@@ -25,7 +25,7 @@ from modal.packing.sample import read_sample
 from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
-from modal.waves.nonlinear import ACCURACY, propagate_nonlinear
+from modal.waves.nonlinear import ACCURACY
 from modal.waves.propagate import propagate
 from modal.waves.signals import COMPONENT, Signals, read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
@@ -179,8 +179,9 @@ def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
         if not 0 < options.friction < math.inf:
             raise InputError(f"--friction {options.friction:g}: must be positive")
         sample = replace(sample, friction=options.friction)
-    wave = propagate_nonlinear(
+    wave = propagate(
         sample,
+        nonlinear=True,
         source=asked_of(options)["source"],
         motion=_motion(options),
         accuracy=ACCURACY if options.accuracy is None else options.accuracy,

@@ -64,16 +64,20 @@ def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     """
     name = f"lateral repeats, {pre_stress}"
     finer = network.cached(name, lambda: _finest(network, pre_stress))
+    return finer or undivided(network)
+
+
+def undivided(network: Network) -> Repeats:
+    """The network as the one part of itself."""
     every: Ints = np.arange(network.n_particles)
-    return finer or Repeats(network, every, every, 1, 0.0)
+    return Repeats(network, every, every, 1, 0.0)
 
 
 def _finest(network: Network, pre_stress: bool) -> Repeats | None:
     """As `lateral_repeats`; None of a network that does not repeat itself, which keeps no copy."""
     if any(getattr(network, name) is not None for name in OF_BONDS):
         return None  # bonds and clumps are not compared
-    every: Ints = np.arange(network.n_particles)
-    found = whole = Repeats(network, every, every, 1, 0.0)
+    found = whole = undivided(network)
     columns = (*OF_SPRINGS, *(OF_PRE_STRESS if pre_stress else ()))
     for axis in (0, 1):
         for prime in _primes(_common(found.part)) if network.cell_periodic[axis] else ():

@@ -12,11 +12,29 @@ from modal.tools.loops import (
     compiled_part,
     cross,
     dot,
+    elementwise,
     fingerprint,
     numba,
     plus,
     prange,
-)
+)  # fmt: skip
+
+
+@elementwise
+def _times(factor, a):
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@elementwise
+def _three(x, i, first, v):
+    return x[i, first, v], x[i, first + 1, v], x[i, first + 2, v]
+
+
+@elementwise
+def _add(y, i, first, v, factor, a):
+    y[i, first, v] += factor * a[0]
+    y[i, first + 1, v] += factor * a[1]
+    y[i, first + 2, v] += factor * a[2]
 
 
 def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, rolling, scale):
@@ -30,69 +48,51 @@ def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, roll
         # A wall does not move; its index is negative.
         tj, rj = (scale[j, 0], scale[j, 1]) if j >= 0 else (0.0, 0.0)
         arm_i, arm_j = rows[c, 5] * ri, rows[c, 6] * rj
+        if aside is not None:
+            off_i = aside[c, 0], aside[c, 1], aside[c, 2]
+            off_j = aside[c, 3], aside[c, 4], aside[c, 5]
         for v in range(width):
-            w = -ti * x[i, 0, v], -ti * x[i, 1, v], -ti * x[i, 2, v]
+            w = _times(-ti, _three(x, i, 0, v))
             if j >= 0:
-                w = plus(w, tj, (x[j, 0, v], x[j, 1, v], x[j, 2, v]))
+                w = plus(w, tj, _three(x, j, 0, v))
             d = w
             if rotating:
-                turn = arm_i * x[i, 3, v], arm_i * x[i, 4, v], arm_i * x[i, 5, v]
+                turn = _times(arm_i, _three(x, i, 3, v))
                 if j >= 0:
-                    turn = plus(turn, arm_j, (x[j, 3, v], x[j, 4, v], x[j, 5, v]))
+                    turn = plus(turn, arm_j, _three(x, j, 3, v))
                 d = plus(w, -1.0, cross(turn, n))
                 if aside is not None:
-                    off_i = aside[c, 0], aside[c, 1], aside[c, 2]
-                    d = plus(d, -ri, cross((x[i, 3, v], x[i, 4, v], x[i, 5, v]), off_i))
+                    d = plus(d, -ri, cross(_three(x, i, 3, v), off_i))
                     if j >= 0:
-                        off_j = aside[c, 3], aside[c, 4], aside[c, 5]
-                        d = plus(d, rj, cross((x[j, 3, v], x[j, 4, v], x[j, 5, v]), off_j))
-            spring = kt * d[0], kt * d[1], kt * d[2]
-            spring = plus(spring, difference * dot(n, d), n)
+                        d = plus(d, rj, cross(_three(x, j, 3, v), off_j))
+            spring = plus(_times(kt, d), difference * dot(n, d), n)
             force = spring
             if lateral is not None:
                 # The normal pre-stress pushes the centres apart sideways and has no torque.
                 push = factor * lateral[c]
                 force = plus(plus(spring, push, w), -push * dot(n, w), n)
-            y[i, 0, v] -= ti * force[0]
-            y[i, 1, v] -= ti * force[1]
-            y[i, 2, v] -= ti * force[2]
+            torque = cross(n, spring)
+            _add(y, i, 0, v, -ti, force)
             if rotating:
-                torque = cross(n, spring)
-                y[i, 3, v] -= arm_i * torque[0]
-                y[i, 4, v] -= arm_i * torque[1]
-                y[i, 5, v] -= arm_i * torque[2]
+                _add(y, i, 3, v, -arm_i, torque)
                 if aside is not None:
-                    more = cross(off_i, spring)
-                    y[i, 3, v] -= ri * more[0]
-                    y[i, 4, v] -= ri * more[1]
-                    y[i, 5, v] -= ri * more[2]
+                    _add(y, i, 3, v, -ri, cross(off_i, spring))
             if j >= 0:
-                y[j, 0, v] += tj * force[0]
-                y[j, 1, v] += tj * force[1]
-                y[j, 2, v] += tj * force[2]
+                _add(y, j, 0, v, tj, force)
                 if rotating:
-                    y[j, 3, v] -= arm_j * torque[0]
-                    y[j, 4, v] -= arm_j * torque[1]
-                    y[j, 5, v] -= arm_j * torque[2]
+                    _add(y, j, 3, v, -arm_j, torque)
                     if aside is not None:
-                        more = cross(off_j, spring)
-                        y[j, 3, v] += rj * more[0]
-                        y[j, 4, v] += rj * more[1]
-                        y[j, 5, v] += rj * more[2]
+                        _add(y, j, 3, v, rj, cross(off_j, spring))
             if rolling is not None and rotating:
                 # Turning against each other, of which rolling and twisting each resist a part.
-                p = -ri * x[i, 3, v], -ri * x[i, 4, v], -ri * x[i, 5, v]
+                p = _times(-ri, _three(x, i, 3, v))
                 if j >= 0:
-                    p = plus(p, rj, (x[j, 3, v], x[j, 4, v], x[j, 5, v]))
-                rolls, twists = factor * rolling[c, 0], factor * rolling[c, 1] * dot(n, p)
-                moment = plus((rolls * p[0], rolls * p[1], rolls * p[2]), twists, n)
-                y[i, 3, v] -= ri * moment[0]
-                y[i, 4, v] -= ri * moment[1]
-                y[i, 5, v] -= ri * moment[2]
+                    p = plus(p, rj, _three(x, j, 3, v))
+                twists = factor * rolling[c, 1] * dot(n, p)
+                moment = plus(_times(factor * rolling[c, 0], p), twists, n)
+                _add(y, i, 3, v, -ri, moment)
                 if j >= 0:
-                    y[j, 3, v] += rj * moment[0]
-                    y[j, 4, v] += rj * moment[1]
-                    y[j, 5, v] += rj * moment[2]
+                    _add(y, j, 3, v, rj, moment)
 
 
 def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
@@ -103,47 +103,31 @@ def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
         n = rows[c, 0], rows[c, 1], rows[c, 2]
         s, per_distance = (shear[c, 0], shear[c, 1], shear[c, 2]), shear[c, 3]
         m = cross(n, s)
-        ui, uj = scale[i, 0], scale[j, 0] if j >= 0 else 0.0
-        qi, qj = scale[i, 1], scale[j, 1] if j >= 0 else 0.0
-        ti, tj = factor * ui, factor * uj
+        ti, ri = scale[i, 0], scale[i, 1]
+        tj, rj = (scale[j, 0], scale[j, 1]) if j >= 0 else (0.0, 0.0)
         for v in range(width):
-            w = -ti * x[i, 0, v], -ti * x[i, 1, v], -ti * x[i, 2, v]
+            w = _times(-factor * ti, _three(x, i, 0, v))
             twist = 0.0
             if rotating:
-                twist = factor * qi * dot(n, (x[i, 3, v], x[i, 4, v], x[i, 5, v])) / 2
+                twist = factor * ri * dot(n, _three(x, i, 3, v)) / 2
             if j >= 0:
-                w = plus(w, tj, (x[j, 0, v], x[j, 1, v], x[j, 2, v]))
+                w = plus(w, factor * tj, _three(x, j, 0, v))
                 if rotating:
-                    twist += factor * qj * dot(n, (x[j, 3, v], x[j, 4, v], x[j, 5, v])) / 2
+                    twist += factor * rj * dot(n, _three(x, j, 3, v)) / 2
             along = dot(n, w)
-            d = plus(w, -along, n)
-            d = per_distance * d[0], per_distance * d[1], per_distance * d[2]
-            turned = dot(s, d)
+            d = _times(per_distance, plus(w, -along, n))
             # The factor is in the motion already; what follows only distributes the forces.
-            f = turned * n[0], turned * n[1], turned * n[2]
-            f = plus(f, -twist, m)
-            y[i, 0, v] -= ui * f[0]
-            y[i, 1, v] -= ui * f[1]
-            y[i, 2, v] -= ui * f[2]
+            force = plus(_times(dot(s, d), n), -twist, m)
+            _add(y, i, 0, v, -ti, force)
             if j >= 0:
-                y[j, 0, v] += uj * f[0]
-                y[j, 1, v] += uj * f[1]
-                y[j, 2, v] += uj * f[2]
+                _add(y, j, 0, v, tj, force)
             if rotating:
                 turn = plus(cross(s, d), twist, s)
-                torque = plus(
-                    (rows[c, 5] * turn[0], rows[c, 5] * turn[1], rows[c, 5] * turn[2]),
-                    -along / 2,
-                    m,
-                )
-                y[i, 3, v] -= qi * torque[0]
-                y[i, 4, v] -= qi * torque[1]
-                y[i, 5, v] -= qi * torque[2]
+                torque = plus(_times(rows[c, 5], turn), -along / 2, m)
+                _add(y, i, 3, v, -ri, torque)
                 if j >= 0:
                     torque = plus(torque, rows[c, 6] - rows[c, 5], turn)
-                    y[j, 3, v] -= qj * torque[0]
-                    y[j, 4, v] -= qj * torque[1]
-                    y[j, 5, v] -= qj * torque[2]
+                    _add(y, j, 3, v, -rj, torque)
 
 
 def _mix(first, last, x, y, single, own, kept, fresh, sums, slab):
@@ -172,25 +156,9 @@ def _at_rest(first, last, x, fresh):
 
 
 def _combine_by_slabs(
-    x,
-    y,
-    single,
-    factor,
-    own,
-    kept,
-    rows,
-    ends,
-    slabs,
-    pieces,
-    fresh,
-    lateral,
-    aside,
-    rolling,
-    shear,
-    scale,
-    sums,
-    threads,
-):
+    x, y, single, factor, own, kept, rows, ends, slabs, pieces, fresh, lateral, aside, rolling,
+    shear, scale, sums, threads,
+):  # fmt: skip
     """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
 
     `single` is not None where k is 1. S is diagonal: `scale` (n, 2) holds its value for the
@@ -215,20 +183,8 @@ def _combine_by_slabs(
                         _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
                     if still:
                         continue
-                    _springs(
-                        first,
-                        last,
-                        x,
-                        y,
-                        single,
-                        factor,
-                        rows,
-                        ends,
-                        lateral,
-                        aside,
-                        rolling,
-                        scale,
-                    )
+                    more = rows, ends, lateral, aside, rolling, scale
+                    _springs(first, last, x, y, single, factor, *more)
                     if shear is not None:
                         _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
     if mixing:

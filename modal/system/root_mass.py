@@ -73,15 +73,21 @@ class RootMass:
             K.data *= scale[K.indices]
             K.data *= np.repeat(scale, np.diff(K.indptr))
             return K
-        inverse = self.inverse()
+        inverse = self._inverse(self.unturning)
         return (inverse @ K @ inverse).tocsr()
 
-    def inverse(self) -> sp.csr_matrix:
-        """M^-1/2, sparse: what rows that read u are multiplied by to read M^1/2 u."""
-        if self.unturning is None:
-            return sp.diags(1 / self.diagonal, format="csr")
-        blocks = np.zeros((len(self.unturning), 6, 6))
+    def under(self, rows: sp.csr_matrix) -> sp.csr_matrix:
+        """Of rows that read u, those that read M^1/2 u."""
+        if self.unturning is not None:
+            return (rows @ self._inverse(self.unturning)).tocsr()
+        return sp.csr_matrix(
+            (rows.data / self.diagonal[rows.indices], rows.indices, rows.indptr), rows.shape
+        )
+
+    def _inverse(self, unturning: Floats) -> sp.csr_matrix:
+        """M^-1/2, sparse."""
+        blocks = np.zeros((len(unturning), 6, 6))
         np.einsum("naa->na", blocks)[:] = 1 / self.diagonal.reshape(-1, 6)
-        blocks[:, 3:, 3:] = self.unturning
+        blocks[:, 3:, 3:] = unturning
         number, size = np.arange(len(blocks) + 1), 6 * len(blocks)
         return sp.bsr_matrix((blocks, number[:-1], number), (size, size)).tocsr()

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import GrowthError, largest_growth, norm, top_of_spectrum, wider_top
@@ -23,7 +24,6 @@ from modal.tools.arrays import Array, Complex, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.waves.driven import Driven
-from modal.waves.source import Motion
 
 LOOK = 50
 """Products between two looks at the growth of a recurrence."""
@@ -39,22 +39,22 @@ class Recurrence:
     """T_k(2 A / top - 1) start, one order after the other, and what receivers read of them.
 
     `operator` is A, `start` (6n,), which is worked on in place, `top` the upper end of the interval
-    in omega^2, 1/s^2; the receivers are mass-scaled.
+    in omega^2, 1/s^2; `receivers` (count, 6n) are rows that read mass-scaled motions.
     """
 
     def __init__(
-        self, operator: ContactOperator, start: Floats, top: float, receivers: Driven
+        self, operator: ContactOperator, start: Floats, top: float, receivers: sp.csr_matrix
     ) -> None:
         self._operator, self._top, self._receivers = operator, top, receivers
         self._before, self._now = start, np.empty_like(start)
         self.length, self.order = norm(start), 0
 
     def rows(self, count: int) -> Floats:
-        """Shape (count, receivers.count): the next orders, from `order` on.
+        """Shape (count, receivers): the next orders, from `order` on.
 
         GrowthError where the vectors grow, as they do when modes lie outside the interval.
         """
-        rows = np.empty((count, self._receivers.count))
+        rows = np.empty((count, self._receivers.shape[0]))
         for row in progress(count, "wave"):
             k = self.order
             if k == 0:
@@ -67,7 +67,7 @@ class Recurrence:
                 self._now = self._operator.combine(
                     self._before, ahead, 4 / self._top, beta=-2.0, gamma=-1.0
                 )
-            self._receivers.observe(self._now, rows[row])
+            rows[row] = self._receivers @ self._now
             if k % LOOK == LOOK - 1 or row == count - 1:
                 growth = norm(self._now) / self.length if self.length > 0 else 0.0
                 if not growth <= largest_growth(self._operator, k):
@@ -77,37 +77,38 @@ class Recurrence:
 
 
 def summed(
-    operator: ContactOperator,
-    start: Callable[[], Floats],
-    receivers: Driven,
+    driven: Driven,
     series_for: Callable[[float], AnySeries],
-    largest: Callable[[AnySeries, Array], Floats],
     tolerance: float,
+    top: float | None = None,
 ) -> tuple[AnySeries, Array, int, float]:
     """The series, its record, the number of products with K, and the bound of the record's error.
 
-    `start` makes the start anew for each try; `series_for` gives the series for the end of an
-    interval in omega^2, 1/s^2. `largest` (kinds,) of a record is what the error of each kind is
-    relative to; it is above `tolerance` only where round-off leaves more. The first interval is an
-    estimate. Where the recurrence grows, it was too small and a larger one is tried. Where it does
-    not grow, modes a little above it do no harm: the expansion holds there too, and the error of
-    leaving out high orders is no larger than inside. InputError where there is no stiffness.
+    `series_for` gives the series for the `top` of an interval in omega^2, 1/s^2, by default an
+    estimate. The error is relative to the largest of each kind in the record (`Driven.largest`); it
+    is above `tolerance` only where round-off leaves more. Where the recurrence grows, the interval
+    was too small and a larger one is tried. Where it does not grow, modes a little above it do no
+    harm: the expansion holds there too, and the error of leaving out high orders is no larger than
+    inside. InputError where there is no stiffness.
     """
-    top, products = top_of_spectrum(operator)
+    operator, products = driven.springs.operator, 0
+    if top is None:
+        top, products = top_of_spectrum(operator)
     if top == 0:
         raise InputError("the network has no stiffness; no wave goes through it")
     while True:
         series = series_for(top)
-        recurrence = Recurrence(operator, start(), top, receivers)
-        most = largest_growth(operator, 0) * recurrence.length * receivers.reach()
-        record = series.empty(receivers.count)
+        recurrence = Recurrence(operator, driven.springs.push.copy(), top, driven.springs.rows)
+        most = largest_growth(operator, 0) * recurrence.length * driven.reach()
+        record = driven.blank(series.moved)
         # No record is larger than all weights together allow: it takes so many orders at least.
         orders = series.orders(tolerance * series.left(0))
         try:
             while True:
                 first = recurrence.order
                 series.add(record, recurrence.rows(orders - first), first)
-                left, whole = series.left(orders) * most, largest(series, record)
+                left = series.left(orders) * most
+                whole = driven.largest(record, apart=series.apart)
                 with np.errstate(divide="ignore"):
                     error = float(np.divide(left, whole, out=0 * left, where=left > 0).max())
                 if error <= tolerance:
@@ -127,26 +128,28 @@ CHUNK = 256
 
 
 class Expansion:
-    """Chebyshev coefficients of y(top (1 + x) / 2, t) of a motion, at `time` (nt,), s.
+    """Chebyshev coefficients of what a motion does to an oscillator, y(top (1 + x) / 2, t).
 
-    `coefficient` (count, nt), m s^2, of all orders that round-off does not hide.
+    Times (nt,), s, at which the source has `moved` by (nt,), m; `response` gives y (nw, nt), m s^2,
+    for omega^2 (nw,), 1/s^2. `coefficient` (count, nt), m s^2: of all orders that round-off does
+    not hide. The error is relative to the larger of both stresses: the wave may not yet have come
+    to the receiver wall.
     """
 
-    def __init__(self, motion: Motion, time: Floats, top: float) -> None:
+    apart = False
+
+    def __init__(
+        self, response: Callable[[Floats], Floats], time: Floats, moved: Floats, top: float
+    ) -> None:
         order = fast_length(orders_of(top, float(time[-1])))
         angle = np.pi * (np.arange(order) + 0.5) / order
-        response = motion.response(top * (1 + np.cos(angle)) / 2, time)
-        coefficient = _cosines(response) / order
+        coefficient = _cosines(response(top * (1 + np.cos(angle)) / 2)) / order
         coefficient[0] /= 2
         size = abs(coefficient).max(axis=1)
         count = int(np.append(0, 1 + np.flatnonzero(size > ROUNDING * size.max()))[-1])
-        self.time, self.coefficient = time, coefficient[:count]
+        self.time, self.moved, self.coefficient = time, moved, coefficient[:count]
         left = np.append(size[:count][::-1].cumsum()[::-1], 0.0)
         self._left = left + ROUNDING * left[0]
-
-    def empty(self, count: int) -> Floats:
-        """Shape (nt, count): the record of no order at all."""
-        return np.zeros((len(self.time), count))
 
     def left(self, orders: int) -> float:
         """The largest coefficients of further orders, added up; m s^2."""
@@ -195,10 +198,13 @@ class Resolvent:
     """Powers of 1 / w at each `frequency` (nf,), Hz, under the window exp(-gamma t), gamma in 1/s.
 
     With s = (omega + i gamma)^2, z = 2 s / top - 1 and w = z + (z^2 - 1)^1/2 outside of the circle.
+    The error is relative to the largest of each kind at any frequency.
     """
 
+    apart = True
+
     def __init__(self, frequency: Floats, gamma: float, top: float) -> None:
-        self.frequency = frequency
+        self.frequency, self.moved = frequency, np.ones(len(frequency), complex)
         z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
         root = np.sqrt(z * z - 1)
         w = np.where(abs(z + root) > 1, z + root, z - root)
@@ -207,10 +213,6 @@ class Resolvent:
         self._scale = -8 / top / (w - 1 / w)
         # The sum of all further powers of 1 / |w|.
         self._sum = abs(self._scale) / (1 - 1 / abs(w))
-
-    def empty(self, count: int) -> Complex:
-        """Shape (nf, count): the record of no order at all."""
-        return np.zeros((len(self.frequency), count), complex)
 
     def left(self, orders: int) -> float:
         """The weights of further orders, added up; s^2."""

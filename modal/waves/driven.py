@@ -25,48 +25,29 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import RECEIVER_WALL, Network
-from modal.packing.repeats import lateral_repeats
-from modal.system.imposed import Imposed, WallMoves
+from modal.packing.repeats import Repeats, lateral_repeats, undivided
+from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.receivers import Receivers
 from modal.waves.signals import COMPONENT
 from modal.waves.sources import Source
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of a packing, or all of it, and how the whole is read from it.
-
-    `first` (k,): the body of the whole that each of its k bodies is; `member` (n,): the body of the
-    part that moves as each of the whole does; `count` such parts; the motion differs from that of
-    the whole by `difference` of the largest at most.
-    """
-
-    system: LinearSystem
-    first: Ints
-    member: Ints
-    count: int = 1
-    difference: float = 0.0
-
-
-def one_part(system: LinearSystem, duration: float, tolerance: float) -> Part:
+def one_part(system: LinearSystem, duration: float, tolerance: float) -> Repeats:
     """The smallest part that will do for the time `duration`, s, within the relative `tolerance`.
 
-    All of it where contacts have dashpots.
+    All of it where contacts have dashpots. The motion differs from that of the whole by
+    `difference` of the largest at most.
     """
-    every: Ints = np.arange(system.network.n_particles)
-    whole = Part(system, every, every)
-    if system.dashpots is not None:
-        return whole
-    found = lateral_repeats(system.network, pre_stress=system.pre_stress != "none")
-    difference = found.difference * bound_of_omega(found.part) * duration
-    if found.count == 1 or difference > tolerance:
-        return whole
-    small = replace(system, network=found.part)
-    return Part(small, found.first, found.member, found.count, difference)
+    if system.dashpots is None:
+        found = lateral_repeats(system.network, pre_stress=system.pre_stress != "none")
+        difference = found.difference * bound_of_omega(found.part) * duration
+        if found.count > 1 and difference <= tolerance:
+            return replace(found, difference=difference)
+    return undivided(system.network)
 
 
 def bound_of_omega(network: Network) -> float:
@@ -91,26 +72,33 @@ def bound_of_omega(network: Network) -> float:
 
 
 @dataclass(frozen=True)
-class Driven:
-    """Operators, source and receivers in the numbering of the operators' bodies.
+class Link:
+    """What springs, or dashpots, do between the source, the bodies and the walls.
 
-    `springs` is A, `dashpots` D or None; push, drag (size,). `rows` (count, size) read v, the first
-    `walls` of them forces, N, or torques, N m; `viscous` (walls, size) read what v' adds to these;
-    `held`, `held_viscous` (walls,): what d and d' add. The first force is that which holds the
-    source, of one that moves; the last that on the receiver wall, where there is one. `part` says
-    which bodies of the packing these are.
+    `operator` A, or D; push (size,) on the bodies, and `held` (walls,) on the walls, per unit of
+    the source's displacement, or of its velocity; `rows` (walls, size) read what v, or v', does to
+    the walls. Those of springs read, below that, the receivers too: (count, size).
     """
 
-    springs: ContactOperator
-    dashpots: ContactOperator | None
+    operator: ContactOperator
     push: Floats
-    drag: Floats
     rows: sp.csr_matrix
-    viscous: sp.csr_matrix
     held: Floats
-    held_viscous: Floats
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Source, system and receivers in the numbering of the operators' bodies.
+
+    The first force on a wall is that which holds the source, of one that moves; the last that on
+    the receiver wall, where there is one; N, or N m. `area`, m^2, is what stresses refer to; `part`
+    says which bodies of the packing these are.
+    """
+
+    springs: Link
+    dashpots: Link | None
     area: float
-    part: Part
+    part: Repeats
 
     @classmethod
     def of(
@@ -130,101 +118,80 @@ class Driven:
         """
         direction, network = receivers.direction, system.network
         own = source.imposed(network, direction)
-        if whole or not source.alike:
-            every = np.arange(network.n_particles)
-            part = Part(system, every, every)
-        else:
+        part = undivided(network)
+        if source.alike and not whole:
             part = one_part(system, duration, tolerance)
-        springs = part.system.operator.renumbered()
-        dashpots = None if system.dashpots is None else system.dashpots.operator
-        if dashpots is not None and springs.order is not None:
-            dashpots = dashpots.renumbered()
+        small = system if part.count == 1 else replace(system, network=part.part)
+        springs = small.operator.renumbered()
+        order = np.arange(len(part.first)) if springs.order is None else springs.order
+        bodies, place = part.first[order], np.argsort(order)[part.member]
         beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None
         # What holds the source against the bodies, and what these do to the wall beyond.
         walls = [(wall, way) for wall, way in ((own, -1.0), (beyond, 1.0)) if wall is not None]
-        push, held, pulls = _coupled(system, walls, own)
-        push += source.load(network, direction)
-        if not push.any():
+
+        def link(by: LinearSystem, operator: ContactOperator, load: Floats, *more: Any) -> Link:
+            held, rows = np.zeros(len(walls)), []
+            for k, (wall, way) in enumerate(walls):
+                coupling = by.put_on(wall)
+                rows.append(sp.csr_matrix(way * coupling.pull.T))
+                if wall is own:
+                    load, held[k] = coupling.push[:, 0], coupling.held[0, 0]
+            reading = system.root.under(
+                sp.vstack([sp.csr_matrix((0, by.size)), *rows, *more], "csr")
+            )
+            columns = 6 * place[reading.indices // 6] + reading.indices % 6
+            shape = reading.shape[0], operator.shape[0]
+            own_rows = sp.csr_matrix((reading.data, columns, reading.indptr), shape)
+            own_rows.sum_duplicates()
+            push = system.root.over(load).reshape(-1, 6)[bodies].ravel()
+            return Link(operator, push, own_rows, held)
+
+        load, dashpots = source.load(network, direction), None
+        by_springs = link(system, springs, load, receivers.rows)
+        if not by_springs.push.any():
             raise InputError(
                 f"the source, {source.name}, moves nothing along {direction}: its contacts have no "
                 f"{'normal' if direction == 'z' else 'tangential'} stiffness"
             )
-        drag, held_viscous, viscous = np.zeros_like(push), np.zeros(len(walls)), pulls * 0
         if system.dashpots is not None:
-            drag, held_viscous, viscous = _coupled(system.dashpots, walls, own)
-        root = part.system.root
-        # Which motion of the operator's bodies each of the packing's is.
-        place = springs.outward(np.arange(springs.shape[0])).reshape(-1, 6)[part.member].ravel()
-        motion = np.arange(len(place) + 1)
-        same = sp.csr_matrix((np.ones(len(place)), place, motion), (len(place), springs.shape[0]))
-
-        def inward(force: Floats) -> Floats:
-            return springs.inward(root.over(force.reshape(-1, 6)[part.first].ravel()))
-
-        def reading(rows: sp.csr_matrix) -> sp.csr_matrix:
-            return (rows @ system.root.inverse() @ same).tocsr()
-
-        return cls(
-            springs,
-            dashpots,
-            inward(push),
-            inward(drag),
-            reading(sp.vstack([pulls, receivers.rows], format="csr")),
-            reading(viscous),
-            held,
-            held_viscous,
-            network.area,
-            part,
-        )
+            viscous = system.dashpots.operator
+            viscous = viscous if springs.order is None else viscous.renumbered()
+            dashpots = link(system.dashpots, viscous, 0 * load)
+        return cls(by_springs, dashpots, network.area, part)
 
     @property
     def count(self) -> int:
         """How many numbers are recorded."""
-        return int(self.rows.shape[0])
+        return int(self.springs.rows.shape[0])
 
     @property
     def walls(self) -> int:
         """How many of them are forces."""
-        return len(self.held)
+        return len(self.springs.held)
 
-    def observe(self, v: Floats, out: Floats) -> None:
-        """Write the row (count,) of the motion v = M^1/2 u (size,) into `out`."""
-        out[:] = self.rows @ v
+    def blank(self, moved: Array) -> Array:
+        """Shape (k, count): a record of bodies at rest, while the source has `moved` by (k,), m."""
+        record = np.zeros((len(moved), self.count), moved.dtype)
+        record[:, : self.walls] = moved[:, None] * self.springs.held
+        return record
 
     def reach(self) -> Floats:
         """Shape (walls + 1,): lengths of the rows, of each force and the longest of all others."""
-        length = np.sqrt(np.asarray(self.rows.multiply(self.rows).sum(axis=1)).ravel())
-        return np.append(length[: self.walls], length[self.walls :].max())
+        squares = self.springs.rows.multiply(self.springs.rows).sum(axis=1)
+        return self._each(np.sqrt(np.asarray(squares).reshape(1, -1)))
 
-    def recorded(self, record: Array, displacement: Floats) -> Array:
-        """A record (k, count) with what the source's `displacement` (k,) adds to the forces."""
-        record[:, : self.walls] += displacement[:, None] * self.held
-        return record
+    def largest(self, record: Array, *, apart: bool) -> Floats:
+        """Shape (walls + 1,): largest force on each wall, or on any, and motion of a record."""
+        found = self._each(abs(record))
+        found[:-1] = found[:-1] if apart else found[:-1].max(initial=0.0)
+        return found
+
+    def _each(self, sizes: Floats) -> Floats:
+        forces = sizes[:, : self.walls].max(axis=0)
+        return np.append(forces, sizes[:, self.walls :].max())
 
     def stresses(self, record: Array) -> dict[str, Any]:
-        """Forces of a complete record (k, count) over the area; empty where there is none."""
-        none = np.empty(0)
-        own, beyond = self.held.any(), self.walls > self.held.any()
-        return {
-            "source_stress": record[:, 0] / self.area if own else none,
-            "receiver_stress": record[:, self.walls - 1] / self.area if beyond else none,
-        }
-
-    def largest(self, record: Array, displacement: Floats) -> Floats:
-        """Shape (walls + 1,): forces and motions at most in a record (k, count)."""
-        forces = record[:, : self.walls] + displacement[:, None] * self.held
-        return np.append(abs(forces).max(axis=0), abs(record[:, self.walls :]).max())
-
-
-def _coupled(
-    system: LinearSystem, walls: list[tuple[Imposed, float]], own: Imposed | None
-) -> tuple[Floats, Floats, sp.csr_matrix]:
-    """Push of the source (6n,), what holds it (walls,), and what the bodies do to walls, sparse."""
-    push, held = np.zeros(6 * system.network.n_particles), np.zeros(len(walls))
-    pulls = [sp.csr_matrix((0, len(push)))]
-    for k, (wall, way) in enumerate(walls):
-        coupling = system.put_on(wall)
-        if wall is own:
-            push, held[k] = coupling.push[:, 0], coupling.held[0, 0]
-        pulls.append(sp.csr_matrix(way * coupling.pull[:, 0]))
-    return push, held, sp.vstack(pulls, format="csr")
+        """Forces of a record (k, count) over the area, where there are any."""
+        own, forces = bool(self.springs.held.any()), record[:, : self.walls] / self.area
+        found = {"source_stress": forces[:, 0]} if own else {}
+        return found | ({"receiver_stress": forces[:, -1]} if self.walls > own else {})

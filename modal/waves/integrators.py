@@ -10,7 +10,9 @@ not quite symmetric needs nothing else.
 Leapfrog is not needed to obtain a wave but to take one apart: with the DEM's own scheme and step
 the linear wave carries the same time-integration error, and what then remains between the two is
 physics. State k is at time k dt: forces from u_k and from the wall at d(k dt), velocities half a
-step ahead, u_(k+1) = u_k + dt v_(k+1/2).
+step ahead, u_(k+1) = u_k + dt v_(k+1/2). An oscillator of any omega^2 below the limit of the step
+answers so too, by a polynomial in omega^2: the expansion is the same, of another y, and takes as
+many products however short the step.
 
 With dashpots, Taylor series in time: the modes are complex and Chebyshev polynomials of K serve no
 longer. The state y = (u, v) follows y' = L y + g(t), and its Taylor series about the start of a
@@ -29,7 +31,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from modal.solvers.spectrum import GrowthError, bound_of_spectrum, dot
+from modal.solvers.spectrum import bound_of_spectrum
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
@@ -47,8 +49,7 @@ EXPANSION_COPIES = 4
 class Seen:
     """Record (nt, count) at times (nt,), s, of what a `Driven` system's rows read.
 
-    Without what the source's displacement adds to the forces. `products` with K; `error`: a bound,
-    relative to the largest force and the largest motion.
+    `products` with K; `error`: a bound, relative to the largest force and the largest motion.
     """
 
     time: Floats
@@ -74,116 +75,69 @@ class Integrator(Protocol):
 
 @dataclass(frozen=True)
 class Chebyshev:
-    """Without time step: exact to the `tolerance`, relative. It knows no dashpots."""
+    """Exact in time to the `tolerance`, relative; or, with a `time_step`, s, what leapfrog gives.
+
+    It knows no dashpots. Records of a leapfrog are whole numbers of its steps apart.
+    """
 
     tolerance: float = 1e-9
-    time_step = None
+    time_step: float | None = None
 
     def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
-        """The record, by one recurrence; GrowthError where K has negative directions."""
-        refuse_dashpots(driven, "Chebyshev polynomials of K")
+        """The record, by one recurrence.
+
+        GrowthError where K has negative directions, InputError where the time step exceeds the
+        stability limit 2 / omega_max.
+        """
+        if driven.dashpots is not None:
+            raise InputError(
+                "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
+                "contacts; leave it out, or give no time step"
+            )
+        step, found, top = self.time_step, 0, None
+        if step is not None:
+            every = _steps_between_records(interval, step)
+            top, found = bound_of_spectrum(driven.springs.operator)
 
         def series_for(top: float) -> Expansion:
+            if step is not None and not step < 2 / np.sqrt(top):
+                raise InputError(
+                    f"time step {step:g} s: the scheme is stable up to 2 / omega_max = "
+                    f"{2 / np.sqrt(top):.4g} s; take a smaller one"
+                )
             orders, times = orders_of(top, duration), duration / interval + 1
             numbers = EXPANSION_COPIES * orders * times + (orders + times) * driven.count
             refuse_endless(
                 f"a wave of {duration:g} s, recorded every {interval:g} s,",
-                driven.springs,
+                driven.springs.operator,
                 products=orders / 1.1,
                 bytes_needed=8 * numbers,
                 remedy="take a shorter duration or a longer interval",
             )
-            return Expansion(motion, record_times(duration, interval), top)
+            time = record_times(duration, interval)
 
-        def largest(series: Expansion, record: Floats) -> Floats:
-            found = driven.largest(record, motion.displacement(series.time))
-            # A wave that has not come to the receiver wall yet: its stress counts beside the
-            # source's.
-            found[:-1] = found[:-1].max(initial=0.0)
-            return found
+            def response(square: Floats) -> Floats:
+                if step is None:
+                    return motion.response(square, time)
+                return leapfrog(motion, square, len(time), every, step)
 
-        series, record, products, error = summed(
-            driven.springs, driven.push.copy, driven, series_for, largest, self.tolerance
-        )
-        return Seen(series.time, record, products, error)
+            return Expansion(response, time, motion.displacement(time), top)
+
+        series, record, products, error = summed(driven, series_for, self.tolerance, top)
+        return Seen(series.time, record, products + found, error)
 
 
-def refuse_dashpots(driven: Driven, what: str) -> None:
-    """InputError of an integrator that does not know them."""
-    if driven.dashpots is not None:
-        raise InputError(f"{what} know no damping of contacts; leave it out, or give no time step")
-
-
-LOOK = 50
-"""Steps between two looks at the energy."""
-EXCESS = 1.5
-"""Largest velocity over what the source's work allows; above 1 because of round-off, and because
-the full tangent is not symmetric and conserves energy only nearly."""
-
-
-@dataclass(frozen=True)
-class Leapfrog:
-    """The scheme of DEM programs, with their time step, s; it knows no dashpots.
-
-    Records are whole numbers of steps apart.
-    """
-
-    time_step: float
-
-    def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
-        """The record, of an error that is not known.
-
-        InputError where the time step exceeds the stability limit 2 / omega_max. GrowthError where
-        the network is unstable: its velocities then exceed what the source's work allows.
-        """
-        refuse_dashpots(driven, "the leapfrog's steps")
-        step, operator = self.time_step, driven.springs
-        every = _steps_between_records(interval, step)
-        top, _ = bound_of_spectrum(operator)
-        limit = 2 / np.sqrt(top) if top > 0 else np.inf
-        if not step < limit:
-            raise InputError(
-                f"time step {step:g} s: the scheme is stable up to 2 / omega_max = {limit:.4g} s; "
-                "take a smaller one"
-            )
-        refuse_endless(
-            f"a wave of {duration:g} s in steps of {step:g} s",
-            operator,
-            products=duration / step,
-            bytes_needed=8 * duration / step * (3 + driven.count / every),
-            remedy="take a shorter duration",
-        )
-        times = record_times(duration, interval)
-        steps = every * (len(times) - 1)
-        moved = motion.displacement(step * np.arange(-1, steps + 2, dtype=float))
-        # The force that holds a source which moves; one that pushes needs none.
-        holds = driven.rows[0] if driven.held.any() else None
-        work, stiffness = 0.0, float(driven.held.max(initial=0.0))
-        u, velocity, force = (np.zeros(operator.shape[0]) for _ in range(3))
-        record = np.empty((len(times), driven.count))
-        for k in progress(steps + 1, "leapfrog"):
-            if k % every == 0:
-                driven.observe(u, record[k // every])
-            before, now, after = moved[k : k + 3]
-            np.multiply(driven.push, now, out=force)
-            if holds is None:
-                work += step / 2 * dot(force, velocity)
-            else:
-                work += (after - before) / 2 * float((stiffness * now + holds @ u)[0])
-            pushed = force.copy() if holds is None else None
-            operator.accumulate(u, force, -1.0)
-            force *= step
-            velocity += force
-            if pushed is not None:
-                work += step / 2 * dot(pushed, velocity)
-            if k % LOOK == LOOK - 1 or k == steps:
-                kinetic = 0.5 * dot(velocity, velocity)
-                stretch = np.sqrt(stiffness / 8) * abs(after - now)
-                if not kinetic <= EXCESS**2 * _most_kinetic(work, step / limit, stretch):
-                    raise GrowthError(velocity, k + 1)
-            np.multiply(velocity, step, out=force)
-            u += force
-        return Seen(times, record, steps + 1, np.nan)
+def leapfrog(motion: Motion, square: Floats, count: int, every: int, step: float) -> Floats:
+    """Shape (nw, count): y of omega^2 (nw,), 1/s^2, at each `every`-th of a DEM's steps, s."""
+    moved = motion.displacement(step * np.arange(every * (count - 1), dtype=float))
+    y, speed = np.zeros((2, len(square)))
+    response = np.zeros((len(square), count))
+    for k, d in enumerate(moved, 1):
+        speed += step * (d - square * y)
+        y += step * speed
+        if k % every == 0:
+            response[:, k // every] = y
+    return response
 
 
 def _steps_between_records(interval: float, time_step: float) -> int:
@@ -197,20 +151,6 @@ def _steps_between_records(interval: float, time_step: float) -> int:
             f"{every * time_step:g} s, or a step of {interval / np.ceil(interval / time_step):g} s"
         )
     return every
-
-
-def _most_kinetic(work: float, share: float, stretch: float) -> float:
-    """Largest kinetic energy, J, after `work`, J, of the wall in a stable network.
-
-    With v the velocities and w the mean positions, of the wall too, of two states a step apart,
-    leapfrog keeps v M v / 2 + w K w / 2 - (dt^2 / 8) v K v equal to the work. Where K has no
-    negative direction the second term is positive and the third below (share root(kinetic) +
-    stretch)^2: `share` is the step over its limit, `stretch` the root of the energy, J, that the
-    wall's own step alone would store.
-    """
-    room = 1 - share**2
-    reach = share * stretch
-    return ((reach + np.sqrt(reach**2 + room * max(work + stretch**2, 0.0))) / room) ** 2
 
 
 RADIANS = 8.0
@@ -233,11 +173,11 @@ class Taylor:
 
     def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
         """The record; InputError where a series does not end."""
-        spring, dashpot = driven.springs, driven.dashpots
+        springs, dashpots, walls = driven.springs, driven.dashpots, driven.walls
         top = _fastest(driven)
         refuse_endless(
             f"a damped wave of {duration:g} s",
-            spring,
+            springs.operator,
             products=8 * top * duration,
             bytes_needed=8.0 * (duration / interval + 1) * driven.count,
             remedy="take a shorter duration",
@@ -248,34 +188,34 @@ class Taylor:
         step = min(RADIANS / top, 2 / (2 * np.pi * max(motion.frequency, 1 / end)))
         edges = _steps(motion.corners, end, step)
         at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
-        record, walls = np.zeros((len(times), driven.count)), driven.walls
-        state, products = np.zeros((2, len(driven.push))), 0
-        seen = np.empty(driven.count)
+        record = driven.blank(motion.displacement(times))
+        state, products = np.zeros((2, len(springs.push))), 0
         for k in progress(len(edges) - 1, "wave"):
             start, length = edges[k], edges[k + 1] - edges[k]
-            source = _polynomial(motion, start, length)
+            source, speed = _polynomial(motion, start, length)
             inside = np.flatnonzero(at == k)
             share = (times[inside] - start) / length
             power = np.ones(len(inside))
-            speed = np.polynomial.polynomial.polyder(source) / length
-            moving = np.polynomial.polynomial.polyval(share, speed)
-            record[inside, :walls] += moving[:, None] * driven.held_viscous
+            if dashpots:
+                moving = np.polynomial.polynomial.polyval(share, speed)
+                record[inside, :walls] += moving[:, None] * dashpots.held
             following, term = state.copy(), state
             for order in range(MOST_TERMS):
                 if len(inside):
-                    driven.observe(term[0], seen)
-                    seen[:walls] += driven.viscous @ term[1]
+                    seen = springs.rows @ term[0]
+                    if dashpots:
+                        seen[:walls] += dashpots.rows @ term[1]
                     record[inside] += power[:, None] * seen
                     power = power * share
                 ahead = np.empty_like(state)
                 ahead[0] = term[1]
-                spring.combine(term[0], ahead[1], -1.0)
-                if dashpot is not None:
-                    dashpot.combine(term[1], ahead[1], -1.0, gamma=1.0)
+                springs.operator.combine(term[0], ahead[1], -1.0)
+                if dashpots:
+                    dashpots.operator.combine(term[1], ahead[1], -1.0, gamma=1.0)
                 if order < len(source):
-                    ahead[1] += driven.push * source[order]
-                if order < len(speed):
-                    ahead[1] += driven.drag * speed[order]
+                    ahead[1] += springs.push * source[order]
+                if dashpots and order < len(speed):
+                    ahead[1] += dashpots.push * speed[order]
                 ahead *= length / (order + 1)
                 products += 1
                 following += ahead
@@ -296,8 +236,8 @@ def _size(state: Floats, top: float) -> float:
 
 def _fastest(driven: Driven) -> float:
     """A bound of the rates of all modes, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
-    stiff, dashpots = bound_of_spectrum(driven.springs)[0], driven.dashpots
-    viscous = 0.0 if dashpots is None else bound_of_spectrum(dashpots)[0]
+    links = [link.operator for link in (driven.springs, driven.dashpots) if link]
+    stiff, viscous = [*(bound_of_spectrum(one)[0] for one in links), 0.0][:2]
     if stiff <= 0:
         raise InputError("the network has no stiffness; no wave goes through it")
     return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))
@@ -314,11 +254,12 @@ def _steps(corners: Floats, end: float, longest: float) -> Floats:
     return np.concatenate([*parts, [end]])
 
 
-def _polynomial(motion: Motion, start: float, length: float) -> Array:
-    """Coefficients (q,), m, of the motion in powers of the share of a step that has passed."""
+def _polynomial(motion: Motion, start: float, length: float) -> tuple[Floats, Array]:
+    """Coefficients (q,) of the motion, m, and of its velocity, m/s, in powers of a step's share."""
     at = chebyshev.chebpts1(DEGREE + 1)
     values = motion.displacement(start + length * (at + 1) / 2)
     if not values.any():
-        return np.zeros(1)
+        return np.zeros(1), np.zeros(1)
     series = chebyshev.Chebyshev(chebyshev.chebfit(at, values, DEGREE), domain=[0, 1])
-    return series.convert(kind=np.polynomial.Polynomial).coef
+    moved = np.array(series.convert(kind=np.polynomial.Polynomial).coef, float)
+    return moved, np.polynomial.polynomial.polyder(moved) / length

@@ -30,14 +30,13 @@ from modal.packing.sample import Sample, sample_of_network
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Bools, Floats, Ints
-from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.receivers import Receivers
-from modal.waves.signals import COMPONENT, TORSION, Signals, record_times
-from modal.waves.source import Motion, Pulse
+from modal.waves.signals import COMPONENT, TORSION, Signals, Wave, record_times
+from modal.waves.source import Motion
 from modal.waves.sources import Plane, Source, Wall
 
 ACCURACY = 1e-3
@@ -55,8 +54,8 @@ PRODUCTS = 2.0
 
 
 @dataclass(frozen=True, repr=False)
-class NonlinearWave:
-    """Result of `propagate_nonlinear`.
+class NonlinearWave(Wave):
+    """Result of `modal.propagate` where contacts follow their law.
 
     `signals` as of the linear wave, with the energy balance; `steps` of the last run; `error`: that
     of its time step, over the largest displacement recorded (NaN where the step was given);
@@ -67,7 +66,6 @@ class NonlinearWave:
     the slip of all contacts, those that the wave has closed among them.
     """
 
-    signals: Signals
     steps: int
     error: float
     noise: float
@@ -75,13 +73,10 @@ class NonlinearWave:
     dissipated: Floats
     opened: Bools
 
-    def __repr__(self) -> str:
-        slid = int((self.dissipated > 0).sum())
-        at_most = quantity(float(abs(self.signals.receiver_stress).max()), "Pa")
-        return (
-            f"<NonlinearWave: {self.signals!r}, {at_most} at most on the receiver wall, {slid} "
-            f"contacts slid, {int(self.opened.sum())} opened>"
-        )
+    @property
+    def told(self) -> str:
+        """How many contacts slid and opened."""
+        return f"{int((self.dissipated > 0).sum())} contacts slid, {int(self.opened.sum())} opened"
 
 
 @dataclass
@@ -102,42 +97,27 @@ class _Run:
     seconds: float
 
 
-def propagate_nonlinear(
+def nonlinear_wave(
     sample: Sample | Network,
     duration: float,
+    interval: float,
+    source: Source,
+    motion: Motion,
+    direction: str,
     *,
-    source: Source | None = None,
-    motion: Motion | None = None,
-    interval: float = 1e-6,
-    accuracy: float = ACCURACY,
-    time_step: float | None = None,
-    friction: float | None = None,
-    particles: bool = False,
-    direction: str = "z",
-    network_sha256: str = "",
+    particles: bool,
+    accuracy: float,
+    time_step: float | None,
+    friction: float | None,
+    network_sha256: str,
 ) -> NonlinearWave:
     """The wave that a motion of the source, of any size, sends through a sample at rest.
 
-    Displacements are off by `accuracy` of the largest recorded one, or `time_step`, s, is taken as
-    it is. `friction` is the sample's own; of a network, which has none, it must be given. Other
-    arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
+    Arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
     quite at rest is told, not taken off.
-
-    >>> import modal
-    >>> net = modal.fcc(cells=(1, 1, 20))
-    >>> wave = modal.propagate(net, 5e-5, nonlinear=True, friction=0.3, time_step=2e-7)
-    >>> wave.signals.balance is None or wave.signals.balance.kept
-    True
     """
-    if not (0 < interval <= duration < np.inf and 0 < accuracy < 1):
-        raise InputError(
-            "duration and interval must be positive, the interval no longer than the duration, "
-            "the accuracy between 0 and 1"
-        )
-    wave = _Wave(
-        _at_rest(sample, friction), duration, interval, source or Wall(), motion or Pulse(),
-        direction, particles,
-    )  # fmt: skip
+    sample = _at_rest(sample, friction)
+    wave = _Wave(sample, sample.network(), duration, interval, source, motion, direction, particles)
     if time_step is not None:
         if not 0 < time_step < wave.limit:
             raise InputError(
@@ -148,10 +128,10 @@ def propagate_nonlinear(
         run = wave.run(every)
     else:
         every, run, error = wave.run_to(accuracy)
-    quiet = wave.run(math.ceil(interval / (FIRST * wave.limit)), driven=False)
+    quiet = wave.run(wave.first, driven=False)
     largest = abs(run.moved).max(initial=0.0)
     return NonlinearWave(
-        wave.signals(run, every, network_sha256),
+        wave.signals(run, interval / every, network_sha256),
         every * (len(wave.time) - 1),
         error,
         float(abs(quiet.moved).max(initial=0.0) / largest) if largest else math.inf,
@@ -176,49 +156,49 @@ def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
     return sample
 
 
+@dataclass
 class _Wave:
     """A sample, its source and the motion of that, and the runs in steps of any length.
 
-    `limit`, s, is the longest stable step of the springs at rest.
+    `limit`, s, is the longest stable step of the springs at rest; `first` the steps from record to
+    record of a first run.
     """
 
-    def __init__(
-        self,
-        sample: Sample,
-        duration: float,
-        interval: float,
-        source: Source,
-        motion: Motion,
-        direction: str,
-        particles: bool,
-    ) -> None:
-        self.sample, self.network = sample, sample.network()
-        self.source, self.motion, self.interval = source, motion, interval
-        self.time = record_times(duration, interval)
-        self.receivers = Receivers(self.network, direction, particles=particles)
-        self.component = COMPONENT[direction]
-        self.moves = source.imposed(self.network, direction) is not None
-        if self.moves and not isinstance(source, Wall | Plane):
+    sample: Sample
+    network: Network
+    duration: float
+    interval: float
+    source: Source
+    motion: Motion
+    direction: str
+    particles: bool
+
+    def __post_init__(self) -> None:
+        network, direction = self.network, self.direction
+        self.time = record_times(self.duration, self.interval)
+        self.receivers = Receivers(network, direction, particles=self.particles)
+        self.moves = self.source.imposed(network, direction) is not None
+        if self.moves and not isinstance(self.source, Wall | Plane):
             raise InputError(
-                f"the non-linear wave does not know how a {source.name} moves contacts"
+                f"the non-linear wave does not know how a {self.source.name} moves contacts"
             )
-        if self.moves and direction == TORSION and sample.periodic_z:
+        if self.moves and direction == TORSION and self.sample.periodic_z:
             raise InputError(
                 "a period along z does not turn: take a cell between walls, a sphere as the "
                 "source, or the linear wave"
             )
-        self.load = source.load(self.network, direction).reshape(-1, 6)
-        self._operator = ContactOperator(self.network, mass_scaled=True)
-        top, _ = bound_of_spectrum(self._operator)
+        self.load = self.source.load(network, direction).reshape(-1, 6)
+        self.operator = ContactOperator(network, mass_scaled=True)
+        top, _ = bound_of_spectrum(self.operator)
         self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
+        self.first = math.ceil(self.interval / (FIRST * self.limit))
 
     def run_to(self, accuracy: float) -> tuple[int, _Run, float]:
         """Steps from record to record, the run with them, and its error, over the largest motion.
 
         InputError where the accuracy is not reached.
         """
-        every = math.ceil(self.interval / (FIRST * self.limit))
-        finer, coarse = 2 * every, self.run(every)
+        every, finer, coarse = self.first, 2 * self.first, self.run(self.first)
         for _ in range(MOST_RUNS):
             fine = self.run(finer)
             largest = abs(fine.moved).max(initial=0.0)
@@ -237,15 +217,14 @@ class _Wave:
 
     def run(self, every: int, *, driven: bool = True) -> _Run:
         """One run of `every` steps from record to record; at rest the source where not `driven`."""
-        started, nt, along = clock.perf_counter(), len(self.time), self.component
+        started, nt, along = clock.perf_counter(), len(self.time), COMPONENT[self.direction]
         dt, steps = self.interval / every, every * (nt - 1)
-        rows = self.receivers.rows[:, along::6].tocsr()  # of what moves along the direction alone
-        count = rows.shape[0]
+        reading = self.receivers.rows[:, along::6].tocsr()  # of what moves along the direction alone
         refuse_endless(
             f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
-            self._operator,
+            self.operator,
             products=PRODUCTS * steps,
-            bytes_needed=8 * (3 * nt * count + steps),
+            bytes_needed=8 * (3 * nt * reading.shape[0] + steps),
             remedy="take a shorter duration or a larger accuracy",
         )
         moving = Dynamics(self.sample, books=True)
@@ -253,19 +232,14 @@ class _Wave:
         contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
         if isinstance(self.source, Plane):
             moving.carried = np.flatnonzero(self.sample.position[:, 2] < self.source.height)
-        turned = np.zeros(len(inertia))
-        contact_count, look = self.network.n_contacts, max(1, nt // LOOKS)
-        given = self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
-        given = given if driven else np.zeros(steps + 1)
-        run = _Run(
-            np.empty((nt, count)), np.empty((nt, 2)), np.empty((nt, 4)), np.zeros(contact_count),
-            np.zeros(contact_count, bool), (np.empty((0, 2), int), np.empty(0)), 0.0,
-        )  # fmt: skip
+        given = driven * self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
+        moved, on_walls, energy = (np.empty((nt, count)) for count in (reading.shape[0], 2, 4))
+        turned, opened = np.zeros(len(inertia)), np.zeros(self.network.n_contacts, bool)
         work = force = rest = 0.0
         for k in progress(steps + 1, "wave" if driven else "noise"):
             row, recorded = k // every, k % every == 0
             if recorded:
-                run.moved[row] = rows @ (turned if along > 2 else moving.displacement()[:, along])
+                moved[row] = reading @ (turned if along > 2 else moving.displacement()[:, along])
                 before = moving.velocity.copy()
             # Works are those of the mean force of both ends of a step, as between spheres.
             if self.moves:
@@ -275,9 +249,8 @@ class _Wave:
                 work += 0.5 * (force + now) * (given[k] - given[k - 1]) if k else 0.0
                 force = now
             else:
-                if k:
-                    way = dt * float((self.load * moving.velocity).sum())
-                    work += 0.5 * (given[k - 1] + given[k]) * way
+                way = dt * float((self.load * moving.velocity).sum())
+                work += 0.5 * (given[k - 1] + given[k]) * way if k else 0.0
                 moving.push = given[k] * self.load
                 moving.step(dt)
             if along > 2:
@@ -286,30 +259,29 @@ class _Wave:
                 stored = contacts.elastic_energy + float(contacts.work[:, 0].sum())
                 rest = rest if k else stored
                 kinetic = 0.5 * float((inertia * before * moving.velocity).sum())
-                run.energy[row] = work, kinetic, stored - rest, contacts.slipped
-                run.on_walls[row] = force, contacts.on_walls[1, along]
-                if row % look == 0 or k == steps:
-                    run.opened |= contacts.opened()
-        ends, lost, rows = contacts.slips()
-        run.slips, of_start = (ends, lost), rows >= 0
-        run.dissipated[rows[of_start]] = lost[of_start]
-        run.seconds = clock.perf_counter() - started
-        if not np.isfinite(run.moved).all():
+                energy[row] = work, kinetic, stored - rest, contacts.slipped
+                on_walls[row] = force, contacts.on_walls[1, along]
+                if row % max(1, nt // LOOKS) == 0 or k == steps:
+                    opened |= contacts.opened()
+        if not np.isfinite(moved).all():
             raise InputError("the wave is not finite: take a smaller amplitude")
-        return run
+        ends, lost, rows = contacts.slips()
+        dissipated = np.zeros(len(opened))
+        dissipated[rows[rows >= 0]] = lost[rows >= 0]
+        seconds = clock.perf_counter() - started
+        return _Run(moved, on_walls, energy, dissipated, opened, (ends, lost), seconds)
 
-    def signals(self, run: _Run, every: int, network_sha256: str) -> Signals:
-        """The run in the form of the linear wave."""
-        stress, none = (run.on_walls - run.on_walls[0]) / self.network.area, np.empty(0)
-        dt = self.interval / every
+    def signals(self, run: _Run, dt: float, network_sha256: str) -> Signals:
+        """The run, of steps of `dt`, s, in the form of the linear wave."""
+        stress = (run.on_walls - run.on_walls[0]) / self.network.area
+        stresses = {"source_stress": stress[:, 0]} if self.moves else {}
+        stresses |= {"receiver_stress": stress[:, 1]} if self.receivers.walls else {}
         return self.receivers.signals(
             self.time,
             run.moved,
             self.motion,
-            source=self.source.name,
-            source_height=self.source.height_in(self.network),
-            source_stress=stress[:, 0] if self.moves else none,
-            receiver_stress=stress[:, 1] if self.receivers.walls else none,
+            self.source,
+            **stresses,
             producer="nonlinear",
             time_step=dt,
             run_time=run.seconds,

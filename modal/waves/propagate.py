@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 
@@ -13,44 +13,41 @@ from modal.packing.sample import Sample
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
-from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.waves.driven import Driven
-from modal.waves.integrators import Chebyshev, Integrator, Leapfrog, Taylor
-from modal.waves.nonlinear import NonlinearWave, propagate_nonlinear
+from modal.waves.integrators import Chebyshev, Integrator, Taylor
+from modal.waves.nonlinear import ACCURACY, NonlinearWave, nonlinear_wave
 from modal.waves.receivers import Receivers
-from modal.waves.signals import Signals
+from modal.waves.signals import Wave
 from modal.waves.source import Motion, Pulse
 from modal.waves.sources import Source, Wall
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 @dataclass(frozen=True, repr=False)
-class LinearWave:
+class LinearWave(Wave):
     """Result of `propagate`: signals, number of products with K, and the bound of the error.
 
     `truncation` is relative to the largest recorded displacement, and to the largest stress on
-    either wall; NaN of an integrator that does not know it. It was computed in one of so many
-    `repeats` of which the packing consists sideways.
+    either wall. It was computed in one of so many `repeats` of which the packing consists sideways.
     """
 
-    signals: Signals
     products: int
     truncation: float
     repeats: int = 1
 
-    def __repr__(self) -> str:
-        found = abs(self.signals.receiver_stress).max(initial=0.0)
-        return (
-            f"<LinearWave: {self.signals!r}, {quantity(float(found), 'Pa')} at most on the "
-            f"receiver wall, {self.products} products with K>"
-        )
+    @property
+    def told(self) -> str:
+        """What it took."""
+        return f"{self.products} products with K"
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the displacement over time and distance, as `Signals.plot`; returns the Axes."""
-        return self.signals.plot(ax)
+
+LINEAR = {
+    **{"tolerance": 1e-9, "pre_stress": "none", "sliding": "elastic", "damping": None},
+    **{"integrator": None, "whole": False},
+}
+"""Options, and their usual values, of a wave alone whose contacts are springs."""
+NONLINEAR = {"accuracy": ACCURACY, "friction": None}
+"""Of one alone whose contacts follow their law."""
 
 
 @overload
@@ -82,7 +79,7 @@ def propagate(
     whole: bool = False,
     network_sha256: str = "",
     time_step: float | None = None,
-    accuracy: float | None = None,
+    accuracy: float = ACCURACY,
     friction: float | None = None,
 ) -> LinearWave | NonlinearWave:
     """The wave that a small motion of a source sends through a packing.
@@ -130,10 +127,10 @@ def propagate(
         Checksum of the network's file, noted in the signals.
     time_step : float, optional
         s; goes by leapfrog, with the error of DEM programs.
-    accuracy : float, optional
-        Of the non-linear wave alone.
+    accuracy : float, default 1e-3
+        Of the non-linear wave alone: error of displacements, over the largest recorded one.
     friction : float, optional
-        Of the non-linear wave in a network alone.
+        Of the non-linear wave in a network alone; a sample has its own.
 
     Returns
     -------
@@ -162,52 +159,42 @@ def propagate(
     >>> shear.signals.layer_displacement.shape
     (21, 28)
     """
-    own: dict[str, Any] = {"accuracy": accuracy, "friction": friction}
-    own = {name: value for name, value in own.items() if value is not None}
-    linear = {"tolerance": tolerance != 1e-9, "pre_stress": pre_stress != "none", "whole": whole}
-    linear |= {"sliding": sliding != "elastic", "damping": damping is not None}
-    linear |= {"integrator": integrator is not None}
-    for name in (name for name, given in linear.items() if given) if nonlinear else own:
-        kind = "linear" if nonlinear else "non-linear"
-        raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
+    given = locals()
+    kind, exact = ("linear", "accuracy") if nonlinear else ("non-linear", "tolerance")
+    for name, usual in (LINEAR if nonlinear else NONLINEAR).items():
+        if given[name] != usual:
+            raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
+    if not (0 < interval <= duration < np.inf and 0 < given[exact] < 1):
+        raise InputError(
+            "duration and interval must be positive, the interval no longer than the duration, "
+            f"the {exact} between 0 and 1"
+        )
+    source, motion = source or Wall(), motion or Pulse()
     if nonlinear:
-        return propagate_nonlinear(
-            network,
-            duration,
-            source=source,
-            motion=motion,
-            interval=interval,
+        return nonlinear_wave(
+            *(network, duration, interval, source, motion, direction),
             particles=particles,
-            direction=direction,
-            network_sha256=network_sha256,
+            accuracy=accuracy,
             time_step=time_step,
-            **own,
+            friction=friction,
+            network_sha256=network_sha256,
         )
     if isinstance(network, Sample):
         network = network.network()
-    if not (0 < interval <= duration < np.inf and 0 < tolerance < 1):
-        raise InputError(
-            "duration and interval must be positive, the interval no longer than the duration, "
-            "the tolerance between 0 and 1"
-        )
     started = clock.perf_counter()
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
-    source, motion = source or Wall(), motion or Pulse()
     receivers = Receivers(system.network, direction, particles=particles)
     driven = Driven.of(system, source, receivers, duration, tolerance, whole=whole)
-    if time_step is not None:
-        integrator = Leapfrog(time_step)
-    elif integrator is None:
-        integrator = Taylor(tolerance) if driven.dashpots is not None else Chebyshev(tolerance)
+    if integrator is None and driven.dashpots and time_step is None:
+        integrator = Taylor(tolerance)
+    integrator = integrator or Chebyshev(tolerance, time_step)
     seen = integrator.carry(driven, motion, duration, interval)
-    record = driven.recorded(seen.record, motion.displacement(seen.time))
     signals = receivers.signals(
         seen.time,
-        record[:, driven.walls :],
+        seen.record[:, driven.walls :],
         motion,
-        **driven.stresses(record),
-        source=source.name,
-        source_height=source.height_in(network),
+        source,
+        **driven.stresses(seen.record),
         producer="linear",
         time_step=integrator.time_step or interval,
         run_time=clock.perf_counter() - started,

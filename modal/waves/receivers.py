@@ -14,6 +14,7 @@ from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 from modal.waves.signals import COMPONENT, Signals
 from modal.waves.source import Motion
+from modal.waves.sources import Source
 
 
 class Receivers:
@@ -58,7 +59,9 @@ class Receivers:
             "particle_displacement": seen[:, c + nl :] if self.particles else None,
         }
 
-    def signals(self, time: Floats, seen: Array, motion: Motion, **settings: Any) -> Signals:
+    def signals(
+        self, time: Floats, seen: Array, motion: Motion, source: Source, **settings: Any
+    ) -> Signals:
         """The signals of what `rows` have read (nt, count) at times (nt,) of a source's motion.
 
         `settings`: the further fields of `Signals`, stresses, producer, time step and so on.
@@ -67,6 +70,8 @@ class Receivers:
             time=time,
             chain_position=self.network.position[self.chain, 2],
             source_displacement=motion.displacement(time),
+            source=source.name,
+            source_height=source.height_in(self.network),
             case=str(self.network.study.get("case", "")),
             amplitude=motion.amplitude,
             input_frequency=motion.frequency,

@@ -42,7 +42,7 @@ from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
-from modal.waves.signals import OF_FREQUENCY, SAID, UNSAID, read_recording, write_recording
+from modal.waves.signals import OF_FREQUENCY, SAID, UNSAID, absent, read_recording, write_recording
 from modal.waves.signals import VERSION as VERSION
 from modal.waves.sources import Source, Wall
 
@@ -60,7 +60,7 @@ FORMAT = Product(
 REMEDY = "take fewer frequencies, or a smaller packing"
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, kw_only=True)
 class Response:
     """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
@@ -73,9 +73,9 @@ class Response:
     """
 
     frequency: Floats
-    source_stress: Complex
-    receiver_stress: Complex
-    chain_particle: Ints
+    source_stress: Complex = absent()
+    receiver_stress: Complex = absent()
+    chain_particle: Ints = absent(int)
     chain_displacement: Complex
     layer_position: Floats
     layer_displacement: Complex
@@ -200,28 +200,23 @@ def frequency_response(
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     source, receivers = source or Wall(), Receivers(system.network, direction)
-    # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
-    gamma = np.pi * resolution
     # The window leaves of a wave what comes within 1 / gamma.
-    driven = Driven.of(system, source, receivers, 1 / gamma, tolerance)
-    products = 0
-    if driven.dashpots is not None:
-        end = _end(bound_of_spectrum(driven.springs)[0], highest, resolution)
-        _refuse_many(4 * end / resolution, 0.0, driven)
-        frequency = np.arange(resolution / 4, end, resolution / 4)
-        record, resolution = _damped(system, driven, frequency), 0.0
+    driven = Driven.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
+    if driven.dashpots:
+        (frequency, record), products = _damped(system, driven, highest, resolution), 0
     else:
         frequency, record, products = _windowed(driven, highest, resolution, tolerance)
     columns = receivers.columns(record[:, driven.walls :])
+    del columns["particle_displacement"]
     return Response(
         frequency=frequency,
         **driven.stresses(record),
-        **{name: value for name, value in columns.items() if name != "particle_displacement"},
-        resolution=resolution,
+        **columns,
+        resolution=0.0 if driven.dashpots else resolution,
         products=products,
         source=source.name,
         source_height=source.height_in(network),
-        damping=None if resolution else damping,
+        damping=damping if driven.dashpots else None,
     )
 
 
@@ -237,6 +232,7 @@ def _windowed(
     driven: Driven, highest: float | None, resolution: float, tolerance: float
 ) -> tuple[Floats, Complex, int]:
     """Frequencies (nf,), Hz, what is recorded at them (nf, count), and products with K."""
+    # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
 
     def series_for(top: float) -> Resolvent:
@@ -245,57 +241,59 @@ def _windowed(
         numbers = (orders + 16 * end / resolution) * driven.count + 4 * CHUNK * orders
         refuse_endless(
             f"a response with a resolution of {resolution:g} Hz",
-            driven.springs,
+            driven.springs.operator,
             products=orders,
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
         )
         return Resolvent(np.arange(resolution / 4, end, resolution / 4), gamma, top)
 
-    def largest(series: Resolvent, record: Complex) -> Floats:
-        return driven.largest(record, np.ones(len(series.frequency)))
-
-    series, record, products, error = summed(
-        driven.springs, driven.push.copy, driven, series_for, largest, tolerance
-    )
+    series, record, products, error = summed(driven, series_for, tolerance)
     if error > tolerance:
         raise InputError(
             f"round-off is up to {error:.1g} of a record: so little comes through within the "
             f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance"
         )
-    return series.frequency, driven.recorded(record, np.ones(len(record))), products
+    return series.frequency, record, products
 
 
-def _refuse_many(frequencies: float, seconds: float, driven: Driven) -> None:
-    """InputError where they would take more than the memory, or at so many `seconds` than a day."""
-    task = f"a damped response at {frequencies:.2g} frequencies takes"
-    refuse_above(seconds * frequencies, 16.0 * frequencies * driven.count, task, REMEDY)
+def _damped(
+    system: LinearSystem, driven: Driven, highest: float | None, resolution: float
+) -> tuple[Floats, Complex]:
+    """Frequencies (nf,), Hz, and what is recorded at them (nf, count), by a factorisation each.
 
-
-def _damped(system: LinearSystem, driven: Driven, frequency: Floats) -> Complex:
-    """Shape (nf, count): what is recorded at the frequencies (nf,), Hz, above 0.
-
-    InputError where the factorisations would take more than the memory or more than a day.
+    InputError where these would take more than the memory or more than a day.
     """
-    assert system.dashpots is not None
+    springs, dashpots = driven.springs, driven.dashpots
+    assert dashpots and system.dashpots
+    end = _end(bound_of_spectrum(springs.operator)[0], highest, resolution)
+    count = 4 * end / resolution
+
+    def refuse(seconds: float) -> None:
+        task = f"a damped response at {count:.2g} frequencies takes"
+        refuse_above(seconds * count, 16.0 * count * driven.count, task, REMEDY)
+
+    refuse(0.0)
+    frequency = np.arange(resolution / 4, end, resolution / 4)
     A, C = system.assembled(), system.dashpots.assembled()
     identity = sp.identity(system.size, format="csr")
-    record: Complex = np.empty((len(frequency), driven.count), complex)
-    spring, walls = driven.springs, driven.walls
+    record: Complex = driven.blank(np.ones(len(frequency), complex))
     started = clock.perf_counter()
     for k in progress(len(frequency), "response"):
-        omega = 2 * np.pi * frequency[k]
-        matrix = (A - omega**2 * identity - 1j * omega * C).tocsr()
-        factor = factorise(matrix, symmetric=system.symmetric, remedy=REMEDY)
-        v = spring.inward(factor.solve(spring.outward(driven.push - 1j * omega * driven.drag)))
+        s = -2j * np.pi * frequency[k]
+        factor = factorise(
+            (A + s * C + s**2 * identity).tocsr(), symmetric=system.symmetric, remedy=REMEDY
+        )
+        load = springs.operator.outward(springs.push + s * dashpots.push)
+        v = springs.operator.inward(factor.solve(load))
         factor.release()
-        record[k] = driven.rows @ v
-        record[k, :walls] -= 1j * omega * (driven.viscous @ v + driven.held_viscous)
+        record[k] += springs.rows @ v
+        record[k, : driven.walls] += s * (dashpots.rows @ v + dashpots.held)
         if k == 0:
-            _refuse_many(len(frequency), clock.perf_counter() - started, driven)
+            refuse(clock.perf_counter() - started)
     if not np.isfinite(record).all():
         raise InputError(f"the damped response is not finite at a frequency of its own; {REMEDY}")
-    return driven.recorded(record, np.ones(len(record)))
+    return frequency, record
 
 
 def write_response(
@@ -320,5 +318,6 @@ def read_response(path: str | Path) -> Response:
     with complete(path):
         ratios = tuple(map(float, said["damping"]))
         said["damping"] = ContactDamping(*ratios) if ratios else None
-    del said["gain"], said["network_sha256"]
+    for name in ("gain", "network_sha256"):
+        said.pop(name, None)
     return Response(products=0, **said)

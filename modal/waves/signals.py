@@ -11,7 +11,7 @@ and not in the file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,27 +91,19 @@ def write_recording(
 
 
 def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
-    """All values, what a file may lack as an empty array; InputError for anything wrong."""
+    """All values that are there; InputError for anything wrong."""
     said = product.read(path)
     if said["direction"] not in COMPONENT:
         known = ", ".join(COMPONENT)
         raise InputError(f"{path}: direction {said['direction']!r} is none of {known}; mend it")
+    there = {name: value for name, value in said.items() if value is not None}
     length = len(said["time" if "time" in said else "frequency"])
-    for name, empty in without_walls(length).items():
-        if name in said and said[name] is None:
-            said[name] = empty
-    return said
+    return {"chain_displacement": np.empty((length, 0))} | there
 
 
-def without_walls(length: int) -> dict[str, Any]:
-    """Columns of a recording at so many times or frequencies that has no walls and no chain."""
-    return {
-        "source_stress": np.empty(0),
-        "receiver_stress": np.empty(0),
-        "chain_particle": np.empty(0, int),
-        "chain_position": np.empty(0),
-        "chain_displacement": np.empty((length, 0)),
-    }
+def absent(kind: type = float) -> Any:
+    """A column of a recording that an empty array stands for where it is not there."""
+    return field(default_factory=lambda: np.empty(0, kind))
 
 
 def _twisted(column: Column) -> Column:
@@ -146,7 +138,7 @@ PLANE_FORMAT = Product(
 )
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, kw_only=True)
 class Signals:
     """Recorded signals of one wave run; nt times, nc particles of the chain.
 
@@ -168,12 +160,12 @@ class Signals:
     """
 
     time: Floats
-    chain_particle: Ints
-    chain_position: Floats
+    chain_particle: Ints = absent(int)
+    chain_position: Floats = absent()
     chain_displacement: Floats
     source_displacement: Floats
-    source_stress: Floats
-    receiver_stress: Floats
+    source_stress: Floats = absent()
+    receiver_stress: Floats = absent()
     producer: str
     case: str
     amplitude: float
@@ -231,6 +223,29 @@ class Signals:
         return ax
 
 
+@dataclass(frozen=True, repr=False)
+class Wave:
+    """What a run gives: its `signals`, and what else it has to tell."""
+
+    signals: Signals
+
+    @property
+    def told(self) -> str:
+        """Beside the signals."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        found = quantity(float(abs(self.signals.receiver_stress).max(initial=0.0)), "Pa")
+        return (
+            f"<{type(self).__name__}: {self.signals!r}, {found} at most on the receiver wall, "
+            f"{self.told}>"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the displacement over time and distance, as `Signals.plot`; returns the Axes."""
+        return self.signals.plot(ax)
+
+
 def record_times(duration: float, interval: float) -> Floats:
     """Times (nt,), s, of a record: from 0 on, none after its `duration` but by round-off."""
     return interval * np.arange(np.floor(duration / interval * (1 + 1e-9)) + 1)
@@ -280,7 +295,7 @@ def _of_plane(said: dict[str, Any]) -> Signals:
     height, time = said.pop("height"), said["time"]
     return Signals(
         **said,
-        **without_walls(len(time)),
+        chain_displacement=np.empty((len(time), 0)),
         source=f"plane at {height:g} m",
         source_height=np.array([height]),
         producer="linear",

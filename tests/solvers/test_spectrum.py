@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from modal.modes import density
 from modal.modes.collective import every_floppy
@@ -23,6 +24,7 @@ from modal.tools import loops
 from modal.waves import chebyshev
 from modal.waves import integrators as wave
 from modal.waves.chebyshev import Recurrence, summed
+from modal.waves.driven import Driven, Link
 from modal.waves.propagate import propagate
 
 pytestmark = pytest.mark.two_ways
@@ -50,30 +52,13 @@ class Diagonal:
         return out
 
 
-class Everything:
-    """Receivers of all motions."""
-
-    def __init__(self, count: int) -> None:
-        self.count = count
-
-    def observe(self, u: np.ndarray, out: np.ndarray) -> None:
-        """Record all."""
-        out[:] = u
-
-    def reach(self) -> np.ndarray:
-        """One kind, of unit rows."""
-        return np.ones(1)
-
-
 class Moments:
     """A record of the first moments themselves, one a row."""
 
-    def __init__(self, orders: int) -> None:
-        self.wanted = orders
+    apart = False
 
-    def empty(self, count: int) -> np.ndarray:
-        """No row yet."""
-        return np.zeros((self.wanted, count))
+    def __init__(self, orders: int) -> None:
+        self.wanted, self.moved = orders, np.zeros(orders)
 
     def left(self, orders: int) -> float:
         """Nothing after the last one."""
@@ -86,6 +71,13 @@ class Moments:
     def add(self, record: np.ndarray, rows: np.ndarray, first: int) -> None:
         """The rows as they are."""
         record[first : first + len(rows)] = rows
+
+
+def everything(operator: Diagonal) -> Driven:
+    """A push on all, and receivers of all motions."""
+    size = operator.shape[0]
+    link = Link(operator, np.ones(size), sp.identity(size, format="csr"), np.empty(0))
+    return Driven(link, None, 1.0, None)
 
 
 SPECTRA = {
@@ -141,7 +133,7 @@ def grown(square, share: float, orders: int) -> tuple[Diagonal, GrowthError, flo
     # Tiny: growth is relative to the start.
     start, top = np.full(size, 1e-9), share * max(square)
     with pytest.raises(GrowthError) as caught:
-        Recurrence(operator, start, top, Everything(size)).rows(orders)
+        Recurrence(operator, start, top, sp.identity(size)).rows(orders)
     return operator, caught.value, top
 
 
@@ -158,14 +150,14 @@ def test_growth_is_told_from_round_off_at_every_order(orders):
     """
     grown(np.full(4, 1 + 1e-13), 1 / (1 + 1e-13), orders)
     operator, start = Diagonal(np.full(4, 1 + 1e-15)), np.ones(4)
-    Recurrence(operator, start, 1.0, Everything(4)).rows(orders)
+    Recurrence(operator, start, 1.0, sp.identity(4)).rows(orders)
 
 
 @pytest.mark.parametrize("share", [1.1, 0.9, 0.3])
 def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
     """Those of an attempt that grew are told as well, and only as many as were made."""
     square = np.linspace(0, 3, 400)
-    operator, start = Diagonal(square), np.ones(400)
+    operator = Diagonal(square)
     monkeypatch.setattr(chebyshev, "top_of_spectrum", lambda _: (share * 3.0, 0))
     tops = []
 
@@ -173,9 +165,7 @@ def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
         tops.append(top)
         return Moments(300)
 
-    _, rows, products, error = summed(
-        operator, start.copy, Everything(400), series_for, lambda *_: np.ones(1), 1e-9
-    )
+    _, rows, products, error = summed(everything(operator), series_for, 1e-9)
     assert products == operator.products and error == 0
     top = tops[-1]
     assert top >= 3
@@ -262,7 +252,7 @@ def test_moments_are_those_of_chebyshevs_polynomials():
     """Rows of T_k(2 A / top - 1) start, by the cosine."""
     square, top = np.linspace(0, 5, 30), 6.0
     start = np.random.default_rng(1).standard_normal(30)
-    rows = Recurrence(Diagonal(square), start.copy(), top, Everything(30)).rows(70)
+    rows = Recurrence(Diagonal(square), start.copy(), top, sp.identity(30)).rows(70)
     angle = np.arccos(2 * square / top - 1)
     expected = np.cos(np.arange(70)[:, None] * angle) * start
     # Round-off grows by at most the order at each product.

@@ -97,10 +97,10 @@ def undamped_column(window: float, travels: float) -> Signals:
             receiver += 2 * push(1e-3 * k)
         else:
             source += 2 * push(1e-3 * k)
-    chain = np.zeros((len(time), 1))
     return Signals(
-        time, np.array([0]), np.zeros(1), chain, 0 * time, source, receiver,
-        "rod", "", 1.0, 1 / window, 5e-6, 0.0, "",
+        time=time, chain_displacement=np.zeros((len(time), 0)), source_displacement=0 * time,
+        source_stress=source, receiver_stress=receiver, producer="rod", case="", amplitude=1.0,
+        input_frequency=1 / window, time_step=5e-6, run_time=0.0, network_sha256="",
     )  # fmt: skip
 
 

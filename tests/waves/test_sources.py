@@ -18,7 +18,7 @@ from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
 from modal.system.assembly import block, stiffness_matrix
-from modal.system.contacts import Contacts, terms_of
+from modal.system.contacts import SHEAR, Contacts, terms_of
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.integrators import Taylor
@@ -76,6 +76,9 @@ def of_wall(network: Network, wall: int, direction: str, pre_stress: str):
         push[i] -= block(one, 0, 1)[0] @ e
         pull[i] -= block(one, 1, 0)[0].T @ e
         held += e @ block(one, 1, 1)[0] @ e
+        if direction == "torsion" and SHEAR in terms_of(pre_stress):
+            # The wall feels -t where the sphere is: the torque u_i x -t about z.
+            pull[i, :3] += np.cross([0, 0, 1], network.force_tangential[c])
     return push.ravel(), pull.ravel(), held
 
 
