@@ -48,6 +48,7 @@ class ContactOperator(LinearOperator):
         size = self.dof * network.n_particles
         super().__init__(np.dtype(float), (size, size))
         self._matrix: sp.csr_matrix | None = None
+        self._unturning: Floats | None = None
         if numba is None or pre_stress == "law":
             matrix = stiffness_matrix(
                 network, translations_only=translations_only, pre_stress=pre_stress
@@ -56,7 +57,6 @@ class ContactOperator(LinearOperator):
             return
         self._contacts = PackedContacts.of(network, pre_stress)
         self._scale = np.ones((network.n_particles, 2))
-        self._unturning: Floats | None = None
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
             self._unturning = RootMass.of(network, self.dof).unturning
@@ -109,54 +109,44 @@ class ContactOperator(LinearOperator):
         written, for each component, the sums over the particles of out out and of out u, `out` as
         it came: single real vectors (6n,) alone.
         """
-        for name, array in (("u", u), ("out", out)):
-            if array.shape[0] != self.shape[0] or array.shape != u.shape:
-                raise ValueError(f"{name} has shape {array.shape}, the operator {self.shape}")
-        if np.iscomplexobj(u) and not np.iscomplexobj(out):
-            raise ValueError("out is real and u complex; the result needs a complex array")
-        if self._matrix is not None:
-            if sums is not None:
-                sums[:] = component_sums(out, u, self.dof)
-            out[...] = gamma * out if gamma else 0.0
-            out += alpha * (self._matrix @ u)
-            if beta:
-                out += beta * u
-        elif np.iscomplexobj(out):
+        if u.shape != out.shape or len(u) != self.shape[0]:
+            raise ValueError(f"u and out have shapes {u.shape}, {out.shape}; take {self.shape[0]}")
+        if np.iscomplexobj(out):
             self.combine(u.real, out.real, alpha, beta, gamma)
             self.combine(u.imag, out.imag, alpha, beta, gamma)
-        else:
+            return out
+        if np.iscomplexobj(u):
+            raise ValueError("out is real and u complex; the result needs a complex array")
+        unturning = self._unturning
+        if self._matrix is None and unturning is None:
             source = np.ascontiguousarray(u, dtype=float)
             target = np.ascontiguousarray(out, dtype=float)
-            self._combine(source, target, (alpha, beta, gamma), sums)
+            self._loop(source, target, (alpha, beta, gamma), sums)
             if target is not out:
                 out[...] = target
-        return out
-
-    def _combine(
-        self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
-    ) -> None:
-        """The same for real arrays in C order, by the loops; `factors` alpha, beta, gamma."""
-        if self._unturning is None:
-            self._loop(u, out, factors, sums)
-            return
-        # The roots of tensors of inertia go around the loops, whose masses are numbers.
+            return out
         if sums is not None:
             sums[:] = component_sums(out, u, self.dof)
-        alpha, beta, gamma = factors
-        by_body = (len(self._scale), self.dof, -1)
-        turned, force = u.copy(), np.empty_like(u)
-        turned.reshape(by_body)[:, 3:] = self._unturning @ u.reshape(by_body)[:, 3:]
-        self._loop(turned, force, (alpha, 0.0, 0.0), None)
-        pushed = force.reshape(by_body)
-        pushed[:, 3:] = self._unturning @ pushed[:, 3:]
+        force = self._matrix @ u if unturning is None else self._turned(u, unturning)
         out[...] = gamma * out if gamma else 0.0
-        out += force
-        out += beta * u
+        out += alpha * force
+        if beta:
+            out += beta * u
+        return out
+
+    def _turned(self, u: Floats, unturning: Floats) -> Floats:
+        """K u with roots of tensors of inertia around the loops, whose masses are numbers."""
+        by_body = (len(self._scale), self.dof, -1)
+        turned, force = np.array(u, order="C"), np.zeros(u.shape)
+        turned.reshape(by_body)[:, 3:] = unturning @ turned.reshape(by_body)[:, 3:]
+        self._loop(turned, force, (1.0, 0.0, 0.0), None)
+        force.reshape(by_body)[:, 3:] = unturning @ force.reshape(by_body)[:, 3:]
+        return force
 
     def _loop(
         self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
     ) -> None:
-        """By the compiled loops alone."""
+        """`combine` by the compiled loops, of real arrays in C order; alpha, beta, gamma."""
         from modal.system.loops import combine_by_slabs
         from modal.tools.loops import threads_for
 
