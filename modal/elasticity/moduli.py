@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
-from modal.elasticity.slab import GRIP, Bulk, affine_stiffness, bulk_stiffness
+from modal.elasticity.slab import GRIP, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import STRAINED, STRAINS, has_walls, refuse_walls, stressed_stiffness
 from modal.formats.product import Column, Product
@@ -30,7 +30,6 @@ from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.system.contacts import Contacts
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
@@ -153,13 +152,11 @@ class ElasticModuli:
         if len(self.soft_strains()):
             raise InputError("the packing is not stable: some waves have no velocity, nor a level")
         height, weight = np.polynomial.legendre.leggauss(16)
-        angle = 2 * np.pi * np.arange(32) / 32
         total = 0.0
         for z, share in zip(height, weight / 64, strict=True):
-            flat = np.sqrt(1 - z**2)
-            for a in angle:
-                slow = self.velocities((flat * np.cos(a), flat * np.sin(a), z))
-                total += share * float((1 / slow**3).sum())
+            for a in 2 * np.pi * np.arange(32) / 32:
+                x, y = np.sqrt(1 - z**2) * np.array([np.cos(a), np.sin(a)])
+                total += share * float((1 / self.velocities((x, y, z)) ** 3).sum())
         return 4 * np.pi * total
 
     def soft_strains(self) -> Floats:
@@ -172,10 +169,8 @@ class ElasticModuli:
 
     def remarks(self) -> list[str]:
         """What a reader should know: strains that nothing resists, walls in the result."""
-        said = []
-        for strain in self.soft_strains():
-            most = STRAINS[int(np.argmax(abs(strain)))]
-            said.append(f"not stable: a strain, mostly {most}, costs no energy")
+        soft = (STRAINS[int(np.argmax(abs(strain)))] for strain in self.soft_strains())
+        said = [f"not stable: a strain, mostly {most}, costs no energy" for most in soft]
         if self.region == "slab with walls":
             said.append(
                 "too short for a bulk, or walls that slide: these are moduli of packing and walls "
@@ -190,23 +185,18 @@ class ElasticModuli:
         )
 
     def __str__(self) -> str:
-        rows = [("stiffness of the " + self.region, "Pa, " + ", ".join(STRAINS))]
-        rows += [
-            (name, " ".join(f"{value:11.4g}" for value in row))
-            for name, row in zip(STRAINS, self.stiffness, strict=True)
-        ]
-        rows += [
-            (
-                "bulk, shear modulus",
-                ", ".join(
-                    quantity(value, "Pa") for value in (self.bulk_modulus, self.shear_modulus)
-                ),
-            ),
-            ("Poisson's ratio", f"{self.poisson:.4f}"),
-            ("anisotropy", f"{self.anisotropy:.4f}"),
-            ("V_P, V_S, m/s", f"{self.v_p:.5g}, {self.v_s:.5g}"),
-        ]
-        return table(rows)
+        moduli = (quantity(value, "Pa") for value in (self.bulk_modulus, self.shear_modulus))
+        rows = (" ".join(f"{value:11.4g}" for value in row) for row in self.stiffness)
+        return table(
+            [
+                ("stiffness of the " + self.region, "Pa, " + ", ".join(STRAINS)),
+                *zip(STRAINS, rows, strict=True),
+                ("bulk, shear modulus", ", ".join(moduli)),
+                ("Poisson's ratio", f"{self.poisson:.4f}"),
+                ("anisotropy", f"{self.anisotropy:.4f}"),
+                ("V_P, V_S, m/s", f"{self.v_p:.5g}, {self.v_s:.5g}"),
+            ]
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the three velocities over the direction in the plane of x and z; returns Axes."""
@@ -219,36 +209,6 @@ class ElasticModuli:
         ax.set(xlabel="angle from z towards x, degrees", ylabel="velocity, m/s", ylim=(0, None))
         ax.legend()
         return ax
-
-
-@dataclass(frozen=True)
-class _Goal:
-    """How exact the energies of strains must be, and are, relative to what motion leaves of them.
-
-    stored (6,), J, twice the affine energies. What is measured `of_motion` is off by the root of
-    what the energy is off.
-    """
-
-    stored: Floats
-    tolerance: float
-    of_motion: bool
-
-    def _left(self, work: Floats) -> Floats:
-        least = GRIP if self.of_motion else SOFT
-        return np.maximum(self.stored - work, least * self.stored.max())
-
-    def allowed(self, work: Floats) -> Floats:
-        """Shape (6,), J: error of the energies after the motion has done this `work` (6,), J."""
-        goal = self.tolerance * self._left(work)
-        # What is left is a difference, which round-off of the affine energy blurs.
-        blur = np.finfo(float).eps * self.stored.max()
-        return goal**2 / self.stored.max() if self.of_motion else np.maximum(goal, blur)
-
-    def reached(self, error: Floats, work: Floats) -> float:
-        """The largest relative error of a modulus, from those of the energies (6,), J."""
-        if self.of_motion:
-            error = np.sqrt(error * self.stored.max())
-        return float((error / self._left(work)).max())
 
 
 @checked
@@ -321,40 +281,50 @@ def elastic_moduli(
         )
     system = LinearSystem.of(network)
     coupling = system.put_on(STRAINED)
-    affine, load = coupling.held, coupling.push
-    stored = np.diag(affine)
-    if not stored.max() > 0:
+    load, stored = coupling.push, np.diag(coupling.held)
+    most = stored.max()
+    if not most > 0:
         raise InputError("no contact resists a strain: the packing has no stiffness")
     bulk = Bulk.of(network) if walls else None
-    followed = affine / volume
-    goal = _Goal(stored, tolerance, of_motion=bulk is not None)
-    found, solver = steady_motion(system, load, coupling.terms, goal.allowed, solver)
-    motion = found.motion
-    whole = (affine - load.T @ motion - motion.T @ found.residual) / volume
+
+    def left(work: Floats, least: float) -> Floats:
+        """Twice the energies (6,), J, that the motion has left of the affine ones."""
+        return np.maximum(stored - work, least * most)
+
+    def allowed(work: Floats) -> Floats:
+        """Error of the energies (6,), J; what is measured of the motion is off by its root."""
+        if bulk:
+            return (tolerance * left(work, GRIP)) ** 2 / most
+        # What is left is a difference, which round-off of the affine energy blurs.
+        return np.maximum(tolerance * left(work, SOFT), np.finfo(float).eps * most)
+
+    found, solver = steady_motion(system, load, coupling.terms, allowed, solver)
+    motion, work = found.motion, np.einsum("ik,ik->k", load, found.motion)
+    whole = (coupling.held - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2
-    region = "slab with walls" if walls else "cell"
-    tangent = Contacts.of(network).tangent() if bulk else np.empty((0, 9, 9))
-    in_bulk = bulk_stiffness(network, bulk, tangent, motion) if bulk else None
-    if bulk and in_bulk is not None:
-        measured, followed = in_bulk, affine_stiffness(network, bulk, tangent)
+    followed, region = coupling.held / volume, "slab with walls" if walls else "cell"
+    error = found.energy_error / left(work, SOFT)
+    in_bulk = stiffness_of(network, bulk, motion) if bulk else None
+    if bulk and in_bulk:
+        measured, followed = in_bulk
         density, region = bulk.density(network), "bulk"
-    else:
-        goal = _Goal(stored, tolerance, of_motion=False)
-    stiffness = (measured + measured.T) / 2
-    stressed = pre_stress != "none"
-    beyond = _without_floppy(system, motion) if non_affine or stressed else None
+        error = np.sqrt(found.energy_error * most) / left(work, GRIP)
+    beyond, stressed = None, None
+    if non_affine or pre_stress != "none":
+        beyond = _without_floppy(system, motion)
+        stressed = None if pre_stress == "none" else stressed_stiffness(carrying, beyond)
     return ElasticModuli(
-        stiffness,
+        (measured + measured.T) / 2,
         followed,
         density,
         region,
         whole,
-        goal.reached(found.energy_error, np.einsum("ik,ik->k", load, motion)),
+        float(error.max()),
         float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
         found.products,
         solver,
         pre_stress,
-        stressed_stiffness(carrying, beyond) if stressed and beyond is not None else None,
+        stressed,
         beyond if non_affine else None,
     )
 
@@ -374,16 +344,15 @@ def write_moduli(
     made: Provenance | None = None,
 ) -> None:
     """Write the moduli atomically, and the non-affine motions if there are any."""
-    values = vars(moduli) | {"network_sha256": network_sha256}
-    if moduli.non_affine is not None:
-        values["displacement"] = moduli.non_affine[:, :, :3]
-        values["rotation"] = moduli.non_affine[:, :, 3:]
+    values, beyond = vars(moduli) | {"network_sha256": network_sha256}, moduli.non_affine
+    if beyond is not None:
+        values |= {"displacement": beyond[:, :, :3], "rotation": beyond[:, :, 3:]}
     FORMAT.write(path, values, made)
 
 
 def read_moduli(path: str | Path) -> ElasticModuli:
     """Read and validate, without the non-affine motions; InputError for anything wrong."""
     said = FORMAT.read(path, leave=MOTIONS)
-    return ElasticModuli(
-        **{name: said[name] for name in said if name not in (*MOTIONS, "network_sha256")}
-    )
+    for name in (*MOTIONS, "network_sha256"):
+        del said[name]
+    return ElasticModuli(**said)

@@ -75,41 +75,25 @@ class Bulk:
         return mass / (network.area * self.length)
 
 
-def affine_stiffness(network: Network, bulk: Bulk, tangent: Floats) -> Floats:
-    """Shape (6, 6), Pa: that of the bulk if all spheres followed the strain, by the energy of it.
-
-    `tangent` (m, 9, 9) of the contacts. Such spheres are not in balance. The torques on them would
-    make the stress unsymmetric.
-    """
-    strained = STRAINED.on(network)
-    resisted = np.einsum("cij,scj->sci", tangent, strained)
-    share = _share_of_volume(network, bulk)
-    return np.einsum("aci,bci->ab", strained * share[:, None], resisted)
-
-
-def _share_of_volume(network: Network, bulk: Bulk) -> Floats:
-    """Shape (m,), 1/m^3: the share of each contact that lies in the bulk, over its volume."""
-    share = bulk.share(network.position[network.particle_i, 2], network.branch[:, 2])
-    return share / (network.area * bulk.length)
-
-
-def bulk_stiffness(network: Network, bulk: Bulk, tangent: Floats, motion: Floats) -> Floats | None:
-    """Shape (6, 6), Pa: stress over strain of the bulk, not quite symmetric.
+def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, Floats] | None:
+    """Shape (6, 6), Pa, twice: stress over strain of the bulk, not quite symmetric, and affine.
 
     None where some strain hardly reaches the bulk: walls that slide, or yield, take it up.
 
-    `tangent` (m, 9, 9) of the contacts; `motion` (6n, 6), m and rad per unit strain, is that of the
-    spheres beyond the mean strain.
+    `motion` (6n, 6), m and rad per unit strain, is that of the spheres beyond the mean strain. The
+    affine stiffness is that if all spheres followed the strain, by the energy of it: such spheres
+    are not in balance, and the torques on them would make the stress unsymmetric.
     """
-    share, branch = _share_of_volume(network, bulk), network.branch
     contacts, strained = Contacts.of(network), STRAINED.on(network)
-    layers = Layers(network)
+    tangent, branch, layers = contacts.tangent(), network.branch, Layers(network)
+    # The share of each contact that lies in the bulk, over its volume, 1/m^3.
+    share = bulk.share(network.position[network.particle_i, 2], branch[:, 2])
+    share /= network.area * bulk.length
     weight = bulk.share(layers.position, np.zeros(len(layers.position)))
     stress, strain = np.empty((6, 6)), np.eye(6)
     for case, gradient in enumerate(gradients()):
         free = motion[:, case].reshape(-1, 6)
-        parted = contacts.motion(free) + strained[case]
-        pull = np.einsum("cab,cb->ca", tangent[:, :3], parted)
+        pull = np.einsum("cab,cb->ca", tangent[:, :3], contacts.motion(free) + strained[case])
         # Rows zz, yz, zx are what planes across z carry, the same in every layer at rest.
         stress[:, case] = voigt((pull * share[:, None]).T @ branch)
         for row in (2, 3, 4):
@@ -119,4 +103,6 @@ def bulk_stiffness(network: Network, bulk: Bulk, tangent: Floats, motion: Floats
             strain[row, case] = slope + gradient[moving, 2]
     if np.linalg.svd(strain, compute_uv=False)[-1] < GRIP:
         return None
-    return stress @ np.linalg.inv(strain)
+    resisted = np.einsum("cij,scj->sci", tangent, strained)
+    affine = np.einsum("aci,bci->ab", strained * share[:, None], resisted)
+    return stress @ np.linalg.inv(strain), affine

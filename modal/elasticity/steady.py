@@ -9,12 +9,13 @@ M^-1/2 K M^-1/2, so that parts which nothing holds stay where the load leaves th
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from modal.modes.effort import factorisation
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
-from modal.solvers.factor import available
+from modal.solvers.factor import Factor, available
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
@@ -48,32 +49,29 @@ def steady_motion(
     motion is u (6n, k), its residual that of the load. `solver` is one of `SOLVERS`, by default the
     one that is likely to be faster.
     """
-    if solver is None:
-        solver = "pardiso" if _worth_a_factor(system) else "gradients"
+    solver = solver or ("pardiso" if _worth_a_factor(system) else "gradients")
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
     root, operator = system.root, system.operator.renumbered()
     inward, outward = operator.inward, operator.outward
-    release: Callable[[], None] = lambda: None  # noqa: E731
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.
         sigma = -SHIFT * system.diagonal.max() or -1.0
         factor = system.factor(sigma, definite=True, solver="pardiso")
-        solve, release = factor.solve, factor.release
     else:
-        solve = _by_own_blocks(system)
+        factor = _own_blocks(system)
     found = conjugate_gradients(
         operator.apply,
-        lambda rest: inward(solve(outward(rest))),
+        lambda rest: inward(factor.solve(outward(rest))),
         np.ascontiguousarray(inward(root.over(load))),
         allowed,
         ROUNDED * np.finfo(float).eps * np.linalg.norm(root.over(terms), axis=0),
         look_back=LOOK_BACK[solver],
         most_products=MOST_PRODUCTS,
     )
-    release()
+    factor.release()
     motion, residual = root.over(outward(found.motion)), root.times(outward(found.residual))
-    return Solution(motion, residual, found.energy_error, found.products), solver
+    return replace(found, motion=motion, residual=residual), solver
 
 
 def _worth_a_factor(system: LinearSystem) -> bool:
@@ -82,7 +80,7 @@ def _worth_a_factor(system: LinearSystem) -> bool:
     return available("pardiso") and fits and effort.seconds < FACTOR_SECONDS
 
 
-def _by_own_blocks(system: LinearSystem) -> Callable[[Floats], Floats]:
+def _own_blocks(system: LinearSystem) -> Factor:
     """The inverse of A's diagonal blocks, one for each sphere, all of them held a little.
 
     Rattlers have no stiffness, and smooth spheres have but round-off against turning.
@@ -95,8 +93,4 @@ def _by_own_blocks(system: LinearSystem) -> Callable[[Floats], Floats]:
         return np.asarray(np.linalg.inv(blocks + 1e-8 * held * np.eye(6)), float)
 
     inverse = system.cached("inverse of own blocks", inverted, 288.0 * n)
-
-    def ease(rest: Floats) -> Floats:
-        return (inverse @ rest.reshape(n, 6, -1)).reshape(rest.shape)
-
-    return ease
+    return Factor(lambda b: (inverse @ b.reshape(n, 6, -1)).reshape(b.shape), None, "gradients")

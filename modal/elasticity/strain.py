@@ -37,8 +37,7 @@ AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 def gradients() -> Floats:
     """Shape (6, 3, 3): displacement gradients of unit strains; shear strains are angles."""
     gradient = np.zeros((6, 3, 3))
-    for strain, (moving, along) in enumerate(AXES):
-        gradient[strain, moving, along] = 1
+    gradient[(range(6), *zip(*AXES, strict=True))] = 1
     return gradient
 
 
@@ -57,16 +56,14 @@ def has_walls(network: Network) -> bool:
     False where it is periodic in all directions. InputError where it is neither, since there is no
     way to strain it.
     """
-    for axis in (0, 1):
-        if not network.cell_periodic[axis]:
-            raise InputError(
-                f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
-                f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z"
-            )
+    for axis in np.flatnonzero(~network.cell_periodic[:2]):
+        raise InputError(
+            f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
+            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z"
+        )
     if network.cell_periodic[2]:
         return False
-    touched = np.unique(network.particle_j)
-    if not (SOURCE_WALL in touched and RECEIVER_WALL in touched):
+    if not {SOURCE_WALL, RECEIVER_WALL} <= {*np.unique(network.particle_j).tolist()}:
         raise InputError(
             "no strain zz can be put on this packing: it is not periodic along z and does not "
             "touch two walls there"
