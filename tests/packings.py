@@ -284,7 +284,8 @@ def columns_side_by_side(copies: int, high: int = 2) -> Network:
 def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):
     """Push on the particles (6n,), pull on the wall (6n,) and what holds it, N/m and N."""
     coupling = put_on(network, terms_of(pre_stress), WallMoves(wall, axis))
-    return coupling.push[:, 0], coupling.pull[:, 0], float(coupling.held[0, 0])
+    push, pull = (each.toarray()[:, 0] for each in (coupling.push, coupling.pull))
+    return push, pull, float(coupling.held[0, 0])
 
 
 def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none") -> np.ndarray:

@@ -281,7 +281,7 @@ def elastic_moduli(
         )
     system = LinearSystem.of(network)
     coupling = system.put_on(STRAINED)
-    load, stored = coupling.push, np.diag(coupling.held)
+    load, stored = coupling.push.toarray(), np.diag(coupling.held)
     most = stored.max()
     if not most > 0:
         raise InputError("no contact resists a strain: the packing has no stiffness")
@@ -298,7 +298,7 @@ def elastic_moduli(
         # What is left is a difference, which round-off of the affine energy blurs.
         return np.maximum(tolerance * left(work, SOFT), np.finfo(float).eps * most)
 
-    found, solver = steady_motion(system, load, coupling.terms, allowed, solver)
+    found, solver = steady_motion(system, coupling, allowed, solver)
     motion, work = found.motion, np.einsum("ik,ik->k", load, found.motion)
     whole = (coupling.held - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2

@@ -35,14 +35,12 @@ def static_velocity(network: Network) -> tuple[float, float]:
         raise InputError("the packing is too short for a velocity of its bulk; take a longer one")
     system = LinearSystem.of(network)
     wall = system.put_on(WallMoves(SOURCE_WALL))
-    row = system.put_on(WallMoves(RECEIVER_WALL)).pull[:, 0]
+    beyond = system.put_on(WallMoves(RECEIVER_WALL))
     # A factor takes minutes or gigabytes where some hundred products take a second.
-    found, _ = steady_motion(
-        system, wall.push, wall.terms, lambda work: TOLERANCE**2 * work, "gradients"
-    )
+    found, _ = steady_motion(system, wall, lambda work: TOLERANCE**2 * work, "gradients")
     motion = found.motion[:, 0]
     area = network.area
-    stress = float(row @ motion) / area
+    stress = float((beyond.pull.T @ motion)[0]) / area
     strain = -np.polyfit(layers.position[inner], layers.means(motion[2::6])[inner], 1)[0]
     if not (stress > 0 and strain > 0):
         raise InputError("no force goes from wall to wall; such a packing carries no wave")

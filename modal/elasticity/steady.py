@@ -16,6 +16,7 @@ import numpy as np
 from modal.modes.effort import factorisation
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
 from modal.solvers.factor import Factor, available
+from modal.system.imposed import Coupling
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
@@ -37,22 +38,20 @@ FACTOR_SECONDS = 60.0
 
 def steady_motion(
     system: LinearSystem,
-    load: Floats,
-    terms: Floats,
+    coupling: Coupling,
     allowed: Callable[[Floats], Floats],
     solver: str | None = None,
 ) -> tuple[Solution, str]:
-    """Solve K u = `load` (6n, k) up to an energy error that is `allowed`; and the solver's name.
+    """Solve K u = the push of a coupling, (6n, k), to an energy error; and the solver's name.
 
-    `allowed` gives it (k,), J, from the work `load` u (k,), J, of the motion so far. `terms` (6n,
-    k): the size of what was summed up to each load, whose round-off is no load. The solution's
-    motion is u (6n, k), its residual that of the load. `solver` is one of `SOLVERS`, by default the
+    `allowed` gives it (k,), J, from the work push u (k,), J, of the motion so far. The solution's
+    motion is u (6n, k), its residual that of the push. `solver` is one of `SOLVERS`, by default the
     one that is likely to be faster.
     """
     solver = solver or ("pardiso" if _worth_a_factor(system) else "gradients")
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-    root, operator = system.root, system.operator.renumbered()
+    root, operator = system.root, system.renumbered()
     inward, outward = operator.inward, operator.outward
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.
@@ -63,9 +62,9 @@ def steady_motion(
     found = conjugate_gradients(
         operator.apply,
         lambda rest: inward(factor.solve(outward(rest))),
-        np.ascontiguousarray(inward(root.over(load))),
+        np.ascontiguousarray(inward(root.over(coupling.push.toarray()))),
         allowed,
-        ROUNDED * np.finfo(float).eps * np.linalg.norm(root.over(terms), axis=0),
+        ROUNDED * np.finfo(float).eps * np.linalg.norm(root.over(coupling.terms.toarray()), axis=0),
         look_back=LOOK_BACK[solver],
         most_products=MOST_PRODUCTS,
     )

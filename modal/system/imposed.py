@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from modal.packing.network import Network
 from modal.system.assembly import ENDS
@@ -156,13 +157,13 @@ class Coupling:
     """How s motions from outside and the bodies act on each other: push, pull (6n, s), held (s, s).
 
     N, N m per metre or radian. `terms` (6n, s): the root of the sum of squares of what was summed
-    up to a push, which says how well round-off lets it vanish.
+    up to a push, which says how well round-off lets it vanish. Sparse: most motions touch few.
     """
 
-    push: Floats
-    pull: Floats
+    push: sp.csc_matrix
+    pull: sp.csc_matrix
     held: Floats
-    terms: Floats
+    terms: sp.csc_matrix
 
 
 def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupling:
@@ -170,29 +171,37 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
 
     Part by part of the contacts that it moves, whose tangents then take little memory.
     """
-    s, n = imposed.count, network.n_particles
-    push, pull, squares = np.zeros((3, n, 6, s))
-    held = np.zeros((s, s))
-    for part in network.some(imposed.touches(network)).parts():
+    s, touched = imposed.count, network.some(imposed.touches(network))
+    held, bodies = np.zeros((s, s)), _bodies(touched.particle_i, touched.particle_j)[0]
+    push, pull, squares = np.zeros((3, len(bodies), 6, s))
+    for part in touched.parts():
         e, k = imposed.on(part), Contacts.of(part, terms).tangent()
-        pushed = np.einsum("cab,scb->sca", k, e)
-        felt = np.einsum("cba,scb->sca", k, e)
+        pushed = np.einsum("cab,scb->cas", k, e)
+        felt = np.einsum("cba,scb->cas", k, e)
         if SHEAR in terms:
             # A wall's force acts where the sphere is: going by u_i it adds the torque -u_i x t.
             x, y, _ = part.require("force_tangential", "torque on a wall").T * part.with_wall
-            felt[:, :, 0] -= e[:, :, 8] * y
-            felt[:, :, 1] += e[:, :, 8] * x
-        held += np.einsum("sca,tca->st", e, pushed)
-        for end, bodies in enumerate((part.particle_i, part.particle_j)):
-            on = bodies >= 0
-            parts, sign = ENDS[end]
-            for at, component in enumerate(parts):
-                way = -sign if at < 3 else -1.0
-                for motion in range(s):
-                    forces = pushed[motion, on, component]
-                    push[:, at, motion] += way * np.bincount(bodies[on], forces, n)
-                    squares[:, at, motion] += np.bincount(bodies[on], forces**2, n)
-                    back = felt[motion, on, component]
-                    pull[:, at, motion] += way * np.bincount(bodies[on], back, n)
-    shape = 6 * n, s
-    return Coupling(push.reshape(shape), pull.reshape(shape), held, np.sqrt(squares).reshape(shape))
+            felt[:, 0] -= (e[:, :, 8] * y).T
+            felt[:, 1] += (e[:, :, 8] * x).T
+        held += np.einsum("sca,cat->st", e, pushed)
+        for (components, sign), ends in zip(ENDS, (part.particle_i, part.particle_j), strict=True):
+            own, gather = _bodies(ends)
+            at, way = np.searchsorted(bodies, own), np.repeat([-sign, -1.0], 3)[:, None]
+            for total, forces in ((push, pushed), (pull, felt), (squares, pushed**2)):
+                mine = gather @ forces[:, components].reshape(len(ends), -1)
+                total[at] += mine.reshape(-1, 6, s) * (1.0 if total is squares else way)
+    place, start = (6 * bodies[:, None] + np.arange(6)).ravel(), np.arange(s + 1) * 6 * len(bodies)
+
+    def whole(values: Floats) -> sp.csc_matrix:
+        columns = values.reshape(-1, s).T.ravel(), np.tile(place, s), start
+        return sp.csc_matrix(columns, (6 * network.n_particles, s))
+
+    return Coupling(whole(push), whole(pull), held, whole(np.sqrt(squares)))
+
+
+def _bodies(*ends: Ints) -> tuple[Ints, sp.csr_matrix]:
+    """The bodies (k,) at ends (m,) of contacts, ascending, and (k, m) which contacts each has."""
+    every = np.concatenate(ends)
+    on = np.flatnonzero(every >= 0)
+    bodies, row = np.unique(every[on], return_inverse=True)
+    return bodies, sp.csr_matrix((np.ones(len(on)), (row, on)), (len(bodies), len(every)))

@@ -187,12 +187,19 @@ class LinearSystem:
 
         A small one is kept with the network.
         """
+        return self.cached("operator", self._operator, CONTACT * self.network.n_contacts)
 
-        scaled = {"translations_only": self.dof == 3, "mass_scaled": True}
-        return self.cached(
-            "operator",
-            lambda: ContactOperator(self.network, **scaled, pre_stress=self.pre_stress),
-            CONTACT * self.network.n_contacts,
+    def renumbered(self) -> ContactOperator:
+        """The same with its bodies as the loops meet them (`ContactOperator.renumbered`)."""
+        size = CONTACT * self.network.n_contacts
+        return self.cached("renumbered operator", lambda: self._operator().renumbered(), size)
+
+    def _operator(self) -> ContactOperator:
+        return ContactOperator(
+            self.network,
+            translations_only=self.dof == 3,
+            mass_scaled=True,
+            pre_stress=self.pre_stress,
         )
 
     @cached_property

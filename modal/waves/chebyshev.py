@@ -98,7 +98,9 @@ def summed(
         raise InputError("the network has no stiffness; no wave goes through it")
     while True:
         series = series_for(top)
-        recurrence = Recurrence(operator, driven.springs.push.copy(), top, driven.springs.rows)
+        recurrence = Recurrence(
+            operator, driven.springs.push.toarray()[0], top, driven.springs.rows
+        )
         most = largest_growth(operator, 0) * recurrence.length * driven.reach()
         record = driven.blank(series.moved)
         # No record is larger than all weights together allow: it takes so many orders at least.

@@ -29,7 +29,7 @@ from modal.packing.repeats import Repeats, lateral_repeats, undivided
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
-from modal.tools.arrays import Array, Floats
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 from modal.waves.receivers import Receivers
 from modal.waves.signals import COMPONENT
@@ -75,13 +75,13 @@ def bound_of_omega(network: Network) -> float:
 class Link:
     """What springs, or dashpots, do between the source, the bodies and the walls.
 
-    `operator` A, or D; push (size,) on the bodies, and `held` (walls,) on the walls, per unit of
+    `operator` A, or D; push (1, size) on the bodies, and `held` (walls,) on the walls, per unit of
     the source's displacement, or of its velocity; `rows` (walls, size) read what v, or v', does to
     the walls. Those of springs read, below that, the receivers too: (count, size).
     """
 
     operator: ContactOperator
-    push: Floats
+    push: sp.csr_matrix
     rows: sp.csr_matrix
     held: Floats
 
@@ -122,40 +122,44 @@ class Driven:
         if source.alike and not whole:
             part = one_part(system, duration, tolerance)
         small = system if part.count == 1 else replace(system, network=part.part)
-        springs = small.operator.renumbered()
+        springs = small.renumbered()
+        # Where each body of the packing stands among the operator's, or none but the `first` ones.
         order = np.arange(len(part.first)) if springs.order is None else springs.order
-        bodies, place = part.first[order], np.argsort(order)[part.member]
+        first = np.full(network.n_particles, -1)
+        first[part.first[order]] = np.arange(len(order))
+        member = first[part.first][part.member]
         beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None
         # What holds the source against the bodies, and what these do to the wall beyond.
         walls = [(wall, way) for wall, way in ((own, -1.0), (beyond, 1.0)) if wall is not None]
 
+        def inside(rows: sp.csr_matrix, place: Ints) -> sp.csr_matrix:
+            found = system.root.under(rows).tocoo()
+            column = 6 * place[found.col // 6] + found.col % 6
+            kept = column >= 0
+            entries = found.data[kept], (found.row[kept], column[kept])
+            return sp.csr_matrix(entries, (found.shape[0], springs.shape[0]))
+
         def link(by: LinearSystem, operator: ContactOperator, load: Floats, *more: Any) -> Link:
-            held, rows = np.zeros(len(walls)), []
+            push, held = sp.csr_matrix(load), np.zeros(len(walls))
+            rows = [sp.csr_matrix((0, by.size))]
             for k, (wall, way) in enumerate(walls):
                 coupling = by.put_on(wall)
-                rows.append(sp.csr_matrix(way * coupling.pull.T))
+                rows.append(way * coupling.pull.T)
                 if wall is own:
-                    load, held[k] = coupling.push[:, 0], coupling.held[0, 0]
-            reading = system.root.under(
-                sp.vstack([sp.csr_matrix((0, by.size)), *rows, *more], "csr")
-            )
-            columns = 6 * place[reading.indices // 6] + reading.indices % 6
-            shape = reading.shape[0], operator.shape[0]
-            own_rows = sp.csr_matrix((reading.data, columns, reading.indptr), shape)
-            own_rows.sum_duplicates()
-            push = system.root.over(load).reshape(-1, 6)[bodies].ravel()
-            return Link(operator, push, own_rows, held)
+                    push, held[k] = coupling.push.T, coupling.held[0, 0]
+            reading = sp.vstack([*rows, *more], format="csr")
+            return Link(operator, inside(push.tocsr(), first), inside(reading, member), held)
 
         load, dashpots = source.load(network, direction), None
         by_springs = link(system, springs, load, receivers.rows)
-        if not by_springs.push.any():
+        if not by_springs.push.count_nonzero():
             raise InputError(
                 f"the source, {source.name}, moves nothing along {direction}: its contacts have no "
                 f"{'normal' if direction == 'z' else 'tangential'} stiffness"
             )
         if system.dashpots is not None:
-            viscous = system.dashpots.operator
-            viscous = viscous if springs.order is None else viscous.renumbered()
+            damped = system.dashpots
+            viscous = damped.operator if springs.order is None else damped.renumbered()
             dashpots = link(system.dashpots, viscous, 0 * load)
         return cls(by_springs, dashpots, network.area, part)
 

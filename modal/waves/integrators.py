@@ -189,7 +189,8 @@ class Taylor:
         edges = _steps(motion.corners, end, step)
         at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
         record = driven.blank(motion.displacement(times))
-        state, products = np.zeros((2, len(springs.push))), 0
+        push, drag = (link.push.toarray()[0] if link else 0.0 for link in (springs, dashpots))
+        state, products = np.zeros((2, springs.operator.shape[0])), 0
         for k in progress(len(edges) - 1, "wave"):
             start, length = edges[k], edges[k + 1] - edges[k]
             source, speed = _polynomial(motion, start, length)
@@ -213,9 +214,9 @@ class Taylor:
                 if dashpots:
                     dashpots.operator.combine(term[1], ahead[1], -1.0, gamma=1.0)
                 if order < len(source):
-                    ahead[1] += springs.push * source[order]
-                if dashpots and order < len(speed):
-                    ahead[1] += dashpots.push * speed[order]
+                    ahead[1] += push * source[order]
+                if order < len(speed):
+                    ahead[1] += drag * speed[order]
                 ahead *= length / (order + 1)
                 products += 1
                 following += ahead

@@ -46,7 +46,7 @@ LINEAR = {
     **{"integrator": None, "whole": False},
 }
 """Options, and their usual values, of a wave alone whose contacts are springs."""
-NONLINEAR = {"accuracy": ACCURACY, "friction": None}
+NONLINEAR = {"accuracy": None, "friction": None}
 """Of one alone whose contacts follow their law."""
 
 
@@ -79,7 +79,7 @@ def propagate(
     whole: bool = False,
     network_sha256: str = "",
     time_step: float | None = None,
-    accuracy: float = ACCURACY,
+    accuracy: float | None = None,
     friction: float | None = None,
 ) -> LinearWave | NonlinearWave:
     """The wave that a small motion of a source sends through a packing.
@@ -127,8 +127,8 @@ def propagate(
         Checksum of the network's file, noted in the signals.
     time_step : float, optional
         s; goes by leapfrog, with the error of DEM programs.
-    accuracy : float, default 1e-3
-        Of the non-linear wave alone: error of displacements, over the largest recorded one.
+    accuracy : float, optional
+        Of the non-linear wave alone: error of displacements, over the largest recorded one; 1e-3.
     friction : float, optional
         Of the non-linear wave in a network alone; a sample has its own.
 
@@ -164,7 +164,8 @@ def propagate(
     for name, usual in (LINEAR if nonlinear else NONLINEAR).items():
         if given[name] != usual:
             raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
-    if not (0 < interval <= duration < np.inf and 0 < given[exact] < 1):
+    error = tolerance if not nonlinear else ACCURACY if accuracy is None else accuracy
+    if not (0 < interval <= duration < np.inf and 0 < error < 1):
         raise InputError(
             "duration and interval must be positive, the interval no longer than the duration, "
             f"the {exact} between 0 and 1"
@@ -174,7 +175,7 @@ def propagate(
         return nonlinear_wave(
             *(network, duration, interval, source, motion, direction),
             particles=particles,
-            accuracy=accuracy,
+            accuracy=error,
             time_step=time_step,
             friction=friction,
             network_sha256=network_sha256,
@@ -200,5 +201,5 @@ def propagate(
         run_time=clock.perf_counter() - started,
         network_sha256=network_sha256,
     )
-    error = seen.error + driven.part.difference
-    return LinearWave(signals, seen.products, error, driven.part.count)
+    part = driven.part
+    return LinearWave(signals, seen.products, seen.error + part.difference, part.count)

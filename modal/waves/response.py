@@ -284,7 +284,7 @@ def _damped(
         factor = factorise(
             (A + s * C + s**2 * identity).tocsr(), symmetric=system.symmetric, remedy=REMEDY
         )
-        load = springs.operator.outward(springs.push + s * dashpots.push)
+        load = springs.operator.outward((springs.push + s * dashpots.push).toarray()[0])
         v = springs.operator.inward(factor.solve(load))
         factor.release()
         record[k] += springs.rows @ v

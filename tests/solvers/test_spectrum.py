@@ -76,7 +76,9 @@ class Moments:
 def everything(operator: Diagonal) -> Driven:
     """A push on all, and receivers of all motions."""
     size = operator.shape[0]
-    link = Link(operator, np.ones(size), sp.identity(size, format="csr"), np.empty(0))
+    link = Link(
+        operator, sp.csr_matrix(np.ones(size)), sp.identity(size, format="csr"), np.empty(0)
+    )
     return Driven(link, None, 1.0, None)
 
 

@@ -27,7 +27,7 @@ def under_wall(network, tolerance=1e-9):
     system = LinearSystem.of(network)
     wall = system.put_on(WallMoves(SOURCE_WALL))
     allowed = lambda work: tolerance**2 * work  # noqa: E731
-    found, _ = steady_motion(system, wall.push, wall.terms, allowed, "gradients")
+    found, _ = steady_motion(system, wall, allowed, "gradients")
     return found.motion.reshape(-1, 6)
 
 
