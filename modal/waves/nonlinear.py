@@ -219,7 +219,8 @@ class _Wave:
         """One run of `every` steps from record to record; at rest the source where not `driven`."""
         started, nt, along = clock.perf_counter(), len(self.time), COMPONENT[self.direction]
         dt, steps = self.interval / every, every * (nt - 1)
-        reading = self.receivers.rows[:, along::6].tocsr()  # of what moves along the direction alone
+        # Of what moves along the direction alone.
+        reading = self.receivers.rows[:, along::6].tocsr()
         refuse_endless(
             f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
             self.operator,
