@@ -60,6 +60,8 @@ FORMAT = Product(
 )
 TOLERANCE = 1e-6
 """Relative error of the moduli that is asked for; mostly they are far more exact."""
+COPIES = 2
+"""Of the motions under six strains, that are kept for the next question: the residual beside."""
 SOFT = 1e-9
 """Of the largest affine modulus: below this a strain costs no energy. Round-off leaves 1e-15."""
 
@@ -298,7 +300,11 @@ def elastic_moduli(
         # What is left is a difference, which round-off of the affine energy blurs.
         return np.maximum(tolerance * left(work, SOFT), np.finfo(float).eps * most)
 
-    found, solver = steady_motion(system, coupling, allowed, solver)
+    found, solver = system.cached(
+        f"balance under strains to {tolerance:g}, {solver}",
+        lambda: steady_motion(system, coupling, allowed, solver),
+        COPIES * load.nbytes,
+    )
     motion, work = found.motion, np.einsum("ik,ik->k", load, found.motion)
     whole = (coupling.held - load.T @ motion - motion.T @ found.residual) / volume
     measured = whole = (whole + whole.T) / 2

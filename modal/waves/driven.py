@@ -18,6 +18,7 @@ and |C - C'| <= `Repeats.difference` omega_bound, whose square bounds all omega^
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -92,13 +93,14 @@ class Driven:
 
     The first force on a wall is that which holds the source, of one that moves; the last that on
     the receiver wall, where there is one; N, or N m. `area`, m^2, is what stresses refer to; `part`
-    says which bodies of the packing these are.
+    says which bodies of the packing these are, `system` is of it.
     """
 
     springs: Link
     dashpots: Link | None
     area: float
     part: Repeats
+    system: LinearSystem
 
     @classmethod
     def of(
@@ -161,7 +163,11 @@ class Driven:
             damped = system.dashpots
             viscous = damped.operator if springs.order is None else damped.renumbered()
             dashpots = link(system.dashpots, viscous, 0 * load)
-        return cls(by_springs, dashpots, network.area, part)
+        return cls(by_springs, dashpots, network.area, part, small)
+
+    def end(self, find: Callable[[ContactOperator], tuple[float, int]]) -> tuple[float, int]:
+        """What `find` says of the spectrum's end, omega^2, 1/s^2; kept with the network."""
+        return self.system.cached(find.__name__, lambda: find(self.springs.operator))
 
     @property
     def count(self) -> int:

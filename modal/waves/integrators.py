@@ -97,7 +97,7 @@ class Chebyshev:
         step, found, top = self.time_step, 0, None
         if step is not None:
             every = _steps_between_records(interval, step)
-            top, found = bound_of_spectrum(driven.springs.operator)
+            top, found = driven.end(bound_of_spectrum)
 
         def series_for(top: float) -> Expansion:
             if step is not None and not step < 2 / np.sqrt(top):
@@ -237,8 +237,8 @@ def _size(state: Floats, top: float) -> float:
 
 def _fastest(driven: Driven) -> float:
     """A bound of the rates of all modes, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
-    links = [link.operator for link in (driven.springs, driven.dashpots) if link]
-    stiff, viscous = [*(bound_of_spectrum(one)[0] for one in links), 0.0][:2]
+    stiff, dashpots = driven.end(bound_of_spectrum)[0], driven.dashpots
+    viscous = bound_of_spectrum(dashpots.operator)[0] if dashpots else 0.0
     if stiff <= 0:
         raise InputError("the network has no stiffness; no wave goes through it")
     return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))

@@ -266,7 +266,7 @@ def _damped(
     """
     springs, dashpots = driven.springs, driven.dashpots
     assert dashpots and system.dashpots
-    end = _end(bound_of_spectrum(springs.operator)[0], highest, resolution)
+    end = _end(driven.end(bound_of_spectrum)[0], highest, resolution)
     count = 4 * end / resolution
 
     def refuse(seconds: float) -> None:

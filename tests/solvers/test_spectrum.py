@@ -79,7 +79,7 @@ def everything(operator: Diagonal) -> Driven:
     link = Link(
         operator, sp.csr_matrix(np.ones(size)), sp.identity(size, format="csr"), np.empty(0)
     )
-    return Driven(link, None, 1.0, None)
+    return Driven(link, None, 1.0, None, LinearSystem(gallery.column(2)))
 
 
 SPECTRA = {

@@ -9,10 +9,13 @@ from packings import scaled, stepped, wall_pattern
 from places import SHEARED
 
 from modal.__main__ import main
+from modal.elasticity import steady
+from modal.elasticity.moduli import elastic_moduli
 from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL, Network, write_network
 from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
+from modal.solvers import spectrum
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
@@ -154,6 +157,21 @@ def test_leapfrog_is_that_of_a_loop_over_its_steps(share, corners):
         v += dt * speed
     # As many products as steps at the limit, and what finds it: no more for shorter steps.
     assert found.products < len(moved) * share + 200
+
+
+def test_second_questions_find_what_the_first_have_sought(monkeypatch):
+    """The end of the spectrum, and the balance of the springs under six strains."""
+    network = gallery.fcc(cells=(2, 2, 30))
+    asks = (
+        lambda: propagate(network, 1e-5).signals.chain_displacement,
+        lambda: propagate(network, 1e-5, time_step=1e-7).signals.chain_displacement,
+        lambda: elastic_moduli(network).stiffness,
+    )
+    first = [ask() for ask in asks]
+    monkeypatch.setattr(spectrum, "lanczos_steps", None)
+    monkeypatch.setattr(steady, "conjugate_gradients", None)
+    for ask, found in zip(asks, first, strict=True):
+        assert np.array_equal(ask(), found)
 
 
 def test_wave_on_the_command_line(tmp_path, capsys):
