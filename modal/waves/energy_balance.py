@@ -58,14 +58,13 @@ class EnergyBalance:
     @staticmethod
     def of_attributes(found: Mapping[str, Any]) -> EnergyBalance | None:
         """What a file says; None where it says nothing, as the files of earlier versions."""
-        kinds = {"contacts": int, "opened": int, "slid": int}
         names = EnergyBalance.__dataclass_fields__
         if not names.keys() - LATER <= found.keys():
             return None
-        said: dict[str, Any] = {
-            name: kinds.get(name, float)(found[name]) for name in names if name in found
-        }
-        return EnergyBalance(**said)
+        said: dict[str, Any] = {name: found[name] for name in names if name in found}
+        counts = {name: int(said[name]) for name in ("contacts", "opened", "slid")}
+        said = {name: float(one) for name, one in said.items()}
+        return EnergyBalance(**said | counts)
 
 
 def drift_limit(network: Network, fraction: float, amplitude: float, energy: float) -> float:

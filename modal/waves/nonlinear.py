@@ -97,51 +97,7 @@ class _Run:
     seconds: float
 
 
-def nonlinear_wave(
-    sample: Sample | Network,
-    duration: float,
-    interval: float,
-    source: Source,
-    motion: Motion,
-    direction: str,
-    *,
-    particles: bool,
-    accuracy: float,
-    time_step: float | None,
-    friction: float | None,
-    network_sha256: str,
-) -> NonlinearWave:
-    """The wave that a motion of the source, of any size, sends through a sample at rest.
-
-    Arguments, and what is recorded, as of `modal.propagate`. The noise of a sample that is not
-    quite at rest is told, not taken off.
-    """
-    sample = _at_rest(sample, friction)
-    wave = _Wave(sample, sample.network(), duration, interval, source, motion, direction, particles)
-    if time_step is not None:
-        if not 0 < time_step < wave.limit:
-            raise InputError(
-                f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
-                f"{wave.limit:.4g} s; take a smaller one"
-            )
-        every, error = math.ceil(interval / time_step * (1 - 1e-9)), math.nan
-        run = wave.run(every)
-    else:
-        every, run, error = wave.run_to(accuracy)
-    quiet = wave.run(wave.first, driven=False)
-    largest = abs(run.moved).max(initial=0.0)
-    return NonlinearWave(
-        wave.signals(run, interval / every, network_sha256),
-        every * (len(wave.time) - 1),
-        error,
-        float(abs(quiet.moved).max(initial=0.0) / largest) if largest else math.inf,
-        run.energy,
-        run.dissipated,
-        run.opened,
-    )
-
-
-def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
+def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
     """The sample to start from; InputError for one in motion, or of a law that is not known."""
     if isinstance(sample, Network):
         if friction is None:
@@ -157,27 +113,27 @@ def _at_rest(sample: Sample | Network, friction: float | None) -> Sample:
 
 
 @dataclass
-class _Wave:
-    """A sample, its source and the motion of that, and the runs in steps of any length.
+class NonlinearRuns:
+    """A sample at rest, its source and the motion of that, and the runs in steps of any length.
 
-    `limit`, s, is the longest stable step of the springs at rest; `first` the steps from record to
-    record of a first run.
+    Fields, and what is recorded, as of `modal.propagate`. `limit`, s, is the longest stable step of
+    the springs at rest; `first` the steps from record to record of a first run.
     """
 
     sample: Sample
-    network: Network
     duration: float
     interval: float
     source: Source
     motion: Motion
     direction: str
     particles: bool
+    network_sha256: str
 
     def __post_init__(self) -> None:
-        network, direction = self.network, self.direction
+        self.network, direction = self.sample.network(), self.direction
         self.time = record_times(self.duration, self.interval)
-        self.receivers = Receivers(network, direction, particles=self.particles)
-        self.moves = self.source.imposed(network, direction) is not None
+        self.receivers = Receivers(self.network, direction, particles=self.particles)
+        self.moves = self.source.imposed(self.network, direction) is not None
         if self.moves and not isinstance(self.source, Wall | Plane):
             raise InputError(
                 f"the non-linear wave does not know how a {self.source.name} moves contacts"
@@ -187,11 +143,38 @@ class _Wave:
                 "a period along z does not turn: take a cell between walls, a sphere as the "
                 "source, or the linear wave"
             )
-        self.load = self.source.load(network, direction).reshape(-1, 6)
-        self.operator = ContactOperator(network, mass_scaled=True)
+        self.load = self.source.load(self.network, direction).reshape(-1, 6)
+        self.operator = ContactOperator(self.network, mass_scaled=True)
         top, _ = bound_of_spectrum(self.operator)
         self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
         self.first = math.ceil(self.interval / (FIRST * self.limit))
+
+    def wave(self, accuracy: float, time_step: float | None) -> NonlinearWave:
+        """The wave within the `accuracy`, or in steps of at most `time_step`, s.
+
+        The noise of a sample that is not quite at rest is told, not taken off.
+        """
+        if time_step is None:
+            every, run, error = self.run_to(accuracy)
+        elif 0 < time_step < self.limit:
+            every = math.ceil(self.interval / time_step * (1 - 1e-9))
+            run, error = self.run(every), math.nan
+        else:
+            raise InputError(
+                f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
+                f"{self.limit:.4g} s; take a smaller one"
+            )
+        quiet = self.run(self.first, driven=False)
+        largest = abs(run.moved).max(initial=0.0)
+        return NonlinearWave(
+            self.signals(run, self.interval / every),
+            every * (len(self.time) - 1),
+            error,
+            float(abs(quiet.moved).max(initial=0.0) / largest) if largest else math.inf,
+            run.energy,
+            run.dissipated,
+            run.opened,
+        )
 
     def run_to(self, accuracy: float) -> tuple[int, _Run, float]:
         """Steps from record to record, the run with them, and its error, over the largest motion.
@@ -272,7 +255,7 @@ class _Wave:
         seconds = clock.perf_counter() - started
         return _Run(moved, on_walls, energy, dissipated, opened, (ends, lost), seconds)
 
-    def signals(self, run: _Run, dt: float, network_sha256: str) -> Signals:
+    def signals(self, run: _Run, dt: float) -> Signals:
         """The run, of steps of `dt`, s, in the form of the linear wave."""
         stress = (run.on_walls - run.on_walls[0]) / self.network.area
         stresses = {"source_stress": stress[:, 0]} if self.moves else {}
@@ -286,7 +269,7 @@ class _Wave:
             producer="nonlinear",
             time_step=dt,
             run_time=run.seconds,
-            network_sha256=network_sha256,
+            network_sha256=self.network_sha256,
             balance=self._balance(run, dt),
             slip_ends=run.slips[0],
             slip_energy=run.slips[1],

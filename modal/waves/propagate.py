@@ -16,7 +16,7 @@ from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 from modal.waves.driven import Driven
 from modal.waves.integrators import Chebyshev, Integrator, Taylor
-from modal.waves.nonlinear import ACCURACY, NonlinearWave, nonlinear_wave
+from modal.waves.nonlinear import ACCURACY, NonlinearRuns, NonlinearWave, at_rest
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Wave
 from modal.waves.source import Motion, Pulse
@@ -172,14 +172,9 @@ def propagate(
         )
     source, motion = source or Wall(), motion or Pulse()
     if nonlinear:
-        return nonlinear_wave(
-            *(network, duration, interval, source, motion, direction),
-            particles=particles,
-            accuracy=error,
-            time_step=time_step,
-            friction=friction,
-            network_sha256=network_sha256,
-        )
+        sample = at_rest(network, friction)
+        about = (sample, duration, interval, source, motion, direction, particles, network_sha256)
+        return NonlinearRuns(*about).wave(error, time_step)
     if isinstance(network, Sample):
         network = network.network()
     started = clock.perf_counter()

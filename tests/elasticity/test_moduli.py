@@ -7,17 +7,15 @@ import h5py
 import numpy as np
 import pytest
 from packings import bare, contact_matrices, levers_of_radii, polydisperse
-from scipy.linalg import eigh, lstsq
+from scipy.linalg import lstsq
 
 from modal.__main__ import main
 from modal.elasticity.moduli import elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import anisotropy, christoffel, isotropic_mean, plane_waves
-from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.packing.state import stress_tensor
 from modal.system.assembly import mass_diagonal
-from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 
@@ -174,18 +172,6 @@ def bloch_matrix(
     return scale[:, None] * K.reshape(6 * n, 6 * n) * scale
 
 
-@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, -2, 3)])
-def test_velocities_of_a_random_cell_are_those_of_its_long_waves(direction):
-    """The cell repeated for ever, at kappa L = 1e-3 and thereabouts: bent by its square."""
-    network = without_loose_spheres(polydisperse(periodic_z=True, n=60))
-    moduli = elastic_moduli(network, tolerance=1e-9)
-    n = np.array(direction) / np.linalg.norm(direction)
-    kappa = 2e-3 / network.cell_size[0]
-    zero = by_structure(LinearSystem.of(network)).total - 3
-    square = eigh(bloch_matrix(network, kappa * n), eigvals_only=True)[zero : zero + 3]
-    assert moduli.velocities(n) == pytest.approx(np.sqrt(square[::-1]) / kappa, rel=1e-5)
-
-
 def without_loose_spheres(network: Network) -> Network:
     """Only spheres with three contacts or more: all that has mass then moves with a long wave."""
     from modal.packing.rattlers import keeping_contacts
@@ -201,20 +187,6 @@ def without_loose_spheres(network: Network) -> Network:
         particle_i=place[network.particle_i],
         particle_j=place[network.particle_j],
     )
-
-
-def test_a_quarter_turn_of_the_cell_turns_the_tensor(cell):
-    """x to y, y to -x: an invariance that no frame of the code may break."""
-    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
-    shift = cell.cell_shift @ turn.T.astype(int)
-    turned = replace(
-        cell, **{name: getattr(cell, name) @ turn.T for name in vectors}, cell_shift=shift
-    )
-    one, other = (elastic_moduli(network, tolerance=1e-9) for network in (cell, turned))
-    for n in np.eye(3):
-        assert other.velocities(turn @ n) == pytest.approx(one.velocities(n), rel=1e-7)
-    assert isotropic_mean(one.stiffness) == pytest.approx(isotropic_mean(other.stiffness), rel=1e-7)
 
 
 def test_isotropic_solids_have_one_p_and_two_s_waves():

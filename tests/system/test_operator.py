@@ -114,6 +114,8 @@ def test_accumulate_and_out():
     for wrong, out in ((x[:-1], None), (x, once[:-1]), (x[:, None], once)):
         with pytest.raises(ValueError, match="shape"):
             applied.apply(wrong, out)
+    with pytest.raises(ValueError, match="complex"):
+        applied.accumulate(x.astype(complex), once.copy())
     with pytest.raises(InputError, match="not symmetric"):
         _ = ContactOperator(gallery.fcc(cells=(1, 1, 2)), pre_stress="full").H
     # Arrays in no order that a compiled loop takes are written to all the same.
@@ -147,12 +149,6 @@ def test_real_and_complex_vectors(kind, width, pre_stress, compiled, monkeypatch
     assert (abs(found - K @ x) <= bound).all()
     total = applied.accumulate(x, x.copy(), 2.0)
     assert (abs(total - (x + 2 * (K @ x))) <= 3 * bound + EPS * abs(x)).all()
-
-
-def test_complex_vector_does_not_fit_a_real_result():
-    applied = ContactOperator(random_springs(5))
-    with pytest.raises((ValueError, TypeError)):
-        applied.accumulate(np.ones(applied.shape[0], complex), np.zeros(applied.shape[0]))
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from modal.packing import crystal as gallery
-from modal.packing.contact_law import RADIUS
-from modal.system.assembly import mass_diagonal, stiffness_matrix
+from modal.system.assembly import stiffness_matrix
 from modal.theory.fcc import FccLattice
 
 
@@ -62,11 +61,3 @@ def test_fcc_balances_the_stress(stress):
     in_plane = crystal.contact_force / crystal.spacing / layer
     between = in_plane * 5 / 6
     assert sigma_xx == pytest.approx(in_plane + between, rel=1e-12)
-
-
-def test_mass_diagonal():
-    network = gallery.column(2)
-    mass = mass_diagonal(network)
-    expected = 2230 * 4 / 3 * np.pi * RADIUS**3
-    assert mass[:3] == pytest.approx(expected)
-    assert mass[3:6] == pytest.approx(0.4 * expected * RADIUS**2)

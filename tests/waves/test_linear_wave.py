@@ -80,21 +80,6 @@ def test_estimate_that_is_too_small_does_not_spoil_a_result(share, monkeypatch):
     assert frequency_response(network, **options, highest=1e5).gain == pytest.approx(gain, rel=1e-6)
 
 
-@pytest.mark.parametrize("steps", [3, 400])
-def test_sampled_motion_equals_the_pulse(steps):
-    """Corners on a fine grid: the error of straight lines falls with the square of the step."""
-    square = (2 * np.pi * np.array([0.0, 3e4, 1e5, 2.1e5])) ** 2
-    time = np.linspace(0, 4e-5, steps)
-    exact = Pulse().response(square, time)
-    errors = []
-    for corners in (101, 201):
-        at = np.linspace(0, 1e-5, corners)
-        motion = SampledMotion(at, Pulse().displacement(at))
-        errors.append(abs(motion.response(square, time) - exact).max() / abs(exact).max())
-    assert errors[1] < 1e-4
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
-
-
 def squeezed(times: float) -> Network:
     """A crystal whose contacts press `times` as hard as their springs stand for."""
     network = gallery.fcc(cells=(1, 1, 12))

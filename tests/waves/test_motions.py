@@ -63,17 +63,6 @@ def test_sines_of_a_table_are_those_of_each_time(time):
     assert sines(omega, time) == pytest.approx(exact.astype(float), abs=rounding, rel=0)
 
 
-def test_cycles_add_up():
-    """Three cycles are one, and one a period later, and one two periods later."""
-    network, times = modal.fcc(cells=(1, 1, 20)), {"duration": 6e-5, "interval": 1e-6}
-    one = modal.propagate(network, **times, motion=Pulse()).signals.chain_displacement
-    three = modal.propagate(network, **times, motion=Pulse(cycles=3)).signals.chain_displacement
-    total = one.copy()
-    total[10:] += one[:-10]
-    total[20:] += one[:-20]
-    assert three == pytest.approx(total, abs=1e-8 * abs(three).max())
-
-
 def test_a_step_ends_in_the_static_state():
     """Springs in a row under a displacement of one end, once dashpots have taken the rest."""
     network = modal.fcc(cells=(1, 1, 8))

@@ -24,7 +24,7 @@ from modal.tools.errors import InputError
 from modal.waves.integrators import Taylor
 from modal.waves.response import read_response, write_response
 from modal.waves.signals import read_signals, write_signals
-from modal.waves.source import SampledMotion
+from modal.waves.source import Pulse, SampledMotion
 from modal.waves.sources import Plane, Point, Wall
 
 pytestmark = pytest.mark.two_ways
@@ -125,29 +125,43 @@ def matrices(network, source, direction, pre_stress, damping):
     return K, C, inverse, spring, viscous, far, behind
 
 
-def dense_wave(network, source, direction, pre_stress, damping):
-    """Motions (nt, n), forces on source and receiver wall (nt,), by a matrix exponential.
+def dense_wave(network, source, direction, pre_stress, damping, motion, time):
+    """Motions (nt, n), forces on source and receiver wall (nt,), by matrix exponentials.
 
-    The state u, v, d, d' of a motion of straight lines, which bend at records alone.
+    The state u, v, d, d' from one corner of the motion, or time (nt,), s, to the next; of a pulse
+    d'' = Omega^2 (A - d) too.
     """
     K, C, inverse, spring, viscous, far, behind = matrices(
         network, source, direction, pre_stress, damping
     )
-    N = len(K)
-    L = np.zeros((2 * N + 2, 2 * N + 2))
+    N, corners = len(K), motion.corners
+    L = np.zeros((2 * N + 3, 2 * N + 3))
     L[:N, N : 2 * N], L[2 * N, 2 * N + 1] = np.eye(N), 1
-    L[N : 2 * N] = inverse @ np.column_stack([-K, -C, spring[0], viscous[0]])
-    unit = np.concatenate([np.ones(N), np.full(N, 1e6), [1, 1e6]])
-    step = expm(L * unit / unit[:, None] * EVERY)
-    d = MOTION.displacement(EVERY * np.arange(RECORDS + 1))
-    state, states, speeds = np.zeros(2 * N + 2), [], np.append(np.diff(d), 0.0) / EVERY
-    for k in range(RECORDS + 1):
-        state[2 * N :] = d[k], speeds[k] / 1e6
+    L[N : 2 * N, :-1] = inverse @ np.column_stack([-K, -C, spring[0], viscous[0]])
+    if pulse := isinstance(motion, Pulse):
+        drive = (2 * np.pi * motion.frequency) ** 2
+        L[-2, [-3, -1]] = -drive, drive * motion.amplitude
+    unit = np.concatenate([np.ones(N), np.full(N, 1e6), [1, 1e6, 1]])  # um, um/us
+    L = L * unit / unit[:, None]
+    nodes = np.union1d(time, corners[corners < time[-1]])
+    nodes = nodes[np.append(True, np.diff(nodes) > 1e-12)]
+    d, steps, state, states = motion.displacement(nodes), {}, np.zeros(2 * N + 3), []
+    speeds = np.append(np.diff(d) / np.diff(nodes), 0.0)
+    state[-1] = 1
+    for k, node in enumerate(nodes):
+        if not pulse:
+            state[-3:-1] = d[k], speeds[k] / 1e6
+        elif node > corners[-1] - 1e-12:
+            state[-3:] = 0
         states.append(state.copy())
-        state = step @ state
-    states = np.array(states)
-    u, v = states[:, :N], states[:, N : 2 * N] * 1e6
-    held = spring[2] * d - u @ spring[1] + viscous[2] * speeds - v @ viscous[1]
+        if k < len(nodes) - 1:
+            h = nodes[k + 1] - node
+            key = round(h * 1e13)
+            steps[key] = steps[key] if key in steps else expm(L * h)
+            state = steps[key] @ state
+    states = np.array(states)[np.searchsorted(nodes, time - 1e-12)]
+    u, v, d, rate = states[:, :N], states[:, N : 2 * N] * 1e6, states[:, -3], states[:, -2] * 1e6
+    held = spring[2] * d - u @ spring[1] + viscous[2] * rate - v @ viscous[1]
     return u[:, COMPONENT[direction] :: 6], held, u @ far[1] + v @ behind[1]
 
 
@@ -177,7 +191,9 @@ def test_wave_against_a_matrix_exponential(name, source, direction, pre_stress, 
         **{"motion": MOTION, "interval": EVERY, "particles": True},
     }
     found = modal.propagate(network, EVERY * RECORDS, damping=damping, **settings)
-    moved, held, far = dense_wave(network, source, direction, pre_stress, damping)
+    time = EVERY * np.arange(RECORDS + 1)
+    about = (network, source, direction, pre_stress, damping)
+    moved, held, far = dense_wave(*about, MOTION, time)
     signals = found.signals
     assert signals.particle_displacement == pytest.approx(moved, abs=1e-8 * abs(moved).max())
     assert signals.source == source.name
