@@ -145,7 +145,7 @@ def notes(rows: Rows) -> list[str]:
     return [
         f"Chebyshev: errors of {tight[0]['error']:.1e} to {tight[-1]['error']:.1e} take "
         f"{tight[0]['products']:.0f} to {tight[-1]['products']:.0f} products.",
-        f"Leapfrog, whose steps the same expansion gives: order {order:.2f}, {last['error']:.1e} in "
+        f"Leapfrog, by the same expansion: order {order:.2f}, {last['error']:.1e} in "
         f"{last['seconds']:.3g} s, {last['seconds'] / best['seconds']:.2g} times Chebyshev with "
         f"{best['setting']}.",
         *dem.notes(rows),

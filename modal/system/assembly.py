@@ -76,12 +76,19 @@ def own_blocks(network: Network, pre_stress: str = "none") -> Floats:
     blocks = np.zeros((network.n_particles, 6, 6))
     for part in network.parts():
         tangent = Contacts.of(part, terms_of(pre_stress)).tangent()
-        i, j, pair = part.particle_i, part.particle_j, part.particle_j >= 0
+        i, j = part.particle_i, part.particle_j
         # Both sides of a contact with an own image are on one block, with what couples them.
-        own = i == j
-        for row, column, on in ((0, 0, slice(None)), (1, 1, pair), (0, 1, own), (1, 0, own)):
-            local, bodies = block(tangent[on], row, column), (i, j)[row][on]
-            for a in range(6):
-                for b in range(6):
-                    blocks[:, a, b] += np.bincount(bodies, local[:, a, b], len(blocks))
+        own = np.where(i == j, i, -1)
+        for at, row, column in ((i, 0, 0), (j, 1, 1), (own, 0, 1), (own, 1, 0)):
+            bodies, gather = gathered(at)
+            local = gather @ block(tangent, row, column).reshape(-1, 36)
+            blocks[bodies] += local.reshape(-1, 6, 6)
     return blocks
+
+
+def gathered(*ends: Ints) -> tuple[Ints, sp.csr_matrix]:
+    """The bodies (k,) at ends (m,) of contacts, ascending, and (k, m) which of them each has."""
+    every = np.concatenate(ends)
+    on = np.flatnonzero(every >= 0)
+    bodies, row = np.unique(every[on], return_inverse=True)
+    return bodies, sp.csr_matrix((np.ones(len(on)), (row, on)), (len(bodies), len(every)))

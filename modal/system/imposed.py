@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import Network
-from modal.system.assembly import ENDS
+from modal.system.assembly import ENDS, gathered
 from modal.system.contacts import SHEAR, Contacts
 from modal.tools.arrays import Bools, Floats, Ints
 
@@ -172,7 +172,7 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
     Part by part of the contacts that it moves, whose tangents then take little memory.
     """
     s, touched = imposed.count, network.some(imposed.touches(network))
-    held, bodies = np.zeros((s, s)), _bodies(touched.particle_i, touched.particle_j)[0]
+    held, bodies = np.zeros((s, s)), gathered(touched.particle_i, touched.particle_j)[0]
     push, pull, squares = np.zeros((3, len(bodies), 6, s))
     for part in touched.parts():
         e, k = imposed.on(part), Contacts.of(part, terms).tangent()
@@ -185,7 +185,7 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
             felt[:, 1] += (e[:, :, 8] * x).T
         held += np.einsum("sca,cat->st", e, pushed)
         for (components, sign), ends in zip(ENDS, (part.particle_i, part.particle_j), strict=True):
-            own, gather = _bodies(ends)
+            own, gather = gathered(ends)
             at, way = np.searchsorted(bodies, own), np.repeat([-sign, -1.0], 3)[:, None]
             for total, forces in ((push, pushed), (pull, felt), (squares, pushed**2)):
                 mine = gather @ forces[:, components].reshape(len(ends), -1)
@@ -197,11 +197,3 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
         return sp.csc_matrix(columns, (6 * network.n_particles, s))
 
     return Coupling(whole(push), whole(pull), held, whole(np.sqrt(squares)))
-
-
-def _bodies(*ends: Ints) -> tuple[Ints, sp.csr_matrix]:
-    """The bodies (k,) at ends (m,) of contacts, ascending, and (k, m) which contacts each has."""
-    every = np.concatenate(ends)
-    on = np.flatnonzero(every >= 0)
-    bodies, row = np.unique(every[on], return_inverse=True)
-    return bodies, sp.csr_matrix((np.ones(len(on)), (row, on)), (len(bodies), len(every)))
