@@ -149,21 +149,13 @@ def test_modes_of_the_endless_crystal_decay_as_its_chain_does():
     assert rates.sum() == pytest.approx(total.sum() / 2, rel=1e-9)
 
 
-def test_damping_that_gives_energy_is_refused(tmp_path, capsys):
+def test_damping_that_gives_energy_is_refused():
     for wrong in ((-0.1, 0.0), (0.0, -1e-9), (np.nan, 0.0)):
         with pytest.raises(InputError, match="takes energy"):
             ContactDamping(*wrong)
     network = modal.fcc(cells=(1, 1, 6))
     with pytest.raises(InputError, match="above 0"):
         damped_modes(network, DAMPING, near=-5.0)
-    path = tmp_path / "c.network.h5"
-    write_network(path, network)
-    command = ["wave", str(path), "--duration", "1e-5", "--damping"]
-    assert main([*command, "-0.1", "0"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert main([*command, "0.05", "0.03"]) == 0
-    assert main([*command, "0.05", "0.03", "--time-step", "1e-7"]) == 2
-    assert "leapfrog" in capsys.readouterr().err
 
 
 @pytest.mark.two_ways
@@ -193,7 +185,7 @@ def test_response_is_the_transform_of_a_wave_that_has_come_to_rest():
 
 
 @pytest.mark.two_ways
-def test_response_command_file_and_mistakes(tmp_path, capsys):
+def test_response_command_and_file(tmp_path, capsys):
     network, path = modal.fcc(cells=(1, 1, 10)), tmp_path / "c.network.h5"
     write_network(path, network)
     product = tmp_path / "c.response.h5"
@@ -205,10 +197,3 @@ def test_response_command_file_and_mistakes(tmp_path, capsys):
     assert "damping 0.05 0.03" in repr(found)
     write_response(product, modal.frequency_response(network, highest=2e4))
     assert read_response(product).damping is None
-    for wrong, words in (
-        ([*command, "-0.1", "0"], "takes energy"),
-        ([*command, "0.1", "0", "--resolution", "1e-12"], "fewer frequencies"),
-    ):
-        assert main(wrong) == 2
-        error = capsys.readouterr().err
-        assert words in error and error.count("\n") == 1

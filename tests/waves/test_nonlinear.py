@@ -294,12 +294,8 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
     assert said["contacts_slid"] == said["dissipated_share"] == 0 < said_slip[0]
     energy = signals.balance.work
     assert said_slip[1] == pytest.approx(signals.slip_energy.sum() / energy, rel=1e-9)
-    for options, reason in (
-        ("--friction 2", "of --nonlinear"),
-        ("--nonlinear --friction 0", "must be positive"),
-    ):
-        assert main(["wave", sample, *options.split()]) == 2
-        assert reason in capsys.readouterr().err
+    assert main(["wave", sample, "--nonlinear", "--friction", "0"]) == 2
+    assert "must be positive" in capsys.readouterr().err
 
 
 def test_what_is_no_sample_at_rest_is_refused(rested, column, endless):

@@ -105,19 +105,8 @@ def test_command_and_file(crystal, tmp_path, capsys):
     assert "current" in capsys.readouterr().out
     assert main(["export", str(path), str(product), "-o", str(tmp_path / "wave.xyz")]) == 0
     capsys.readouterr()
-    for wrong, words in (
-        (["wave", str(path)], "--plane"),
-        (["wave", str(path), "--plane", "99"], "outside the cell"),
-        (["wave", str(path), "--plane", "nan"], "outside the cell"),
-        (["wave", str(path), "--point", "-1"], "the packing has 0 to"),
-        (["wave", str(path), "--plane", "0", "--direction", "torsion"], "free sides"),
-        (["response", str(path), "--highest", "1e4"], "--plane"),
-        (["figure", "signals", str(path), str(product)], "reads no other"),
-    ):
-        command = analysis_main if wrong[0] == "figure" else main
-        assert command(wrong) == 2
-        error = capsys.readouterr().err
-        assert words in error and error.count("\n") == 1
+    assert analysis_main(["figure", "signals", str(path), str(product)]) == 2
+    assert "reads no other" in capsys.readouterr().err
 
 
 def test_file_of_before_is_read(crystal, tmp_path):

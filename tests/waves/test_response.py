@@ -57,7 +57,7 @@ def test_gain_from_signals_equals_gain_from_the_recurrence():
     assert height == pytest.approx(found.gain[:20].max(), rel=0.1)
 
 
-def test_response_on_the_command_line(tmp_path, capsys):
+def test_response_on_the_command_line(tmp_path):
     path, out = tmp_path / "a.network.h5", tmp_path / "a.response.h5"
     write_network(path, gallery.fcc(cells=(2, 2, 6)))
     assert main(["response", str(path), "--resolution", "5000", "-o", str(out)]) == 0
@@ -68,10 +68,6 @@ def test_response_on_the_command_line(tmp_path, capsys):
     read = vars(read_response(out)) | {"products": None}
     made = vars(frequency_response(gallery.fcc(cells=(2, 2, 6)), resolution=5e3))
     assert all(np.array_equal(read[name], made[name]) for name in made if name != "products")
-    capsys.readouterr()
-    for wrong in (["--resolution", "0"], ["--highest", "10"]):
-        assert main(["response", str(path), *wrong]) == 2
-        assert capsys.readouterr().err.count("\n") == 1
     with pytest.raises(InputError):
         frequency_response(gallery.fcc(cells=(2, 2, 3)), tolerance=2)
     # Some 1e12 frequencies: 1e13 bytes for each receiver.
