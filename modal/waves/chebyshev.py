@@ -143,9 +143,11 @@ class Expansion:
     def __init__(
         self, response: Callable[[Floats], Floats], time: Floats, moved: Floats, top: float
     ) -> None:
-        order = fast_length(orders_of(top, float(time[-1])))
+        from scipy.fft import dct, next_fast_len  # not at import: it takes 50 ms
+
+        order = next_fast_len(int(orders_of(top, float(time[-1]))), real=True)
         angle = np.pi * (np.arange(order) + 0.5) / order
-        coefficient = _cosines(response(top * (1 + np.cos(angle)) / 2)) / order
+        coefficient = dct(response(top * (1 + np.cos(angle)) / 2), axis=0) / order
         coefficient[0] /= 2
         size = abs(coefficient).max(axis=1)
         count = int(np.append(0, 1 + np.flatnonzero(size > ROUNDING * size.max()))[-1])
@@ -172,28 +174,6 @@ def orders_of(top: float, duration: float) -> float:
     `top`: upper end of the interval in omega^2, 1/s^2; `duration` of the wave in s.
     """
     return 1.1 * float(np.sqrt(top)) * duration / 2 + 60
-
-
-def fast_length(order: float) -> int:
-    """The next number without prime factors above 5, whose Fourier transform is fast."""
-    odd = (3**a * 5**b for a in range(21) for b in range(21))
-    return min(part << ((int(order) - 1) // part).bit_length() for part in odd)
-
-
-def _cosines(values: Floats) -> Floats:
-    """Twice the sum of values (N, nt) times cos(pi k (n + 1/2) / N) over n, for each k < N.
-
-    A Fourier transform of the even rows, then the odd ones backwards (J. Makhoul, IEEE Trans.
-    Acoust. Speech Signal Process. 28, 27, 1980). scipy.fft would take a tenth of a second to load.
-    """
-    count = len(values)
-    half = np.fft.rfft(np.concatenate([values[::2], values[1::2][::-1]]), axis=0)
-    half *= 2 * np.exp(-0.5j * np.pi * np.arange(len(half)) / count)[:, None]
-    whole = np.empty_like(values)
-    whole[: len(half)] = half.real
-    # The transform of real rows: what stands at N - k is conjugate to k.
-    whole[len(half) :] = -half.imag[count - len(half) : 0 : -1]
-    return whole
 
 
 class Resolvent:

@@ -23,7 +23,6 @@ from modal.system.operator import ContactOperator
 from modal.tools import workload
 from modal.tools.errors import InputError
 from modal.waves import chebyshev
-from modal.waves.chebyshev import fast_length
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.signals import read_signals
@@ -224,16 +223,6 @@ def test_a_record_ends_within_its_duration(duration, interval, count, damping):
     times = {"duration": duration, "interval": interval, "damping": damping}
     time = propagate(gallery.fcc(cells=(1, 1, 3)), **times).signals.time
     assert time == pytest.approx(interval * np.arange(count)) and time[-1] <= duration * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("order", [1, 61, 1000, 1001, 65537, 10**6 + 1])
-def test_transforms_have_the_next_fast_length(order):
-    """The least number from the order on that has no prime factor above 5."""
-    smooth = (a * b * c for a in P2 for b in P3 for c in P5)
-    assert fast_length(order) == min(number for number in smooth if number >= order)
-
-
-P2, P3, P5 = ([p**k for k in range(22)] for p in (2, 3, 5))
 
 
 class StartedError(Exception):
