@@ -85,6 +85,9 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     assert np.allclose(
         found.resonance_wavenumber, np.pi * np.arange(1, layers + 1) / network.length
     )
+    # Of unit norm in the mass of all nine spheres of a layer.
+    energy = 9 * network.mass[0] * (found.resonance_shape**2).sum(axis=1)
+    assert energy == pytest.approx(np.ones(layers), rel=1e-9)
 
 
 def test_observables_do_not_depend_on_how_many_are_measured_together():
