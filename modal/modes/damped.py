@@ -185,6 +185,7 @@ def _rates_near(
         ask=count,
         basis=max(BASIS, 4 * count),
         tolerance=1e-10,
+        what=f"modes near {near:g} Hz",
     )
     solves.close()
     factor.release()

@@ -25,13 +25,15 @@ def eigenpairs(
     ask: int,
     basis: int,
     tolerance: float = 0.0,
+    what: str = "modes",
 ) -> tuple[Array, Array]:
     """Eigenvalues (k,) and unit vectors (size, k), of which `count` or more are `wanted`, or all.
 
     They are nearest to `sigma`, where `inverse` applies (A - sigma)^-1, or else largest in size.
     `start` (size,) is the first vector, `ask` how many are looked for at first, in a `basis` of so
     many vectors at least; twice as many follow where too few are wanted. `tolerance`: residual over
-    the eigenvalue, zero for round-off. InputError where they do not converge.
+    the eigenvalue, zero for round-off; `what` they are called. InputError where they do not
+    converge.
     """
     shape = 2 * (len(start),)
     operator = LinearOperator(shape, apply, dtype=start.dtype)
@@ -47,7 +49,7 @@ def eigenpairs(
         except ArpackError as error:
             # Its subclass for a search without an end has what did converge.
             done = len(getattr(error, "eigenvalues", ()))
-            raise InputError(f"{done} of {ask} modes converged; ask for fewer") from error
+            raise InputError(f"{done} of {ask} {what} converged; ask for fewer") from error
         if wanted(value).sum() >= count or ask == most:
             return value, vector
         ask *= 2
