@@ -18,8 +18,6 @@ from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals
 
-pytestmark = pytest.mark.two_ways
-
 
 @pytest.fixture
 def network_file(tmp_path):

@@ -17,8 +17,6 @@ from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response, read_response
 from modal.waves.signals import Signals
 
-pytestmark = pytest.mark.two_ways
-
 
 def test_gain_of_a_resonant_column():
     """The gain peaks where the column would swing with its source end free.

@@ -13,8 +13,6 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.waves.source import Pulse, SampledMotion, chirp, step
 
-pytestmark = pytest.mark.two_ways
-
 PACKINGS = {
     "crystal": lambda: modal.fcc(cells=(1, 1, 12)),
     "column": lambda: gallery.column(8),
