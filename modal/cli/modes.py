@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import SHORT, add_advanced, add_choice, add_flag, add_value, chosen, say
+from modal.cli.options import SHORT, add_choice, add_flag, add_value, chosen, say
 from modal.cli.reading import network_command, packing_of
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.first_order import shift_by_law
@@ -40,7 +40,7 @@ def add(commands: Any) -> None:
     add_flag(choice, "--all", "all modes; for small packings")
     add_value(command, "--hours", "H", "refuse what is estimated to take longer", 1.0)
     add_flag(command, "--translations-only", "hold rotations at zero")
-    advanced = add_advanced(command)
+    advanced = command.add_argument_group("advanced")
     add_flag(advanced, "--uncertified", "--highest without its inertia count: faster")
     add_choice(advanced, "--solver", SOLVERS, "factorisation (default: the fastest)")
 
