@@ -13,6 +13,7 @@ from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
+from analysis.quantities.gain import gain_of
 from analysis.rows import law_of, of_one_producer, row_of
 from analysis.table import number
 from modal.modes.dense import all_modes
@@ -79,7 +80,9 @@ def test_crystal_from_its_network_alone(crystal):
 
 def test_gain_peaks_midway_between_resonances(crystal):
     """1 / |cos kappa L| between rigid walls; the wall springs and the blur shift it a little."""
-    place = crystal.gain.first_maximum()[0] * 2 * crystal.network.length / crystal.lattice.velocity
+    place = (
+        gain_of(crystal).first_maximum()[0] * 2 * crystal.network.length / crystal.lattice.velocity
+    )
     assert place == pytest.approx(0.5, abs=0.03)
 
 
