@@ -151,13 +151,6 @@ def test_no_exponent_through_two_producers(two_producers):
     assert np.isnan(law_of(rows, "stress_pa", "v_p_first_peaks_yade_m_per_s").exponent)
 
 
-def test_static_velocity_stands_beside_the_waves(two_producers):
-    """Eq. 6 from a steady push: strain of the bulk to 1e-6, walls 5 diameters away."""
-    for m in two_producers:
-        static = row_of(m).value("v_p_static_m_per_s")
-        assert static == pytest.approx(m.lattice.velocity, rel=1e-3)
-
-
 def test_chi_z_says_of_which_modes_it_is():
     """The largest of a narrow band is not passed for that of all modes above its lower end."""
     lowest = some([1e3, 2e3, 9.5e3, 1.2e4], [0.9, 0.8, 0.4, 0.99])
