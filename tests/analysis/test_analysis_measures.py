@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import frictionless
+from packings import frictionless, slender
 
 from analysis.case import Case
 from analysis.estimators.layer_lattice import lattice_signals
@@ -204,7 +204,7 @@ def test_modes_that_two_lists_share_count_once():
 
 def test_linear_at_a_runs_times(tmp_path):
     """A random packing has no lattice; its run says how long the linear wave is to be."""
-    network = frictionless()
+    network = slender()
     write_network(tmp_path / "case06.network.h5", network)
     own = propagate(network, 2e-4, interval=1e-6).signals
     write_signals(tmp_path / "case06.signals.h5", replace(own, producer="yade"))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, record
-from packings import frictionless
+from packings import slender
 from scipy.special import ndtr
 
 from analysis.__main__ import main
@@ -31,7 +31,7 @@ from modal.waves.signals import write_signals
 
 @pytest.fixture(scope="module")
 def packing():
-    return frictionless()
+    return slender()
 
 
 @pytest.fixture(scope="module")
