@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import in_yade
 import numpy as np
 import pytest
 from packings import sheared, stepped
@@ -11,7 +12,6 @@ from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
 from analysis.case import OTHER_WAVES, Case
 from analysis.measuring import Measuring
-from benchmarks.harness.yade import run_script
 from modal.modes.eigenmodes import highest_modes
 from modal.modes.mode_set import write_modes
 from modal.packing import crystal as gallery
@@ -196,8 +196,7 @@ def wave(folder: Path, amplitude: float, friction: float) -> tuple[Signals, str]
     settings = {"WAVE_AMPLITUDE": str(amplitude), "WAVE_DURATION": "1e-4", "WAVE_PARTICLES": "1"}
     written = folder / "case30.signals.h5"
     written.unlink(missing_ok=True)
-    run_script("wave", table, folder, **settings)
-    log = (folder / "wave.log").read_text()
+    log = in_yade.run("wave", table, folder, **settings)
     return read_signals(written), next(line for line in log.splitlines() if " contacts " in line)
 
 
