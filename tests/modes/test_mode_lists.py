@@ -13,6 +13,8 @@ from modal.modes import lowest as intervals
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import (
     Choice,
+    certificate,
+    joined,
     read_modes,
     read_z_shapes,
     subset,
@@ -169,6 +171,17 @@ def test_a_subset_leaves_the_whole_as_it_was():
         assert getattr(whole, name) is getattr(before, name) or name == "attributes"
     assert whole.attributes == before.attributes
     assert len(subset(whole, slice(0, 0), Choice("lowest")).resonance_frequency) == 0
+
+
+@pytest.mark.parametrize("missing", [0, 3, -1])
+def test_lists_that_are_joined_are_complete_if_each_is(missing):
+    """Short of some, or with more modes than were counted: the whole is neither certified."""
+    whole = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 4))))
+    parts = [subset(whole, slice(a, a + 50), Choice("all")) for a in (0, 50)]
+    parts[1].attributes |= certificate(missing)
+    found = joined(parts, Choice("between", low=0.0, high=1e9))
+    assert np.array_equal(found.mode_shape, whole.mode_shape[:100])
+    assert (found.certified, found.missing) == (missing == 0, max(missing, 0))
 
 
 @pytest.mark.parametrize("path", ["lowest", "interval", "low end", "highest"])
