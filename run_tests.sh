@@ -11,4 +11,5 @@ export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
 [ $# -eq 0 ] || exec "${pytest[@]}" "$@"
 "${pytest[@]}"
-GRANULAR_WITHOUT=numba,pypardiso exec "${pytest[@]}" -m "two_ways and not slow"
+mapfile -t files < <(grep -rl --include="test_*.py" two_ways tests)
+GRANULAR_WITHOUT=numba,pypardiso exec "${pytest[@]}" -m "two_ways and not slow" "${files[@]}"

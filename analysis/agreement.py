@@ -8,8 +8,8 @@ displacements are divided by the amplitude of the source; differences are relati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,7 @@ SAME = 1e-3
 """Largest difference of two motions of the source that are one but for their size."""
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Displacements per amplitude of the source, along its motion, at the same times (nt,).
 
     `chain` (nt, nc); `layers` (nt, nl) and `particles` (nt, n), force-bearing ones only, are None
@@ -52,30 +51,17 @@ class Motion:
     layers: np.ndarray | None
     particles: np.ndarray | None
 
-    def at(self, rows: np.ndarray) -> Motion:
-        """At some of the times: indices (k,)."""
-        fields = (self.chain, self.layers, self.particles)
-        return Motion(*(None if field is None else field[rows] for field in fields))
-
-    def combine(self, other: Motion, own: float, others: float) -> Motion:
-        """own self + others other, field by field."""
-
-        def mix(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
-            return None if a is None or b is None else own * a + others * b
-
-        return Motion(
-            mix(self.chain, other.chain),
-            mix(self.layers, other.layers),
-            mix(self.particles, other.particles),
-        )
+    def mean(self, other: Motion) -> Motion:
+        """With another, field by field: of two waves pushed both ways their odd part."""
+        pairs = zip(self, other, strict=True)
+        return Motion(*(None if a is None or b is None else 0.5 * a + 0.5 * b for a, b in pairs))
 
 
-@dataclass(frozen=True)
-class Difference:
+class Difference(NamedTuple):
     """Relative L2 norms over all times: chain, layer means, particles; and the median particle."""
 
     cause: str
-    chain: float
+    chain: float | None
     layers: float | None
     particles: float | None
     median: float | None
@@ -95,13 +81,7 @@ def compare(cause: str, found: Motion, reference: Motion) -> Difference:
         size = np.linalg.norm(reference.particles, axis=0)
         apart = np.linalg.norm(found.particles - reference.particles, axis=0)
         median = float(np.median(apart[size > 0] / size[size > 0]))
-    return Difference(
-        cause,
-        relative(found.chain, reference.chain),
-        relative(found.layers, reference.layers),
-        relative(found.particles, reference.particles),
-        median,
-    )
+    return Difference(cause, *[*map(relative, found, reference), median])
 
 
 class Agreement:
@@ -145,7 +125,8 @@ class Agreement:
         times = float(moved @ first / (first @ first))
         if times == 0 or abs(moved - times * first).max() > SAME * abs(moved).max():
             raise InputError("the runs' sources move differently; repeat them with one motion")
-        return self._motion(run.chain_displacement, run, 1 / times / self.run.amplitude).at(near)
+        motion = self._motion(run.chain_displacement, run, 1 / times / self.run.amplitude)
+        return Motion(*(None if field is None else field[near] for field in motion))
 
     def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
         """The linear wave at the run's times, with its time step or exact in time."""
@@ -179,50 +160,56 @@ class Agreement:
         )
 
 
-def split_by_cause(
-    pair: Agreement,
-    *,
-    reverse: Signals | None = None,
-    tenth: Signals | None = None,
-    small: Signals | None = None,
-    small_reverse: Signals | None = None,
-    no_slip: Signals | None = None,
-    half_step: Signals | None = None,
-) -> list[Difference]:
+CAUSES = (
+    ("{by} to linear, all causes", "run", "linear"),
+    ("time step (linear leapfrog to exact)", "linear", "exact"),
+    ("pre-stress, all of it (linear)", "none", "linear"),
+    ("pre-stress of shear forces (linear)", "normal", "linear"),
+    ("time step ({by}, half of it)", "run", "half_step"),
+    ("opened and slipped contacts ({by}, friction)", "run", "no_slip"),
+    ("{by} without slip to linear", "no_slip", "linear"),
+    ("even part: quadratic terms and drift ({by})", "run", "odd"),
+    ("odd part to linear", "odd", "linear"),
+    ("non-linearity ({by}, a tenth of the amplitude)", "run", "tenth"),
+    ("a tenth of the amplitude to linear", "tenth", "linear"),
+    ("non-linearity ({by}, two amplitudes)", "run", "small"),
+    ("small amplitude to linear", "small", "linear"),
+    ("noise floor: even part, small amplitude", "small", "small_odd"),
+    ("odd part, small amplitude, to linear", "small_odd", "linear"),
+)
+"""Cause, and two motions that differ by it: run, linear waves, further runs, odd parts of two."""
+
+
+def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
     """The difference of a run to its linear wave, whole and by cause.
 
-    The other runs are those of `OTHER_RUNS`; causes whose run is absent are left out.
+    The other runs are those of `OTHER_RUNS`, by name; causes whose run is absent are left out.
     """
-    by = OTHER_PROGRAMS.get(pair.run.producer, "YADE")
-    found, full = pair.measured(pair.run), pair.linear("full")
-    rows = [compare(f"{by} to linear, all causes", found, full)]
-    exact = pair.linear("full", exact_in_time=True)
-    rows.append(compare("time step (linear leapfrog to exact)", full, exact))
-    rows.append(compare("pre-stress, all of it (linear)", pair.linear("none"), full))
-    rows.append(compare("pre-stress of shear forces (linear)", pair.linear("normal"), full))
-    if half_step is not None:
-        rows.append(compare(f"time step ({by}, half of it)", found, pair.measured(half_step)))
-    if no_slip is not None:
-        held = pair.measured(no_slip)
-        rows.append(compare(f"opened and slipped contacts ({by}, friction)", found, held))
-        rows.append(compare(f"{by} without slip to linear", held, full))
-    if reverse is not None:
-        odd = found.combine(pair.measured(reverse), 0.5, 0.5)
-        rows.append(compare(f"even part: quadratic terms and drift ({by})", found, odd))
-        rows.append(compare("odd part to linear", odd, full))
-    if tenth is not None:
-        less = pair.measured(tenth)
-        rows.append(compare(f"non-linearity ({by}, a tenth of the amplitude)", found, less))
-        rows.append(compare("a tenth of the amplitude to linear", less, full))
-    if small is not None:
-        little = pair.measured(small)
-        rows.append(compare(f"non-linearity ({by}, two amplitudes)", found, little))
-        rows.append(compare("small amplitude to linear", little, full))
-        if small_reverse is not None:
-            odd = little.combine(pair.measured(small_reverse), 0.5, 0.5)
-            rows.append(compare("noise floor: even part, small amplitude", little, odd))
-            rows.append(compare("odd part, small amplitude, to linear", odd, full))
-    return rows
+    runs = {"run": pair.run, **others}
+    odd = {"odd": ("run", "reverse"), "small_odd": ("small", "small_reverse")}
+    odd = {name: both for name, both in odd.items() if runs.keys() >= {*both}}
+    waves: dict[str, dict[str, Any]] = {
+        "linear": {"pre_stress": "full"},
+        "exact": {"pre_stress": "full", "exact_in_time": True},
+        "none": {"pre_stress": "none"},
+        "normal": {"pre_stress": "normal"},
+    }
+
+    @lru_cache(4)  # of every particle each takes GB: those that are held against one another
+    def motion(name: str) -> Motion:
+        if name in waves:
+            return pair.linear(**waves[name])
+        if name in odd:
+            ahead, back = map(motion, odd[name])
+            return ahead.mean(back)
+        return pair.measured(runs[name])
+
+    by, known = OTHER_PROGRAMS.get(pair.run.producer, "YADE"), {*runs, *waves, *odd}
+    return [
+        compare(cause.format(by=by), motion(found), motion(reference))
+        for cause, found, reference in CAUSES
+        if {found, reference} <= known
+    ]
 
 
 def over_time(found: Motion, reference: Motion, windows: int = 8) -> np.ndarray:
@@ -258,9 +245,10 @@ def by_frequency(
 def table_of_causes(rows: list[Difference]) -> Table:
     """A row a cause, per cent."""
     header = ["cause", "chain %", "layer means %", "particles %", "median particle %"]
-    values = [(row.chain, row.layers, row.particles, row.median) for row in rows]
-    cells = [["" if v is None else f"{100 * v:.4g}" for v in row] for row in values]
-    lines = [[row.cause, *line] for row, line in zip(rows, cells, strict=True)]
+    lines = [
+        [cause, *("" if share is None else f"{100 * share:.4g}" for share in shares)]
+        for cause, *shares in rows
+    ]
     return Table("The difference by cause", header, lines)
 
 

@@ -6,30 +6,16 @@ import glob
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.case import PACKINGS, Case, find
-from analysis.estimators.structure_factor import SCHEMA as STRUCTURE
-from modal.elasticity.moduli import SCHEMA as MODULI
+from analysis.case import FORMATS, PACKINGS, Case, find
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
-from modal.modes.density import SCHEMA as DENSITY
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import Choice
-from modal.packing.network import SCHEMA as NETWORK
-from modal.packing.sample import SCHEMA as SAMPLE
 from modal.tools.errors import InputError
-from modal.waves.response import SCHEMA as RESPONSE
 from modal.waves.signals import SCHEMA as SIGNALS
 from modal.waves.signals import read_signals
 
-KIND_OF = {
-    NETWORK: "network",
-    SAMPLE: "sample",
-    SIGNALS: "signals",
-    STRUCTURE: "structure",
-    DENSITY: "density",
-    RESPONSE: "response",
-    MODULI: "moduli",
-}
+KIND_OF = {form.SCHEMA: kind for kind, (form, _) in FORMATS.items()}
 """Kinds of product by their schema; modes are of several kinds, and so are signals."""
 WAVES = "signals", "shear.signals", "shear_yade.signals"
 

@@ -7,7 +7,6 @@ what that changes of V_P has a row of its own. The linear wave is that at the ti
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,25 +45,8 @@ BIASED = "paper's rule; theory: the rule on exact signals"
 Values = dict[str, dict[str, float]]
 
 
-@dataclass
-class Row:
-    """One quantity; values by column name, NaN or absent where there is none."""
-
-    id: str
-    quantity: str
-    unit: str
-    values: dict[str, float]
-    note: str = ""
-
-    def cells(self) -> list[str]:
-        """Its id, quantity, unit, the values in the order of `COLUMNS` and the note, as text."""
-        numbers = [self.values.get(name, np.nan) for name in COLUMNS]
-        shown = [f"{v:.6g}" if np.isfinite(v) else "" for v in numbers]
-        return [self.id, self.quantity, self.unit, *shown, self.note]
-
-
-def compare(m: Measuring) -> list[Row]:
-    """All rows for one crystal; columns of absent products stay empty."""
+def compare(m: Measuring) -> list[list[str]]:
+    """Rows for one crystal: id, quantity, unit, what `COLUMNS` has, as far as it is known; note."""
     values: Values = defaultdict(dict)
     notes: dict[str, str] = {}
     _theory(m, values)
@@ -74,12 +56,12 @@ def compare(m: Measuring) -> list[Row]:
             _waves(m, values, column, record)
     values["velocity_full"]["linear"] = disp.chain_dispersion(m.linear_at("full")).velocity
     _gains(m, values, notes)
-    texts = _texts(_inside(m.lattice))
-    return [
-        Row(key, text, unit, values[key], notes.get(key, note))
-        for key, (text, unit, note) in texts.items()
-        if key in values
-    ]
+    lines = []
+    for key, (text, unit, note) in _texts(_inside(m.lattice)).items():
+        numbers = [values[key].get(name, np.nan) for name in COLUMNS if key in values]
+        shown = [f"{v:.6g}" if np.isfinite(v) else "" for v in numbers]
+        lines += [[key, text, unit, *shown, notes.get(key, note)]] if shown else []
+    return lines
 
 
 def _texts(inside: float) -> dict[str, tuple[str, str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,20 +31,12 @@ SCHEMA = "granular-measurement"
 """Of result files."""
 
 
-class Measurement(Mapping[str, Value]):
+class Measurement(dict[str, Value]):
     """Quantities of a packing by name, and what the packing is: `about`, plain facts by name."""
 
     def __init__(self, values: Mapping[str, Value], about: Mapping[str, Any] | None = None) -> None:
-        self._values, self.about = dict(values), dict(about or {})
-
-    def __getitem__(self, name: str) -> Value:
-        return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
+        super().__init__(values)
+        self.about = dict(about or {})
 
     def as_json(self) -> dict[str, dict[str, Any]]:
         """{quantity: {value, error, unit, caveats}}; what is not known is None."""

@@ -17,27 +17,20 @@ from analysis.case import SHEAR, Case
 from analysis.estimators.coherent import PASSAGES
 from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import of_contacts
-from analysis.estimators.finite_amplitude import FiniteAmplitude, finite_amplitude
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.other_source import as_of_pulse
 from analysis.estimators.own_wave import INTERVAL, affine_frequency, own_pulse, own_wave
 from analysis.estimators.settled import MARK, why_unsettled
 from analysis.estimators.source_motion import recorded_motion
-from analysis.estimators.transfer import Gain, network_gain
+from analysis.estimators.spectral_line import line_width
 from analysis.estimators.travel_time import cut
-from analysis.prepare import DENSITY_TOLERANCE, line_width, prepare
-from analysis.value import hertz
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
-from modal.modes.density import density_of_states
-from modal.modes.eigenmodes import eigenmodes
-from modal.modes.mode_set import ModeSet, read_z_shapes
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.plausibility import CRYSTALLINE
 from modal.packing.sample import Sample
 from modal.packing.state import FORCES, profile, stress_tensor
 from modal.packing.summary import crystalline_shares
-from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
@@ -45,8 +38,6 @@ from modal.waves.source import Motion, Pulse
 
 NARROW = 10.0
 """Diameters: a narrower packing guides its waves at low frequency already."""
-LOWEST = 40
-"""Modes that are searched for where no file has any."""
 FEWEST = 50, 10
 """Times and particles of a record that is read."""
 Given = ParamSpec("Given")
@@ -92,7 +83,7 @@ class Measuring:
         self.case = case or Case("packing", Path(), {})
         self.stated: dict[str, tuple[float, float]] = {}
         self.found: dict[Any, Any] = {}
-        self._keep = keep
+        self.keep = keep
         if records is not None:
             self.records = list(records)
 
@@ -295,10 +286,11 @@ class Measuring:
         called linear here it is that of the springs alone; `pre_stress`
         (`modal.system.contacts`) adds what the contacts' forces do.
         """
-        interval, duration = 0.1 / self.motion.frequency, self.affine_passage
-        if self.recorded is not None:
-            duration = float(self.recorded.time[-1])
-            interval = float(self.recorded.time[1] - self.recorded.time[0])
+        if self.recorded is None:
+            interval, duration = 0.1 / self.motion.frequency, self.affine_passage
+        else:
+            time = self.recorded.time
+            interval, duration = float(time[1] - time[0]), float(time[-1])
         given = {"motion": self.motion, "interval": interval, "pre_stress": pre_stress}
         return propagate(self.network, duration, **given).signals
 
@@ -335,119 +327,19 @@ class Measuring:
         as_run = key == "linear" and run is not None
         return cut(record, float(run.time[-1]) if as_run else PASSAGES * self.affine_passage)
 
-    @cached_property
-    def finite(self) -> FiniteAmplitude:
-        """Waves of the sample that are pushed both ways by each of the amplitudes."""
-        if self.sample is None:
-            raise InputError("waves of finite amplitude are those of a sample, with its friction")
-        motion = self.source or own_pulse(self.network)
-        rate = affine_frequency(self.network) * self.diameter / self.network.length
-        return finite_amplitude(self.sample, self.amplitudes, motion.frequency, PASSAGES / rate)
-
-    # Spectra, modes and moduli: of files, where these are there.
-
-    @cached_property
-    def highest(self) -> ModeSet:
-        """The highest modes of a file, with their shapes; else the highest mode without."""
-        if self.case.has("highest.modes"):
-            return self.case.read("highest.modes")
-        return eigenmodes(self.network, highest=1, certify=False, shapes=False)
+    # What several quantities share.
 
     @cached_property
     def line(self) -> float:
         """Width of a line of spectra, Hz."""
         return line_width(self.network)
 
-    def kept(self, kind: str) -> Any:
-        """What a file of this kind holds, given, or kept in a folder; None without one.
-
-        One that lies in that folder and is stale is made again.
-        """
-        case, folder = self.case, None if self._keep is None else Path(self._keep)
-        elsewhere = folder is None or case.path(kind).parent.resolve() != folder.resolve()
-        if case.has(kind) and elsewhere:
-            return case.read(kind)
-        if folder is None:
-            return None
-        folder.mkdir(parents=True, exist_ok=True)
-        if case.files == {}:
-            name = self.network.fingerprint[:16]
-            packing = folder / f"{name}.network.h5"
-            if not packing.is_file():
-                write_network(packing, self.network)
-        else:
-            name, packing = case.name, case.packing_path
-        of = "sample" if case.has("sample") else "network"
-        kept = Case(name, folder, {of: packing})
-        prepare(kept, self.network, kind)
-        kept.files = {of: packing, kind: kept.path(kind)}
-        return kept.read(kind) if kept.path(kind).is_file() else None
-
-    @cached_property
-    def density(self) -> tuple[Floats, Floats, Floats]:
-        """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
-        if (kept := self.kept("density")) is not None:
-            return kept
-        states = density_of_states(self.network, resolution=self.line, tolerance=DENSITY_TOLERANCE)
-        grid = states.grid()
-        return grid, states.density(grid)[0][:, 6], states.count_below(grid)[0][:, 6]
-
-    @cached_property
-    def gain(self) -> Gain:
-        """Gain factor of P-waves from wall to wall, without damping."""
-        self.require_walls()
-        if (kept := self.kept("response")) is not None:
-            return Gain(kept.frequency, kept.gain, kept.resolution)
-        return network_gain(self.network, self.affine_passage)
-
     @cached_property
     def moduli(self) -> ElasticModuli:
         """Elastic moduli by the springs' static response."""
         return self.case.read("moduli") or elastic_moduli(self.network)
 
-    @cached_property
-    def z_shapes(self) -> Floats | None:
-        """Shape (k, n), kg^-1/2: how each mode of the file moves the particles along z."""
-        return read_z_shapes(self.case.product("modes")) if self.case.has("modes") else None
-
-    @cached_property
-    def modes(self) -> tuple[ModeSet, Floats, str]:
-        """The lowest modes, how they move the spheres along z (k, n), and what they lack.
-
-        Of a file where there is one with shapes, else some that are searched for.
-        """
-        n = 6 * self.network.n_particles
-        modes, along_z = self.case.read("modes"), self.z_shapes
-        if modes is None or along_z is None:
-            modes = eigenmodes(self.network, lowest=min(LOWEST, n - 6))
-            if modes.mode_shape is None:
-                raise InputError("the modes' shapes take too much memory; give a file of modes")
-            along_z = modes.mode_shape[:, :, 2]
-        count, lacks = len(modes.frequency), ""
-        if count + modes.floppy_modes < n:
-            end = hertz(modes.frequency[-1])
-            lacks = f"list not complete: {count} of {n} modes, up to {end}"
-        if modes.missing:
-            lacks += f"; {modes.missing} of them are missing"
-        return modes, along_z, lacks
-
     # What to know of a quantity.
-
-    @cached_property
-    def first_wave(self) -> float:
-        """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
-        if not self.network.cell_periodic.all():
-            raise InputError("between walls waves have other frequencies: take a periodic cell")
-        axes = zip(np.eye(3), self.network.cell_size, strict=True)
-        return float(min(self.moduli.velocities(axis)[-1] / side for axis, side in axes))
-
-    @cached_property
-    def soft_modes(self) -> ModeSet:
-        """All modes below the first wave, certified; zero modes are not among them."""
-        modes = eigenmodes(self.network, below=self.first_wave)
-        if modes.missing or not len(modes.frequency):
-            raise InputError(f"below the first wave {modes.missing} modes are missing of some")
-        return modes
 
     @cached_property
     def of_one_sample(self) -> tuple[str, ...]:

@@ -5,6 +5,8 @@ Each is made from the contact network alone; `measure --keep` makes it, and what
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,20 +14,49 @@ import numpy as np
 from analysis.case import Case
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import is_fcc
+from analysis.estimators.spectral_line import line_width
 from analysis.estimators.structure_factor import structure_factor, write_structure
 from analysis.estimators.transfer import gain_settings
+from analysis.measuring import Measuring
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
-from modal.packing.network import Network
-from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.operator import ContactOperator
+from modal.packing.network import Network, write_network
 from modal.waves.response import frequency_response, write_response
 
-LINE = 0.005
-"""Width of a line of the structure factor and of the density of states, in parts of the highest
-frequency: 1 kHz in the study's packings under 100 kPa."""
 DENSITY_TOLERANCE = 1e-3
 """Standard error of a count in parts of all modes."""
+MADE: dict[str, tuple[Callable[..., Any], Callable[..., None]]] = {
+    "response": (frequency_response, write_response),
+    "density": (density_of_states, write_density),
+    "structure": (structure_factor, write_structure),
+}
+"""Kind of file: what makes its spectrum, and what writes it."""
+
+
+def kept_file(m: Measuring, kind: str) -> Any:
+    """What a file of this kind holds, given, or kept in a folder; None without one.
+
+    One that lies in that folder and is stale is made again.
+    """
+    case, folder = m.case, None if m.keep is None else Path(m.keep)
+    elsewhere = folder is None or case.path(kind).parent.resolve() != folder.resolve()
+    if case.has(kind) and elsewhere:
+        return case.read(kind)
+    if folder is None:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    if case.files == {}:
+        name = m.network.fingerprint[:16]
+        packing = folder / f"{name}.network.h5"
+        if not packing.is_file():
+            write_network(packing, m.network)
+    else:
+        name, packing = case.name, case.packing_path
+    of = "sample" if case.has("sample") else "network"
+    own = Case(name, folder, {of: packing})
+    prepare(own, m.network, kind)
+    own.files = {of: packing, kind: own.path(kind)}
+    return own.read(kind) if own.path(kind).is_file() else None
 
 
 def prepare(case: Case, network: Network, kind: str) -> None:
@@ -33,37 +64,27 @@ def prepare(case: Case, network: Network, kind: str) -> None:
 
     A crystal has the first alone. Says of what is stale which setting or source has changed.
     """
-    settings: dict[str, Any]
-    if kind == "response":
-        passage = network.length / of_contacts(network).velocity
-        settings = gain_settings(network, passage)
-    elif is_fcc(network):
+    if kind != "response" and is_fcc(network):
         return
-    elif kind == "density":
-        settings = {"resolution": line_width(network), "tolerance": DENSITY_TOLERANCE}
-    else:
-        layers = int(network.length / (2 * float(network.radius.mean())))
-        highest = 1.5 * layers / (2 * network.length / of_contacts(network).velocity)
-        settings = {"resolution": line_width(network), "highest": highest}
-        settings["orders"] = standing_orders(layers)
+    settings = _settings(network, kind)
     noted = settings | ({"pre_stress": "none"} if kind == "response" else {})
     command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
     made, path = Provenance(command, noted, case.packing), case.path(kind)
-    if is_current(path, made):
-        return
-    digest = case.packing[0].sha256
+    if not is_current(path, made):
+        make, write = MADE[kind]
+        write(path, make(network, **settings), case.packing[0].sha256, made)
+
+
+def _settings(network: Network, kind: str) -> dict[str, Any]:
+    passage = network.length / of_contacts(network).velocity
     if kind == "response":
-        write_response(path, frequency_response(network, **settings), digest, made)
-    elif kind == "density":
-        write_density(path, density_of_states(network, **settings), digest, made)
-    else:
-        write_structure(path, structure_factor(network, **settings), digest, made)
-
-
-def line_width(network: Network) -> float:
-    """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
-    top, _ = bound_of_spectrum(ContactOperator(network, mass_scaled=True))
-    return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")
+        return gain_settings(network, passage)
+    if kind == "density":
+        return {"resolution": line_width(network), "tolerance": DENSITY_TOLERANCE}
+    layers = int(network.length / (2 * float(network.radius.mean())))
+    highest = 1.5 * layers / (2 * passage)
+    settings = {"resolution": line_width(network), "highest": highest}
+    return settings | {"orders": standing_orders(layers)}
 
 
 def standing_orders(layers: int) -> np.ndarray:

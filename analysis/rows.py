@@ -181,7 +181,7 @@ def row_of(m: Measuring) -> Row:
 
 def _curves(m: Measuring, row: Row) -> None:
     """What figures over several cases draw."""
-    row.curves["gain"] = (m.gain.frequency, m.gain.gain)
+    row.curves["gain"] = (gain.gain_of(m).frequency, gain.gain_of(m).gain)
     row.curves["gain_orders"] = gain.orders(m)
     for k, order in enumerate(gain.orders(m)[0][:5]):
         row.values[f"gain_order_{k + 1}"] = estimate(float(order))

@@ -130,7 +130,7 @@ def minimiser(path: str) -> Callable[[], dict[str, float]]:
             "steps": rest.steps,
             "e": float(network.study["void_ratio"]),
             "Z": float(network.study["coordination_number"]),
-            "unbalanced": equilibrium_of(low, network)[1].residual,
+            "unbalanced": equilibrium_of(low).residual,
         }
 
     return action

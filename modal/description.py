@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from modal.modes.collective import easily_known_floppy
+from modal.modes.collective import easy, every_floppy
+from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.packing.summary import summary
 from modal.system.linear_system import LinearSystem
@@ -58,10 +59,11 @@ def describe(network: Network) -> str:
 def _floppy(network: Network) -> str:
     """Their number and kinds, or why it is not known."""
     try:
-        floppy = easily_known_floppy(LinearSystem.of(network))
+        system = LinearSystem.of(network)
+        floppy = every_floppy(system) if easy(system) else by_structure(system)
     except InputError as error:
         return str(error)
-    kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.by_kind().items() if n)
+    kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.kinds.items() if n)
     least = "" if floppy.counted else "at least "
     if floppy.unstable:
         kinds = f"and {floppy.unstable} unstable modes; {kinds}".strip("; ")

@@ -10,6 +10,8 @@ import os
 import subprocess
 from pathlib import Path
 
+import h5py
+import scipy.sparse as sp
 from places import ROOT
 
 from modal.__main__ import main
@@ -39,6 +41,26 @@ def run(script: str, table: str, folder: Path, **environment: str) -> str:
     log = (folder / f"{script}.log").read_text()
     assert status == (2 if "\nerror: " in log else 0), log
     return log
+
+
+def script(path: Path, *arguments: object, folder: Path) -> str:
+    """Run a script of its own arguments inside YADE, to its end without fault; what it said."""
+    command = ["yade", "-n", "-x", "-j1", str(path), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said
+    return said
+
+
+def measured_tangent(
+    path: Path, network: Network, arc: float
+) -> tuple[sp.csr_matrix, sp.dia_matrix]:
+    """K as YADE's forces differ, its rotations as arcs of a radius, m; and what makes them so."""
+    size = 6 * network.n_particles
+    with h5py.File(path) as file:
+        entries = file["value"][:], (file["row"][:], file["column"][:])
+    units = sp.diags([1.0, 1, 1, 1 / arc, 1 / arc, 1 / arc] * network.n_particles)
+    return units @ sp.csr_matrix(entries, shape=(size, size)) @ units, units
 
 
 def write_highest(folder: Path, case: str) -> None:

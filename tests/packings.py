@@ -104,6 +104,12 @@ def frictionless() -> Network:
 
 
 @cache
+def slender() -> Network:
+    """200 such spheres: more than 10 diameters long, so that it has a bulk away from its walls."""
+    return random_network(200, 1e5, seed=3, aspect=4.0)
+
+
+@cache
 def sheared() -> Network:
     """150 spheres compressed with friction in YADE, at rest."""
     return read_sample(SHEARED).network()

@@ -17,7 +17,7 @@ ORDER = {
     ),
     "analysis": (
         *("table", "watch", "estimators", "agreement", "case"),
-        *("belonging", "prepare", "value", "measuring", "quantities", "measurement"),
+        *("belonging", "value", "measuring", "prepare", "quantities", "measurement"),
         *("status", "crystal", "rows", "figures", "study"),
         *("cli", "__main__"),
     ),

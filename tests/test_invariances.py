@@ -68,7 +68,7 @@ def agree(first: np.ndarray, second: np.ndarray, factor: float = 1.0) -> None:
 def same_counts(first: Network, second: Network) -> None:
     """Exact counts between frequencies that are apart, and the zero modes by kind."""
     one, two = LinearSystem.of(first), LinearSystem.of(second)
-    assert by_structure(one).by_kind() == by_structure(two).by_kind()
+    assert by_structure(one).kinds == by_structure(two).kinds
     f = all_modes(one).frequency
     for k in np.flatnonzero(np.diff(f) > 1e-3 * f[-1])[::20]:
         at = (f[k] + f[k + 1]) / 2
@@ -184,7 +184,7 @@ def test_units(seed, length, mass, time):
     unit |= {"stiffness_normal": stiffness, "stiffness_tangential": stiffness}
     unit |= {"force_normal": force}
     scaled = replace(network, study={}, **{k: getattr(network, k) * u for k, u in unit.items()})
-    one, two = (by_structure(LinearSystem.of(net)).by_kind() for net in (network, scaled))
+    one, two = (by_structure(LinearSystem.of(net)).kinds for net in (network, scaled))
     assert one == two
     here, pulse = propagate(network, 3e-5).signals, Pulse(2.5e-9 * L, 1e5 / T)
     there = propagate(scaled, 3e-5 * T, motion=pulse, interval=1e-6 * T).signals

@@ -24,8 +24,6 @@ from modal.modes.mode_set import read_modes, write_modes
 from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 
-pytestmark = pytest.mark.two_ways
-
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
     *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),
@@ -70,6 +68,7 @@ import modal; print(time.perf_counter() - start, *({heavy} & (set(sys.modules) -
     assert float(seconds) < 0.3 and loaded == []
 
 
+@pytest.mark.two_ways
 def test_modes_as_the_command_line_prints_them(packing, printed):
     network, path = packing
     for options, asked in (
@@ -88,6 +87,7 @@ def test_modes_as_the_command_line_prints_them(packing, printed):
         assert found.chi_z.shape == found.frequency.shape
 
 
+@pytest.mark.two_ways
 def test_numbers_as_the_command_line_prints_them(packing, printed):
     """count, density, response, wave and lattice."""
     network, path = packing

@@ -12,13 +12,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from places import ROOT
+from study_folder import copy_of, study_folder
 from test_faults import equal
 
 HERE = str(ROOT / "tests/slurm_here.sh")
@@ -39,21 +39,7 @@ def start(tmp_path_factory, yade) -> Iterator[Path]:
         pytest.skip("Slurm: its plugin of Snakemake is not installed: pip install '.[slurm]'")
     if not shutil.which("slurmctld") or os.geteuid():
         pytest.skip("no Slurm that could be started: tests/slurm_here.sh install, as root")
-    folder = tmp_path_factory.mktemp("slurm") / "start"
-    folder.mkdir()
-    for name in ("modal", "analysis", "yade_scripts", "studies", "workflow"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("run_cases.sh", "setup.sh", "pyproject.toml"):
-        shutil.copy(ROOT / name, folder)
-    python = folder / ".venv/bin/python"
-    python.parent.mkdir(parents=True)
-    paths = ":".join(path for path in sys.path if path and path != str(ROOT))
-    python.write_text(
-        f'#!/bin/sh\nexport PYTHONPATH="$PYTHONPATH:{paths}"\nexec {sys.executable} "$@"\n'
-    )
-    python.chmod(0o755)
-    for name in ("workflow", "slurm"):
-        shutil.copy(ROOT / "pyproject.toml", folder / f".venv/installed-{name}")
+    folder = study_folder(tmp_path_factory.mktemp("slurm") / "start")
     subprocess.run([HERE, "start"], check=True)
     yield folder
     subprocess.run([HERE, "stop"], check=True)
@@ -62,8 +48,7 @@ def start(tmp_path_factory, yade) -> Iterator[Path]:
 @pytest.fixture(scope="module")
 def local(start) -> Path:
     """The study without Slurm."""
-    folder = start.with_name("local")
-    shutil.copytree(start, folder)
+    folder = copy_of(start, "local")
     assert ended(run(folder)) == 0
     return folder
 
@@ -71,8 +56,7 @@ def local(start) -> Path:
 @pytest.fixture(scope="module")
 def whole(start, local) -> Path:
     """The study by Slurm, complete; each disturbance takes something away from it."""
-    folder = start.with_name("whole")
-    shutil.copytree(start, folder)
+    folder = copy_of(start, "whole")
     assert ended(run(folder, "--slurm")) == 0
     same(local, folder)
     return folder

@@ -15,8 +15,11 @@ import time
 from pathlib import Path
 
 import yaml
-from jobs import PYTHON, Jobs
+from commands import PYTHON
+from jobs import Jobs
 
+from analysis.status import stale_files, status_table
+from analysis.study.description import Study
 from analysis.table import Table
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
@@ -49,12 +52,10 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
         wait(folder / ".jobs", "jobs of a run that was killed are at work: waiting").close()
         while profile == "slurm" and at_work():
             time.sleep(10)
-    status = [sys.executable, "-m", "analysis", "study", study, "--products", str(folder)]
-    stale = []
-    if any(folder.glob("*.h5")):
-        stale = output([*status, "--stale", *jobs.cases]).split()
-        if only == "status":
-            print(output([*status, "--status"]), end="")
+    said = Study(study).rows  # as the file has it; the jobs add what is computed
+    stale = [str(path) for path in stale_files(folder, said, jobs.cases)]
+    if only == "status" and any(folder.glob("*.h5")):
+        print(status_table(folder, said))
     settings = ["--config", *given]
     again = ["--forcerun", *stale] if stale else []
     if only:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.cli.options import add_command, add_products
-from analysis.status import stale_files, status_table
+from analysis.status import status_table
 from analysis.study.arrangement import wanted
 from analysis.study.beside import table_of
 from analysis.study.description import Study
@@ -41,7 +41,6 @@ def add(commands: Any) -> None:
     stage.add_argument("--measure", metavar="NAME", help="write the result of a case, of a state")
     stage.add_argument("--case", metavar="NAME", help="print the table of a case, write nothing")
     stage.add_argument("--status", action="store_true", help="which products are there, or stale")
-    stage.add_argument("--stale", nargs="+", metavar="NAME", help="the stale files of cases alone")
     text = "measure only numbers that show a scatter"
     study.add_argument("--scatter", action="store_true", help=text)
 
@@ -53,15 +52,10 @@ def _study(options: argparse.Namespace) -> int:
         _measure(study, options.measure, options)
         put(output)
         return 0
-    read = products if options.status or options.stale else results
+    read = products if options.status else results
     if not read.is_dir():
         raise InputError(f"{read}: no such folder; give --products or --results DIR")
-    if options.stale:
-        put(
-            "".join(f"{path}\n" for path in stale_files(products, study.rows, options.stale)),
-            end="",
-        )
-    elif options.status:
+    if options.status:
         put(status_table(products, study.rows))
     elif options.case:
         row, frame, rules = case_of(study, results, options.case)

@@ -20,21 +20,29 @@ class PowerLaw:
         return f"{text} ± {self.error:.1g}" if np.isfinite(self.error) else text
 
 
+def straight_line(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope and offset by least squares of the points that are known, and their covariance (2, 2).
+
+    Of two points the covariance is NaN, of a single x all.
+    """
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y, unknown = np.asarray(x)[known], np.asarray(y)[known], np.full((2, 2), np.nan)
+    if len(x) < 2 or np.ptp(x) == 0:
+        return unknown[0], unknown
+    if len(x) == 2:
+        return np.polyfit(x, y, 1), unknown
+    line, covariance = np.polyfit(x, y, 1, cov=True)
+    return line, covariance
+
+
 def power_law(x: np.ndarray, y: np.ndarray) -> PowerLaw:
     """Least squares of the logarithms; NaN from a single x, and of what has no logarithm."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     known = np.isfinite(x) & np.isfinite(y)
     if (np.minimum(x, y)[known] <= 0).any():
         return PowerLaw(np.nan, np.nan)
-    u, v = np.log(x[known]), np.log(y[known])
-    if known.sum() < 2 or np.ptp(u) == 0:
-        return PowerLaw(np.nan, np.nan)
-    if known.sum() == 2:
-        (exponent, offset), error = np.polyfit(u, v, 1), np.nan
-    else:
-        (exponent, offset), spread = np.polyfit(u, v, 1, cov=True)
-        error = np.sqrt(spread[0, 0])
-    return PowerLaw(float(np.exp(offset)), float(exponent), float(error))
+    (exponent, offset), spread = straight_line(np.log(x[known]), np.log(y[known]))
+    return PowerLaw(float(np.exp(offset)), float(exponent), float(np.sqrt(spread[0, 0])))
 
 
 def straight_to(x: np.ndarray, y: np.ndarray, at: float) -> tuple[float, float]:
@@ -45,12 +53,5 @@ def straight_to(x: np.ndarray, y: np.ndarray, at: float) -> tuple[float, float]:
     >>> "{:.1f} {:.1f}".format(*straight_to(np.array([0.0, 1.0]), np.array([0.0, 3.0]), 4.0))
     '12.0 nan'
     """
-    known = np.isfinite(x) & np.isfinite(y)
-    x, y = np.asarray(x)[known], np.asarray(y)[known]
-    if len(x) < 2 or np.ptp(x) == 0:
-        return np.nan, np.nan
-    there = np.array([at, 1.0])
-    if len(x) == 2:
-        return float(there @ np.polyfit(x, y, 1)), np.nan
-    line, spread = np.polyfit(x, y, 1, cov=True)
+    (line, spread), there = straight_line(x, y), np.array([at, 1.0])
     return float(there @ line), float(np.sqrt(there @ spread @ there))

@@ -15,6 +15,7 @@ So no height stands alone; beside it stand the resolution and what an undamped c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ class Gain:
         return float(1 / np.sinh(np.pi * self.resolution * passage))
 
 
-def gain_settings(network: Network, passage: float) -> dict[str, float]:
+def gain_settings(network: Network, passage: float) -> dict[str, Any]:
     """Resolution and highest frequency, Hz, of a gain; `passage` (s) from wall to wall."""
     diameters = network.length / (2 * float(network.radius.mean()))
     return {"resolution": RESOLUTION * 0.5 / passage, "highest": REACH * diameters / passage}
@@ -92,13 +93,7 @@ def network_gain(network: Network, passage: float, direction: str = "z") -> Gain
 
     Of a wall that moves along `direction`: z for P-waves, x or y for S-waves.
     """
-    wanted = gain_settings(network, passage)
-    found = frequency_response(
-        network,
-        resolution=wanted["resolution"],
-        highest=wanted["highest"],
-        direction=direction,
-    )
+    found = frequency_response(network, direction=direction, **gain_settings(network, passage))
     return Gain(found.frequency, found.gain, found.resolution)
 
 

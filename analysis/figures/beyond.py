@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators.power_law import straight_line
 from analysis.figures.groups import column, legend, mark, points, styles
 from analysis.figures.picture import Panel, Picture
 from analysis.rows import Row, of_one_producer
@@ -31,7 +32,7 @@ def isostaticity(rows: list[Row]) -> Picture:
         known = np.isfinite(y) & np.isfinite(z)
         panel = Panel("contacts a force-bearing sphere, less 4", "", title, legend="upper left")
         if known.sum() > 2:
-            slope, offset = np.polyfit(z[known], y[known], 1)
+            slope, offset = straight_line(z, y)[0]
             text = f"{slope:.3f} (z - {ISOSTATIC - offset / slope:.2f})"
             panel.line(along, slope * along + offset, text, color="k", lw=0.8)
         for _, members, style in styles(random):

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.estimators.power_law import straight_to
 from analysis.figures.groups import STATED, column, legend, points, side_by_side, styles
-from analysis.figures.picture import Panel, Picture, columns_for
+from analysis.figures.picture import Panel, Picture, each
 from analysis.rows import Row, law_of, of_one_producer
 from modal.tools.errors import InputError
 
@@ -184,27 +184,25 @@ def gain_cases(rows: list[Row]) -> Picture:
     return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))
 
 
-def gain(rows: list[Row]) -> Picture:
+@each
+def gain(row: Row) -> Panel:
     """Fig. 19: gain factor (receiver over source stress) of the springs, and the resonances.
 
     Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
     between the resonances sin kappa L = 0, not on them.
     """
-    panels = []
-    for row in rows:
-        f, height = row.curves["gain"]
-        f_r = row.curves["resonances"][0]
-        top = 10 * row.curves["first"][0][0]
-        keep = f < top
-        panel = Panel("frequency (kHz)", "gain factor", row.label, legend="upper right")
-        panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
-        panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
-        f_r = f_r[f_r < top] / 1e3
-        if len(f_r):
-            style = {"color": "#0060a8", "ls": ":", "lw": 1}
-            panel.add("vline", f_r, 0 * f_r, None, "resonances $f_r$, both walls held", **style)
-            middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
-            style = {"color": "#c05000", "ls": "--", "lw": 0.8}
-            panel.add("vline", middle, 0 * middle, None, "half way, source free of stress", **style)
-        panels.append(panel)
-    return Picture(panels, columns=columns_for(len(panels)))
+    f, height = row.curves["gain"]
+    f_r = row.curves["resonances"][0]
+    top = 10 * row.curves["first"][0][0]
+    keep = f < top
+    panel = Panel("frequency (kHz)", "gain factor", row.label, legend="upper right")
+    panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
+    panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
+    f_r = f_r[f_r < top] / 1e3
+    if len(f_r):
+        style = {"color": "#0060a8", "ls": ":", "lw": 1}
+        panel.add("vline", f_r, 0 * f_r, None, "resonances $f_r$, both walls held", **style)
+        middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
+        style = {"color": "#c05000", "ls": "--", "lw": 0.8}
+        panel.add("vline", middle, 0 * middle, None, "half way, source free of stress", **style)
+    return panel

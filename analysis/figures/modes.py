@@ -7,7 +7,7 @@ import numpy as np
 from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.measuring import Measuring
 from analysis.quantities.records import HIGH, LOW
-from analysis.quantities.spectrum import chi_lists, f_max, standing
+from analysis.quantities.spectrum import chi_lists, density, f_max, standing, z_shapes
 from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
@@ -36,13 +36,13 @@ def natural_frequencies(cases: list[Measuring]) -> Picture:
                 text = f"{m.label}, translations only"
                 _spectrum(left, right, only.frequency, text, **look)
         elif m.case.has("density"):
-            f, density, below = m.density
+            f, per_hertz, below = density(m)
             loose = m.mu_comp > 0.2
             look = {"color": "#c05000" if loose else "#0060a8", "ls": "-." if loose else "--"}
             # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
             share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
             left.line(share, height, m.label, **look)
-            right.line(f / 1e3, 1e3 * density / dof, **look)
+            right.line(f / 1e3, 1e3 * per_hertz / dof, **look)
         else:
             continue
         if top := m.stated.get("f_max_khz"):
@@ -149,7 +149,7 @@ def mode_shapes(cases: list[Measuring]) -> Picture:
         if bearers is not None:
             # A sphere that little holds swings by itself, far beyond the standing wave.
             chain = chain[firmly_held(m.network)[chain]]
-            f, shapes = bearers.frequency, m.z_shapes[bearers.row][:, chain]
+            f, shapes = bearers.frequency, z_shapes(m)[bearers.row][:, chain]
         if shapes is None or len(shapes) == 0:
             continue
         z = m.network.position[chain, 2] - m.network.wall_position[0]

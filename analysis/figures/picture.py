@@ -12,15 +12,18 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from functools import wraps
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
+Of = TypeVar("Of")
 KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
 DIGITS, SHADES = 5, 3
 """Significant digits of coordinates and of a map's values."""
@@ -99,6 +102,16 @@ class Picture:
 def columns_for(count: int) -> int:
     """Columns that leave no part of a grid of panels blank: 1, 2, 3, 2 x 2, then three a row."""
     return count if count < 4 else 2 if count % 2 == 0 and count < 6 else 3
+
+
+def each(of: Callable[[Of], Panel]) -> Callable[[list[Of]], Picture]:
+    """A figure of several cases, by the function that makes the panel of one."""
+
+    @wraps(of)
+    def figure(cases: list[Of]) -> Picture:
+        return Picture([of(case) for case in cases], columns=columns_for(len(cases)))
+
+    return figure
 
 
 def merged(panels: list[Panel]) -> list[Panel]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.fk import fk_map
-from analysis.figures.picture import Panel, Picture, columns_for
+from analysis.figures.picture import Panel, Picture, each
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
 from analysis.quantities.passband import band_edge, low_pass_2, passband, scale, wavelength_at
@@ -18,64 +18,60 @@ from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 
-def dispersion(cases: list[Measuring]) -> Picture:
+@each
+def dispersion(m: Measuring) -> Panel:
     """Figs. 14 and 15: f-k amplitude with theory, resonances, and the unbiased estimates."""
-    panels = []
-    for m in cases:
-        record, speed = m.shown, longest(m, "linear").value
-        title = f"{m.label}, {producer_name(record.producer)}"
-        if not m.crystal:  # the means of layers; a chain's scatter hides the ridge
-            if record.layer_displacement is None:
-                record, title = m.linear, f"{m.label}, {producer_name(m.linear.producer)}"
-            record, title = _of_layers(record), f"{title}, layers"
-        f, k, amplitude = fk_map(record)
-        top = 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)
-        widest = np.pi / disp.layer_distance(record)
-        widest = (
-            widest if m.crystal else min(widest, 2.5 * np.pi * top / longest(m, "linear").value)
-        )
-        rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
-        rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
-        shade = amplitude[np.ix_(rows, columns)]
-        sent = np.exp(-2j * np.pi * f[rows, None] * record.time) @ record.source_displacement
-        shade = shade / abs(sent)[:, None]  # over the source: what is left of each frequency
-        shade = 20 * np.log10(np.maximum(shade / shade.max(), 1e-3))
-        panel = Panel(
-            r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right",
-            colour_label="amplitude over the source's (dB)", xlim=(0, float(widest)),
-            ylim=(0, top / 1e3),
-        )  # fmt: skip
-        panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-50, vmax=0)
-        kappa = kappa_line = np.linspace(0, widest, 101)
-        if m.crystal:
-            lattice = m.lattice
-            theory = eq_9(kappa, lattice.stiffness, lattice.mass, lattice.distance) / (2e3 * np.pi)
-            panel.line_on_map(kappa, theory, "theory (Eq. 9)", 1.0, color="k")
-            ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)
-            text = f"{producer_name(record.producer)}, damped transform"
-            panel.line(kappa[:98], ridge, text, color="#c05000", ls="--", lw=2)
-        else:
-            wave = coherent(m, "linear")
-            text = "coherent linear wave of the layers"
-            kept = wave.frequency <= _leaves(m)
-            kappa, f_c = wave.wavenumber[kept], wave.frequency[kept] / 1e3
-            panel.line_on_map(kappa, f_c, text, 2, color="#c05000", ls="--")
-            slope = kappa_line * speed / (2e3 * np.pi)
-            panel.line(kappa_line, slope, "long waves", color="k", ls=":", lw=0.9)
-            edge = passband(m).of_yade if m.yade else passband(m).low_pass
-            producer = "yade" if m.yade else "linear"
-            kappa_e = 2 * np.pi / wavelength_at(m, edge[0].value, producer)
-            style = {"marker": "D", "ls": "none", "color": "#c05000", "ms": 6, "mfc": "w"}
-            text = "$f_{low-pass}$ 2 %, one chain"
-            panel.line([kappa_e], [edge[0].value / 1e3], text, **style)
-        f_r, k_r = standing_waves(m)
-        every = slice(None, None, max(1, len(f_r) // 20)) if m.crystal else slice(None)
-        if len(f_r):
-            text = "resonances" if m.crystal else "resonances: modes, then their ridge"
-            style = {"marker": "o", "ls": "none", "mfc": "w", "color": "#0060a8", "ms": 4}
-            panel.line(k_r[every], f_r[every] / 1e3, text, **style)
-        panels.append(panel)
-    return Picture(panels, columns=columns_for(len(panels)))
+    record, speed = m.shown, longest(m, "linear").value
+    title = f"{m.label}, {producer_name(record.producer)}"
+    if not m.crystal:  # the means of layers; a chain's scatter hides the ridge
+        if record.layer_displacement is None:
+            record, title = m.linear, f"{m.label}, {producer_name(m.linear.producer)}"
+        record, title = _of_layers(record), f"{title}, layers"
+    f, k, amplitude = fk_map(record)
+    top = 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)
+    widest = np.pi / disp.layer_distance(record)
+    widest = widest if m.crystal else min(widest, 2.5 * np.pi * top / longest(m, "linear").value)
+    rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
+    rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
+    shade = amplitude[np.ix_(rows, columns)]
+    sent = np.exp(-2j * np.pi * f[rows, None] * record.time) @ record.source_displacement
+    shade = shade / abs(sent)[:, None]  # over the source: what is left of each frequency
+    shade = 20 * np.log10(np.maximum(shade / shade.max(), 1e-3))
+    panel = Panel(
+        r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right",
+        colour_label="amplitude over the source's (dB)", xlim=(0, float(widest)),
+        ylim=(0, top / 1e3),
+    )  # fmt: skip
+    panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-50, vmax=0)
+    kappa = kappa_line = np.linspace(0, widest, 101)
+    if m.crystal:
+        lattice = m.lattice
+        theory = eq_9(kappa, lattice.stiffness, lattice.mass, lattice.distance) / (2e3 * np.pi)
+        panel.line_on_map(kappa, theory, "theory (Eq. 9)", 1.0, color="k")
+        ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)
+        text = f"{producer_name(record.producer)}, damped transform"
+        panel.line(kappa[:98], ridge, text, color="#c05000", ls="--", lw=2)
+    else:
+        wave = coherent(m, "linear")
+        text = "coherent linear wave of the layers"
+        kept = wave.frequency <= _leaves(m)
+        kappa, f_c = wave.wavenumber[kept], wave.frequency[kept] / 1e3
+        panel.line_on_map(kappa, f_c, text, 2, color="#c05000", ls="--")
+        slope = kappa_line * speed / (2e3 * np.pi)
+        panel.line(kappa_line, slope, "long waves", color="k", ls=":", lw=0.9)
+        edge = passband(m).of_yade if m.yade else passband(m).low_pass
+        producer = "yade" if m.yade else "linear"
+        kappa_e = 2 * np.pi / wavelength_at(m, edge[0].value, producer)
+        style = {"marker": "D", "ls": "none", "color": "#c05000", "ms": 6, "mfc": "w"}
+        text = "$f_{low-pass}$ 2 %, one chain"
+        panel.line([kappa_e], [edge[0].value / 1e3], text, **style)
+    f_r, k_r = standing_waves(m)
+    every = slice(None, None, max(1, len(f_r) // 20)) if m.crystal else slice(None)
+    if len(f_r):
+        text = "resonances" if m.crystal else "resonances: modes, then their ridge"
+        style = {"marker": "o", "ls": "none", "mfc": "w", "color": "#0060a8", "ms": 4}
+        panel.line(k_r[every], f_r[every] / 1e3, text, **style)
+    return panel
 
 
 def _leaves(m: Measuring) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
-from analysis.figures.picture import Panel, Picture, columns_for, share_limits
+from analysis.figures.picture import Panel, Picture, columns_for, each, share_limits
 from analysis.measuring import Measuring
 from analysis.quantities.passband import passband
 from analysis.quantities.velocity import longest
@@ -122,13 +122,11 @@ def signals_stress(cases: list[Measuring]) -> Picture:
     return Picture(list(panels.values()), columns_for(len(panels)), (12, 3.6))
 
 
-def space_time(cases: list[Measuring]) -> Picture:
+@each
+def space_time(m: Measuring) -> Panel:
     """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
-    panels = []
-    for m in cases:
-        speed = longest(m, "linear").value
-        panels.append(motion(m, m.shown, speed, "$V_P$", _end(m, m.shown) * (1 + 1e-9)))
-    return Picture(panels, columns=columns_for(len(panels)))
+    end = _end(m, m.shown) * (1 + 1e-9)
+    return motion(m, m.shown, longest(m, "linear").value, "$V_P$", end)
 
 
 def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -> Panel:
@@ -152,79 +150,75 @@ def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -
     return panel
 
 
-def spectrum_distance(cases: list[Measuring]) -> Picture:
+@each
+def spectrum_distance(m: Measuring) -> Panel:
     """Figs. 12 and 13: spectra of one chain over distance, and where they fall to 2 % and 1 %."""
-    panels = []
-    for m in cases:
-        band = passband(m)
-        record, edges = m.shown, band.of_yade if m.yade else band.low_pass
-        distance, frequency, amplitude = band.map(record, passages=band.common)
-        order = np.argsort(distance)
-        if not m.crystal:  # a sphere that little holds swings by itself: an outlying column
-            order = order[firmly_held(m.network)[record.chain_particle[order]]]
-        distance, amplitude = distance[order], amplitude[:, order]
-        top = (0.8 if m.crystal else 0.4) * band.highest
-        found = [edge.value for edge in edges[:2] if np.isfinite(edge.value)]
-        top = min(max([top, *(1.4 * value for value in found)]), band.highest)  # the legend's room
-        rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
-        shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
-        panel = Panel(
-            "distance from the source wall (mm)", "frequency (kHz)",
-            title=f"{m.label}, {producer_name(record.producer)}", colour_label="amplitude (dB)",
-            ylim=(0, top / 1e3), legend="lower left" if m.crystal else "upper right",
-        )  # fmt: skip
-        # A layer is drawn only with all others: every third alone would show a false band.
-        panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
-        curves = threshold_curves(frequency, amplitude)
-        ends = np.array(band.stretch) * m.network.length
-        for row, edge, text, style in zip(
-            curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
-        ):
-            look = {"color": "#c05000", "ls": style}
-            middle, level = _slabs(distance, row, m.network.length)
-            text_of = f"{text} threshold, medians"
-            panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, **look)
-            value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
-            if not np.isfinite(edge.value):
-                panel.line([np.nan], [np.nan], f"{text}: no answer", color="#0060a8", ls=style)
-                continue
-            place = [edge.value / 1e3] * 2
-            panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
-        if said := m.stated.get("f_low_pass_2_khz"):
-            dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
-            panel.add("hline", [0], said[:1], None, f"stated: {said[0]:g} kHz", **dashed)
-        panels.append(panel)
-    return Picture(panels, columns=columns_for(len(panels)))
+    band = passband(m)
+    record, edges = m.shown, band.of_yade if m.yade else band.low_pass
+    distance, frequency, amplitude = band.map(record, passages=band.common)
+    order = np.argsort(distance)
+    if not m.crystal:  # a sphere that little holds swings by itself: an outlying column
+        order = order[firmly_held(m.network)[record.chain_particle[order]]]
+    distance, amplitude = distance[order], amplitude[:, order]
+    top = (0.8 if m.crystal else 0.4) * band.highest
+    found = [edge.value for edge in edges[:2] if np.isfinite(edge.value)]
+    top = min(max([top, *(1.4 * value for value in found)]), band.highest)  # the legend's room
+    rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
+    shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
+    panel = Panel(
+        "distance from the source wall (mm)", "frequency (kHz)",
+        title=f"{m.label}, {producer_name(record.producer)}", colour_label="amplitude (dB)",
+        ylim=(0, top / 1e3), legend="lower left" if m.crystal else "upper right",
+    )  # fmt: skip
+    # A layer is drawn only with all others: every third alone would show a false band.
+    panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
+    curves = threshold_curves(frequency, amplitude)
+    ends = np.array(band.stretch) * m.network.length
+    for row, edge, text, style in zip(
+        curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
+    ):
+        look = {"color": "#c05000", "ls": style}
+        middle, level = _slabs(distance, row, m.network.length)
+        text_of = f"{text} threshold, medians"
+        panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, **look)
+        value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
+        if not np.isfinite(edge.value):
+            panel.line([np.nan], [np.nan], f"{text}: no answer", color="#0060a8", ls=style)
+            continue
+        place = [edge.value / 1e3] * 2
+        panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
+    if said := m.stated.get("f_low_pass_2_khz"):
+        dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
+        panel.add("hline", [0], said[:1], None, f"stated: {said[0]:g} kHz", **dashed)
+    return panel
 
 
-def low_pass_chains(cases: list[Measuring]) -> Picture:
+@each
+def low_pass_chains(m: Measuring) -> Panel:
     """Beyond the paper: f_low-pass (2 %) over distance by one chain, each of it, and the layers."""
-    panels = []
-    for m in cases:
-        band = passband(m)
-        panel = Panel(
-            "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", m.label,
-            ylim=(0, 0.5 * band.highest / 1e3), legend="lower center", legend_columns=2,
-        )  # fmt: skip
-        if m.crystal:
-            panel.ylim = (0, band.highest / 1e3)
-        for whose, reference, text, style in (
-            ("chain", "map", "chain, whole map", {"color": "k"}),
-            ("chain", "own", "chain, own maxima", {"color": "0.55", "ls": "-."}),
-            ("layers", "map", "layers, whole map", {"color": "#c05000", "ls": "--"}),
-        ):
-            distance, frequency, amplitude = band.map(m.linear, whose, band.common)
-            curve = threshold_curves(frequency, amplitude, reference)[0]
-            middle, medians = _slabs(distance, curve, m.network.length)
-            panel.line(1e3 * middle, medians / 1e3, text, **style)
-        ends = 1e3 * np.array(band.stretch) * m.network.length
-        values = band.of_columns[:, 0]
-        if np.isfinite(values).any():
-            low, high = np.nanpercentile(values, (16, 84)) / 1e3
-            look = {"color": "#0060a8", "alpha": 0.4}
-            panel.add("band", ends, [low] * 2, [high] * 2, "columns, 16-84 %", **look)
-        panels.append(panel)
-    return Picture(panels, columns=columns_for(len(panels)))
+    band = passband(m)
+    panel = Panel(
+        "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", m.label,
+        ylim=(0, 0.5 * band.highest / 1e3), legend="lower center", legend_columns=2,
+    )  # fmt: skip
+    if m.crystal:
+        panel.ylim = (0, band.highest / 1e3)
+    for whose, reference, text, style in (
+        ("chain", "map", "chain, whole map", {"color": "k"}),
+        ("chain", "own", "chain, own maxima", {"color": "0.55", "ls": "-."}),
+        ("layers", "map", "layers, whole map", {"color": "#c05000", "ls": "--"}),
+    ):
+        distance, frequency, amplitude = band.map(m.linear, whose, band.common)
+        curve = threshold_curves(frequency, amplitude, reference)[0]
+        middle, medians = _slabs(distance, curve, m.network.length)
+        panel.line(1e3 * middle, medians / 1e3, text, **style)
+    ends = 1e3 * np.array(band.stretch) * m.network.length
+    values = band.of_columns[:, 0]
+    if np.isfinite(values).any():
+        low, high = np.nanpercentile(values, (16, 84)) / 1e3
+        look = {"color": "#0060a8", "alpha": 0.4}
+        panel.add("band", ends, [low] * 2, [high] * 2, "columns, 16-84 %", **look)
+    return panel
 
 
 def _slabs(

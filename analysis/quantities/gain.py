@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.measuring import Measuring
+from analysis.estimators.transfer import Gain, network_gain
+from analysis.measuring import Measuring, once
+from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import quantity
 from analysis.quantities.spectrum import standing_waves
@@ -17,6 +19,15 @@ MISCOUNTED = 0.75
 resonance of two held walls, 1 the next maximum."""
 
 
+@once
+def gain_of(m: Measuring) -> Gain:
+    """Gain factor of P-waves from wall to wall, without damping."""
+    m.require_walls()
+    if (found := kept_file(m, "response")) is not None:
+        return Gain(found.frequency, found.gain, found.resolution)
+    return network_gain(m.network, m.affine_passage)
+
+
 @quantity(
     "gain",
     "1",
@@ -26,7 +37,7 @@ resonance of two held walls, 1 the next maximum."""
 )
 def gain(m: Measuring) -> Value:
     """Of P-waves, without damping."""
-    found = m.gain
+    found = gain_of(m)
     text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
     return Value(found.gain, "1", {}, (text, *m.of_waves), found.frequency)
 
@@ -50,7 +61,7 @@ def orders(m: Measuring) -> tuple[Floats, Floats]:
     second what is expected where the source wall is free of stress, 1/2, 3/2, ... They end
     where a maximum is missing or one too many, an order off, and they no longer count.
     """
-    f, end = m.gain.maxima(), low_pass_2(m)
+    f, end = gain_of(m).maxima(), low_pass_2(m)
     if np.isfinite(end):  # beyond it the walls hear no common wave
         f = f[f < end]
     found = _orders(m, f)
@@ -82,8 +93,8 @@ def _orders(m: Measuring, f: Floats) -> Floats:
 
 def height(m: Measuring) -> str:
     """The gain at its first maximum with its resolution, and an undamped column's under it."""
-    found = m.gain.first_maximum()[1]
+    found = gain_of(m).first_maximum()[1]
     if not np.isfinite(found):
         return ""
-    same = m.gain.undamped(passage(m))
-    return f"{found:.3g} at {m.gain.resolution:.0f} Hz (undamped column: {same:.3g})"
+    same = gain_of(m).undamped(passage(m))
+    return f"{found:.3g} at {gain_of(m).resolution:.0f} Hz (undamped column: {same:.3g})"

@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.measuring import Measuring
-from analysis.quantities import passband, scattering, spectrum, velocity
+from analysis.quantities import gain, passband, scattering, spectrum, velocity
 from analysis.quantities.registry import on_request
 from analysis.value import NOTHING, Value, estimate
 
@@ -204,8 +204,8 @@ FOUND: dict[str, tuple[str, str, Number]] = {
         lambda m: spectrum.mean_chi(m, HIGH * spectrum.f_max(m), np.inf),
     ),
     "chi_z_pure": ("Hz", "highest frequency of a mode with chi_z above 0.9", spectrum.last_pure),
-    "gain_maximum": ("1", "largest gain", lambda m: float(np.max(m.gain.gain))),
-    "gain_resolution": ("Hz", "width of its lines", lambda m: m.gain.resolution),
+    "gain_maximum": ("1", "largest gain", lambda m: float(np.max(gain.gain_of(m).gain))),
+    "gain_resolution": ("Hz", "width of its lines", lambda m: gain.gain_of(m).resolution),
     "free_path_at_f_low_pass_over_d": ("1", "mean free path there, D", scattering.free_path),
     "ridge_width_power": ("1", "power of f in the ridge's width there", scattering.width_power),
     "ioffe_regel_of_ridge": ("Hz", "the Ioffe-Regel frequency of a kept structure factor", _limit),

@@ -12,6 +12,7 @@ from analysis.estimators.plane_waves import plane_structure_factor
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.structure_factor import structure_factor
 from analysis.measuring import Measuring, once
+from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import DISORDER, on_request, quantity
 from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, velocity_of
@@ -161,7 +162,7 @@ def scattering(m: Measuring) -> Scattering:
 
     Of some waves first, then of those on both sides of where the width reaches the frequency.
     """
-    velocity, kept = velocity_of(m), m.kept("structure")
+    velocity, kept = velocity_of(m), kept_file(m, "structure")
     if not velocity > 0:
         raise InputError(LOST)
     if kept is not None:

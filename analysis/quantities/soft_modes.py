@@ -7,40 +7,63 @@ Lett. 117, 035501 (2016) took small cells for that reason.
 
 from __future__ import annotations
 
-from analysis.measuring import Measuring
+import numpy as np
+
+from analysis.measuring import Measuring, once
 from analysis.quantities.registry import on_request
 from analysis.value import Value
+from modal.modes.eigenmodes import eigenmodes
+from modal.modes.mode_set import ModeSet
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
+
+
+@once
+def lowest_wave(m: Measuring) -> float:
+    """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
+    if not m.network.cell_periodic.all():
+        raise InputError("between walls waves have other frequencies: take a periodic cell")
+    axes = zip(np.eye(3), m.network.cell_size, strict=True)
+    return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
+
+
+@once
+def soft_modes(m: Measuring) -> ModeSet:
+    """All modes below the first wave, certified; zero modes are not among them."""
+    modes = eigenmodes(m.network, below=lowest_wave(m))
+    if modes.missing or not len(modes.frequency):
+        raise InputError(f"below the first wave {modes.missing} modes are missing of some")
+    return modes
 
 
 @on_request("first_wave", "Hz", "slowest V_S along an axis over the side of a periodic cell")
 def first_wave(packing: Measuring) -> Value:
     """By the moduli."""
-    return Value(packing.first_wave, "Hz")
+    return Value(lowest_wave(packing), "Hz")
 
 
 def _over_modes(packing: Measuring, value: Floats) -> Value:
     """A number of each mode below the first wave, over their frequencies."""
-    return Value(value, "1", {}, packing.of_one_sample, packing.soft_modes.frequency)
+    return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
 
 
 @on_request("soft_participation", "1", "spheres that take part in each mode below the first wave")
 def soft_participation(packing: Measuring) -> Value:
     """(sum e)^2 / sum e^2, e the kinetic energy of each, rotations included."""
-    share = packing.soft_modes.participation(packing.network)
+    share = soft_modes(packing).participation(packing.network)
     return _over_modes(packing, share * packing.network.n_particles)
 
 
 @on_request("soft_rotation", "1", "part of the kinetic energy in rotations, of the same modes")
 def soft_rotation(packing: Measuring) -> Value:
     """Of all spheres."""
-    return _over_modes(packing, packing.soft_modes.rotation_share)
+    return _over_modes(packing, soft_modes(packing).rotation_share)
 
 
 @on_request("soft_contacts", "1", "contacts of the sphere that moves most, of the same modes")
 def soft_contacts(packing: Measuring) -> Value:
     """One with two or three is held loosely, whatever its surroundings."""
-    square = (packing.soft_modes.shapes()[:, :, :3] ** 2).sum(axis=2)
+    square = (soft_modes(packing).shapes()[:, :, :3] ** 2).sum(axis=2)
     contacts = contacts_per_particle(packing.network)
     return _over_modes(packing, contacts[square.argmax(axis=1)].astype(float))

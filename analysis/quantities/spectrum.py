@@ -13,15 +13,20 @@ from analysis.estimators.resonances import (
     standing_modes,
 )
 from analysis.measuring import Measuring, once
+from analysis.prepare import DENSITY_TOLERANCE, kept_file
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
 from analysis.quantities.velocity import LOW_ORDER, longest
 from analysis.value import NOTHING, Value, estimate, hertz, unknown
+from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import eigenmodes
-from modal.modes.mode_set import ModeSet
+from modal.modes.mode_set import ModeSet, read_z_shapes
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
+LOWEST = 40
+"""Modes that are searched for where no file has any."""
 FEWEST = 30
 """Modes below a peak of D(f) / f^2: from fewer each single one is a peak."""
 SAME = 1e-6
@@ -29,11 +34,57 @@ SAME = 1e-6
 
 
 @once
+def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
+    """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
+    if (kept := kept_file(m, "density")) is not None:
+        return kept
+    states = density_of_states(m.network, resolution=m.line, tolerance=DENSITY_TOLERANCE)
+    grid = states.grid()
+    return grid, states.density(grid)[0][:, 6], states.count_below(grid)[0][:, 6]
+
+
+@once
+def highest(m: Measuring) -> ModeSet:
+    """The highest modes of a file, with their shapes; else the highest mode without."""
+    if m.case.has("highest.modes"):
+        return m.case.read("highest.modes")
+    return eigenmodes(m.network, highest=1, certify=False, shapes=False)
+
+
+@once
+def z_shapes(m: Measuring) -> Floats | None:
+    """Shape (k, n), kg^-1/2: how each mode of the file moves the particles along z."""
+    return read_z_shapes(m.case.product("modes")) if m.case.has("modes") else None
+
+
+@once
+def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
+    """The lowest modes, how they move the spheres along z (k, n), and what they lack.
+
+    Of a file where there is one with shapes, else some that are searched for.
+    """
+    n = 6 * m.network.n_particles
+    modes, along_z = m.case.read("modes"), z_shapes(m)
+    if modes is None or along_z is None:
+        modes = eigenmodes(m.network, lowest=min(LOWEST, n - 6))
+        if modes.mode_shape is None:
+            raise InputError("the modes' shapes take too much memory; give a file of modes")
+        along_z = modes.mode_shape[:, :, 2]
+    count, lacks = len(modes.frequency), ""
+    if count + modes.floppy_modes < n:
+        end = hertz(modes.frequency[-1])
+        lacks = f"list not complete: {count} of {n} modes, up to {end}"
+    if modes.missing:
+        lacks += f"; {modes.missing} of them are missing"
+    return modes, along_z, lacks
+
+
+@once
 def standing(m: Measuring) -> Standing | None:
     """Modes of a file that bear the standing waves of a random packing; None without shapes."""
-    if m.crystal or m.z_shapes is None:
+    if m.crystal or z_shapes(m) is None:
         return None
-    return standing_modes(m.case.read("modes").frequency, m.z_shapes, m.network)
+    return standing_modes(m.case.read("modes").frequency, z_shapes(m), m.network)
 
 
 @once
@@ -73,12 +124,12 @@ def modal_fitted(m: Measuring) -> Value:
     if m.crystal and modes is not None and modes.resonance_shape is not None:
         f, distance = standing_waves(m)[0], m.lattice.distance
         return estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
-    if bearers is None or m.z_shapes is None:
+    if bearers is None or z_shapes(m) is None:
         return NOTHING
     bearing = force_bearing(m.network)
     depth = m.network.position[bearing, 2] - m.network.wall_position[0]
     rows = bearers.row[:LOW_ORDER]
-    kappa = fitted_wavenumbers(m.z_shapes[rows][:, bearing], depth, m.network.length)
+    kappa = fitted_wavenumbers(z_shapes(m)[rows][:, bearing], depth, m.network.length)
     return estimate(*long_wave_velocity(bearers.frequency[:LOW_ORDER], kappa))
 
 
@@ -87,7 +138,7 @@ def f_max(m: Measuring) -> float:
     """Highest natural frequency, Hz: of a list of all, else of the highest modes."""
     modes = m.case.read("modes")
     complete = modes is not None and len(modes.frequency) == 6 * m.network.n_particles
-    return float((modes if complete else m.highest).frequency[-1])
+    return float((modes if complete else highest(m)).frequency[-1])
 
 
 def highest_seat(m: Measuring) -> tuple[float, float]:
@@ -184,8 +235,8 @@ def last_pure(m: Measuring) -> Value:
 @once
 def excess(m: Measuring) -> Excess:
     """Density of states over that of plane waves."""
-    frequency, density, _ = m.density
-    return Excess.of(frequency, density, 6 * m.network.n_particles, f_max(m))
+    frequency, per_hertz, _ = density(m)
+    return Excess.of(frequency, per_hertz, 6 * m.network.n_particles, f_max(m))
 
 
 HIGHEST_BRANCH = 0.15
@@ -195,7 +246,7 @@ HIGHEST_BRANCH = 0.15
 @without_signal("highest_frequency", "Hz", "highest natural frequency")
 def highest_frequency(m: Measuring) -> Value:
     """Of the mode that products with K find at the top; its residual bounds its error."""
-    modes = m.highest
+    modes = highest(m)
     value, residual = float(modes.frequency[-1]), float(modes.residual[-1])
     return Value(value, "Hz", {"fit": residual * value / 2})
 
@@ -210,7 +261,7 @@ def excess_peak(m: Measuring) -> Value:
     """The boson peak; its error is half the width of a line of the density."""
     if m.crystal:
         return unknown("Hz", "a crystal has no soft modes beside its waves")
-    frequency, _, below = m.density
+    frequency, _, below = density(m)
     found = excess(m)
     line = 4 * float(frequency[1] - frequency[0])
     if not np.isfinite(found.peak_frequency):
@@ -229,7 +280,7 @@ def excess_peak(m: Measuring) -> Value:
 @on_request("resonances", "Hz", "of standing P-waves r = 1, 2, ... among the lowest modes")
 def resonances(m: Measuring) -> Value:
     """Of a crystal its pure modes, else the modes that bear the largest share of each wave."""
-    modes, along_z, lacks = m.modes
+    modes, along_z, lacks = lowest_modes(m)
     f = modes.resonance_frequency
     if not m.crystal or f is None:
         f = standing_modes(modes.frequency, along_z, m.network).frequency
@@ -241,7 +292,7 @@ def resonances(m: Measuring) -> Value:
 @on_request("chi_z", "1", "share of a mode's motion that is along z, over frequency (Eq. 2)")
 def chi_z(m: Measuring) -> Value:
     """Of all spheres, of each of the lowest modes."""
-    modes, _, lacks = m.modes
+    modes, _, lacks = lowest_modes(m)
     caveats = m.of_one_sample + tuple(filter(None, [lacks]))
     return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
 
@@ -251,7 +302,7 @@ def chi_z_of_branches(packing: Measuring) -> Value:
     """Of all spheres. V_S / W and V_P / W are where further waves set in along a cell W wide."""
     width = packing.width * packing.diameter
     limit = 1.5 * float(packing.moduli.velocities((0, 0, 1))[0]) / width
-    highest = min(limit, HIGHEST_BRANCH * packing.highest.frequency[-1])
-    modes = eigenmodes(packing.network, below=highest, shapes=False)
+    top = min(limit, HIGHEST_BRANCH * highest(packing).frequency[-1])
+    modes = eigenmodes(packing.network, below=top, shapes=False)
     lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
     return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)

@@ -125,7 +125,7 @@ def _add_tables(row: Row, m: Measuring) -> None:
     choices = [[text, _chosen(edge)] for text, edge in passband(m).choices()]
     row.tables["choices"] = [["f_low-pass, kHz", "f_low-pass"], *choices]
     if m.crystal:
-        row.tables["comparison"] = [line.cells() for line in compare(m)]
+        row.tables["comparison"] = compare(m)
 
 
 def _chosen(edge: Edge) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.power_law import power_law
+from analysis.estimators.power_law import power_law, straight_line
 from analysis.study.selection import numbers
 
 
@@ -29,13 +29,8 @@ class Powers:
     @property
     def trend(self) -> tuple[float, float]:
         """Slope of the power over e by least squares, and its standard error; NaN if unknown."""
-        count, spread = len(self.e), ((self.e - self.e.mean()) ** 2).sum()
-        if count < 2 or not spread > 0:
-            return np.nan, np.nan
-        slope, offset = np.polyfit(self.e, self.power, 1)
-        left = self.power - slope * self.e - offset
-        error = np.sqrt(left @ left / (count - 2) / spread) if count > 2 else np.nan
-        return float(slope), float(error)
+        (slope, _), spread = straight_line(self.e, self.power)
+        return float(slope), float(np.sqrt(spread[0, 0]))
 
     @property
     def grows(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_advanced, add_choice
+from modal.cli.options import add_choice
 from modal.cli.reading import frequencies, network_command, packing_of, remark_on_ends
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
     text = "one or several frequencies"
     command.add_argument("--at", nargs="+", required=True, metavar="HZ", help=text)
     text = "what factorises (default: the fastest)"
-    add_choice(add_advanced(command), "--solver", SOLVERS, text)
+    add_choice(command.add_argument_group("advanced"), "--solver", SOLVERS, text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

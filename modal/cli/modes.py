@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import SHORT, add_advanced, add_choice, add_flag, add_value, chosen, say
+from modal.cli.options import SHORT, add_choice, add_flag, add_value, chosen, say
 from modal.cli.reading import network_command, packing_of
-from modal.modes.dense import memory_of_all
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.first_order import shift_by_law
 from modal.modes.mode_set import ModeSet, read_modes, write_modes
@@ -41,7 +40,7 @@ def add(commands: Any) -> None:
     add_flag(choice, "--all", "all modes; for small packings")
     add_value(command, "--hours", "H", "refuse what is estimated to take longer", 1.0)
     add_flag(command, "--translations-only", "hold rotations at zero")
-    advanced = add_advanced(command)
+    advanced = command.add_argument_group("advanced")
     add_flag(advanced, "--uncertified", "--highest without its inertia count: faster")
     add_choice(advanced, "--solver", SOLVERS, "factorisation (default: the fastest)")
 
@@ -59,8 +58,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     system = LinearSystem.of(
         network, pre_stress=options.pre_stress, translations_only=options.translations_only
     )
-    if options.all and system.size > system.limits.small:
-        say(f"all {system.size} modes: {memory_of_all(system)}")
     asked = chosen(options, *ASKED)
     shapes, certify = bool(options.output), not options.uncertified
     modes = eigenmodes(network, **asked, shapes=shapes, certify=certify)
@@ -72,7 +69,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "frequency_hz": modes.frequency.tolist(),
         "residual": modes.residual.tolist(),
         "floppy_modes": modes.floppy_modes,
-        "floppy_modes_by_kind": by_structure(system).by_kind()
+        "floppy_modes_by_kind": by_structure(system).kinds
         | {"collective": modes.floppy_modes - by_structure(system).total},
         "unstable_modes": modes.unstable_modes,
         "degrees_of_freedom": system.size,

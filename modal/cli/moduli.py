@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from modal.cli.options import add_advanced, add_choice, add_flag, add_value, chosen
+from modal.cli.options import add_choice, add_flag, add_value, chosen
 from modal.cli.reading import network_command, packing_of
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
@@ -29,7 +29,7 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     add_value(command, "--tolerance", "T", "relative error", TOLERANCE)
     text = "what solves (default: the likely faster)"
-    add_choice(add_advanced(command), "--solver", SOLVERS, text)
+    add_choice(command.add_argument_group("advanced"), "--solver", SOLVERS, text)
     add_flag(command, "--non-affine", "write how each sphere moves beyond the strain, too")
 
 

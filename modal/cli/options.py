@@ -82,11 +82,6 @@ def add_choice(
     command.add_argument(name, choices=list(known), default=default, help=text + told)
 
 
-def add_advanced(command: argparse.ArgumentParser) -> argparse._ActionsContainer:
-    """The group of options that hardly anyone needs."""
-    return command.add_argument_group("advanced")
-
-
 PACKINGS = ".network.h5", ".sample.h5"
 """How the names of packings end."""
 MAKE_PACKINGS = "import", "relax", "tile"

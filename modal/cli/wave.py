@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 from modal.cli.options import (
-    add_advanced,
     add_choice,
     add_flag,
     add_value,
@@ -82,7 +81,7 @@ def add(commands: Any) -> None:
     text = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
     add_value(command, "--friction", "MU", text)
     text = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
-    add_flag(add_advanced(command), "--whole", text)
+    add_flag(command.add_argument_group("advanced"), "--whole", text)
 
 
 def add_source(command: argparse.ArgumentParser) -> None:

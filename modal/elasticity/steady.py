@@ -32,8 +32,8 @@ LOOK_BACK = {"pardiso": 1, "gradients": 30}
 MOST_PRODUCTS = 20000
 ROUNDED = 10.0
 """Roundings that may have been made on the way to a load."""
-FACTOR_SECONDS = 60.0
-"""A factor that is estimated to take longer is left out."""
+FACTOR_OPERATIONS = 6e11
+"""Multiplications, of a minute or so: a factor that takes more is left out."""
 
 
 def steady_motion(
@@ -74,9 +74,9 @@ def steady_motion(
 
 
 def _worth_a_factor(system: LinearSystem) -> bool:
-    effort, _ = factorisation(system)
-    fits = effort.bytes < 0.8 * memory_at_hand()
-    return available("pardiso") and fits and effort.seconds < FACTOR_SECONDS
+    cost = factorisation(system)
+    fits = cost.bytes < 0.8 * memory_at_hand()
+    return available("pardiso") and fits and cost.operations < FACTOR_OPERATIONS
 
 
 def _own_blocks(system: LinearSystem) -> Factor:

@@ -64,11 +64,6 @@ class Units(NamedTuple):
         """In Pa."""
         return self.force / self.length**2
 
-    @property
-    def density(self) -> float:
-        """In kg/m^3."""
-        return self.mass / self.length**3
-
 
 SI = Units()
 

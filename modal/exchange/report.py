@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from modal.exchange.import_result import ImportResult
-from modal.exchange.law import DISPLACEMENT, ONE_SIDED, ProgramLaw
+from modal.exchange.law import ONE_SIDED, ProgramLaw
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
-from modal.packing.state import stress_tensor
+from modal.packing.state import has_forces, stress_tensor
 from modal.system.contacts import GROWTH, SHEAR, TANGENTS, Contacts
 
 NEEDS_SHEAR = SHEAR, GROWTH
@@ -35,7 +35,11 @@ def summary_of(found: ImportResult) -> dict[str, Any]:
         "contacts": network.n_contacts,
         "wall_contacts": int(network.with_wall.sum()),
     }
-    told |= _forces(network, remarks) | found.told
+    if network.force_normal is not None and network.force_tangential is None:
+        remarks.append("no shear forces: stresses and balance are not told")
+    if has_forces(network) and network.cell_size[:2].all() and network.length > 0:
+        told["stress_pa"] = np.diag(stress_tensor(network)).tolist()
+    told |= found.told
     balance = "net_force_over_contact_force"
     told |= {balance: plausible[balance]} if balance in plausible else {}
     if "printed_stress_pa" in told and network.with_wall.any() and "stress_pa" in told:
@@ -45,23 +49,19 @@ def summary_of(found: ImportResult) -> dict[str, Any]:
         told["stress_of_spheres_alone_pa"] = (np.diag(stress_tensor(pairs)) * of_box).tolist()
     if network.sliding is not None and network.n_contacts:
         told["sliding_share"] = float(network.sliding.mean())
-    told["law"] = [law_in_words(law) for law in dict.fromkeys(found.laws)]
-    if found.laws:
-        _of_laws(found, remarks)
-        if network.inertia_tensor is None:
-            told["terms_of_the_law_over_springs"] = law_term_sizes(network)
-    return told
-
-
-def _forces(network: Network, remarks: list[str]) -> dict[str, Any]:
-    if network.force_normal is None:
-        return {}
-    if network.force_tangential is None:
-        remarks.append("no shear forces: stresses and balance are not told")
-        return {}
-    told: dict[str, Any] = {}
-    if network.cell_size[:2].all() and network.length > 0:
-        told["stress_pa"] = np.diag(stress_tensor(network)).tolist()
+    laws = list(dict.fromkeys(found.laws))
+    told["law"] = [law_in_words(law) for law in laws]
+    if any(law.shear_grows for law in laws):
+        remarks.append(
+            "this law keeps a shear displacement: shear forces grow with the circle of contact, "
+            "a term Ft / (2 overlap) that springs do not have"
+        )
+    if any(law.keeps == ONE_SIDED for law in laws):
+        remarks.append("its shear shrinks on unloading alone: no linear law has both directions")
+    if laws and all(law.tangential == 0 for law in laws):
+        remarks.append("no tangential stiffness: spheres turn and slide freely")
+    if laws and network.inertia_tensor is None:
+        told["terms_of_the_law_over_springs"] = law_term_sizes(network)
     return told
 
 
@@ -84,19 +84,6 @@ def law_in_words(law: ProgramLaw) -> str:
         f"friction {law.friction:g}; keeps the shear {law.keeps}; arms: {law.moves} (motion), "
         f"{law.turns} (torque){turning}"
     )
-
-
-def _of_laws(found: ImportResult, remarks: list[str]) -> None:
-    laws = set(found.laws)
-    if any(law.keeps in (DISPLACEMENT, ONE_SIDED) and law.grows for law in laws):
-        remarks.append(
-            "this law keeps a shear displacement: shear forces grow with the circle of contact, "
-            "a term Ft / (2 overlap) that springs do not have"
-        )
-    if any(law.keeps == ONE_SIDED for law in laws):
-        remarks.append("its shear shrinks on unloading alone: no linear law has both directions")
-    if all(law.tangential == 0 for law in laws):
-        remarks.append("no tangential stiffness: spheres turn and slide freely")
 
 
 def law_term_sizes(network: Network) -> dict[str, float]:

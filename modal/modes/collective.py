@@ -11,33 +11,29 @@ told of the zero modes is what structure shows, `counted` being False.
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from scipy.linalg import eigvalsh, qr
+import scipy.sparse as sp
 
 from modal.modes.counts import count_below, unstable_modes
 from modal.modes.effort import factorisation
 from modal.modes.search import Search
 from modal.modes.zero_modes import FloppyModes, by_structure
 from modal.solvers.factor import SingularError
-from modal.solvers.lanczos import start_block
-from modal.system.linear_system import LinearSystem, frequency_of
-from modal.tools.arrays import Floats
+from modal.solvers.lanczos import BASIS, Held, orthonormal
+from modal.system.linear_system import LinearSystem
+from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
-EASY = 3.0
-"""Seconds, by estimate, of a count that is made in any packing."""
+EASY = 3e10
+"""Multiplications, of some seconds, of a count that is made in any packing."""
 SHIFT = 1e-9
-"""Shift below zero of the factor that finds them, relative to A's largest diagonal entry."""
+"""Shift below zero about which they are sought, relative to A's largest diagonal entry."""
+ZERO = "motions without energy"
 UNDER = 1e-6
 """Relative to that entry: first shift below zero tried, of those below all unstable modes."""
-STEPS = 40
-"""Steps of inverse iteration at most. Each leaves of an elastic mode the share that `SHIFT` has of
-its omega^2: three steps mostly do, forty for one that is hardly above zero."""
-STILL = 1e-2
-"""Times the bound of zero: largest entry of A v of unit vectors v that need no further step."""
 
 
 def every_floppy(system: LinearSystem) -> FloppyModes:
@@ -64,14 +60,9 @@ def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
     return {
         "unstable_modes": floppy.unstable,
         "floppy_modes": floppy.total,
-        "floppy_modes_by_kind": floppy.by_kind(),
+        "floppy_modes_by_kind": floppy.kinds,
         "floppy_modes_counted": floppy.counted,
     }
-
-
-def easily_known_floppy(system: LinearSystem) -> FloppyModes:
-    """As `every_floppy`, in seconds: of larger packings what structure shows."""
-    return every_floppy(system) if easy(system) else by_structure(system)
 
 
 def counted_floppy(system: LinearSystem) -> FloppyModes:
@@ -79,66 +70,58 @@ def counted_floppy(system: LinearSystem) -> FloppyModes:
 
     def make() -> FloppyModes:
         floppy, further = by_structure(system), 0
-        unstable = _unstable(system, floppy, unstable_modes(system))
+        unstable = _found(system, floppy.basis, unstable_modes(system), "unstable modes")
+        known = sp.hstack([floppy.basis, unstable], format="csc")
         if floppy.total < system.size:
-            least = float(frequency_of(np.array([system.zero_threshold]))[0]) / 2
-            further = count_below(system, least) - floppy.total - unstable.shape[1]
-        return floppy.with_counted(_further(system, floppy, unstable, further), unstable)
+            further = count_below(system, system.zero_frequency / 2) - known.shape[1]
+        collective = _found(system, known, further, ZERO, definite=not unstable.shape[1])
+        return replace(
+            floppy,
+            basis=sp.hstack([floppy.basis, collective, unstable], format="csc"),
+            kinds=floppy.kinds | {"collective": collective.shape[1]},
+            unstable=unstable.shape[1],
+            counted=True,
+        )
 
     return system.cached("counted zero modes", make)
 
 
-def _unstable(system: LinearSystem, floppy: FloppyModes, count: int) -> Floats:
-    """Shape (size, count): the modes below zero, orthonormal; so many there are.
+def _found(
+    system: LinearSystem, known: sp.csc_matrix, count: int, what: str, *, definite: bool = True
+) -> sp.csc_matrix:
+    """Shape (size, count): orthonormal vectors of `what` there is beside the `known` modes.
 
-    From a shift below all of them, where A - sigma is definite, they are the nearest ones.
+    Zero modes are nearest to a shift just below zero, unstable ones to a shift below all of them,
+    from where on A - sigma is definite. InputError where they have no room, or not all are found.
     """
-    sigma = -UNDER * system.diagonal.max(initial=0.0)
-    while count:
-        search = Search(system, sigma, definite=True, floppy=floppy)
+    threshold, largest = system.zero_threshold, system.diagonal.max(initial=0.0)
+    sigma = -(SHIFT if what == ZERO else UNDER) * largest
+
+    def inside(square: Floats) -> Bools:
+        return abs(square) <= threshold if what == ZERO else square < -threshold
+
+    if count <= 0:
+        return sp.csc_matrix((system.size, 0))
+    remedy = "take a smaller packing"
+    refuse_above_memory(8 * BASIS * system.size * count, f"finding {count} {what}", remedy)
+    missing = None
+    while missing is None:
+        search = Search(system, known, sigma, definite=definite)
         try:
-            missing = search.search_until(count, lambda square: square < -system.zero_threshold)
+            missing = search.search_until(count, inside)
         except SingularError:
             sigma *= 4
-            continue
-        search.release()
-        if missing:
-            raise InputError(f"{count} unstable modes were counted, but not all were found")
-        return search.vector[:, search.square < -system.zero_threshold]
-    return np.empty((system.size, 0))
-
-
-def _further(system: LinearSystem, floppy: FloppyModes, unstable: Floats, count: int) -> Floats:
-    """Shape (size, count): zero modes beside the `floppy` ones, orthonormal; so many there are.
-
-    By inverse iteration on as many vectors. InputError where these have no room, or do not become
-    as still as zero modes are.
-    """
-    vectors = start_block(system.size, max(count, 0))
-    if count <= 0:
-        return vectors
-    remedy = "take a smaller packing"
-    refuse_above_memory(3 * vectors.nbytes, f"finding {count} motions without energy", remedy)
-    shift, stable = -SHIFT * system.diagonal.max(), not unstable.shape[1]
-    factor = system.factor(shift, definite=stable)
-    for _ in range(STEPS):
-        vectors = factor.solve(vectors)
-        for _ in range(2):
-            for known in (floppy.basis, unstable):
-                vectors -= known @ (known.T @ vectors)
-            vectors = qr(vectors, mode="economic", overwrite_a=True, check_finite=False)[0]
-        products = system.operator.apply(np.ascontiguousarray(vectors))
-        if abs(products).max() <= STILL * system.zero_threshold:
-            break
-    factor.release()
-    if eigvalsh(vectors.T @ products)[-1] > system.zero_threshold:
-        raise InputError(f"{count} motions without energy were counted, but not all were found")
-    return vectors
+    if missing or search.factor is None:
+        raise InputError(f"{count} {what} were counted, but not all were found")
+    # What Lanczos leaves of other modes, one more solve makes as small as round-off.
+    vectors = search.factor.solve(search.vector[:, inside(search.square)])
+    search.release()
+    return sp.csc_matrix(orthonormal(vectors, Held(known, vectors[:, :0])))
 
 
 def easy(system: LinearSystem) -> bool:
     """Whether an exact count takes some seconds, by estimate."""
-    return factorisation(system, counting=True)[0].seconds <= EASY
+    return factorisation(system, counting=True).operations <= EASY
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:

@@ -176,24 +176,10 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         return system.size
     if system.size <= system.limits.small:
         near = abs(system.spectrum - square).min() <= system.zero_threshold
-        counts = {None if apart and near else int((system.spectrum < square).sum())}
-        return _agreed([counts], frequency)
-    effort, _ = factorisation(system, counting=True)
-    refuse_endless_search(system, effort, "an exact count takes", "take the density of states")
-    chosen = choose(shape_of(system), system.solver, inertia=True).name
-    step = max(BESIDE * abs(square), system.zero_threshold if apart else 0.0)
-    beside = [square - step, square + step]
-
-    def tried() -> Iterator[set[int | None]]:
-        for solver in dict.fromkeys([chosen, "blocks"]):
-            yield {_negative(system, square, solver, apart)}
-            yield {_negative(system, place, solver, False) for place in beside}
-
-    return _agreed(tried(), frequency)
-
-
-def _agreed(ways: Iterable[set[int | None]], frequency: float) -> int:
-    """The first count on which all places of one way agree; InputError where there is none."""
+        ways: Iterable[set[int | None]]
+        ways = [{None if apart and near else int((system.spectrum < square).sum())}]
+    else:
+        ways = _by_factors(system, square, apart)
     for counts in ways:
         count = counts.pop()
         if not counts and count is not None:
@@ -202,6 +188,20 @@ def _agreed(ways: Iterable[set[int | None]], frequency: float) -> int:
         f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
         "different frequency"
     )
+
+
+def _by_factors(system: LinearSystem, square: float, apart: bool) -> Iterator[set[int | None]]:
+    """Of one way after the other the negative eigenvalues of A - square, at places that must agree.
+
+    A little beside the square, where none can tell at it; and by the blocks.
+    """
+    cost = factorisation(system, counting=True)
+    refuse_endless_search(system, cost, "an exact count takes", "take the density of states")
+    chosen = choose(shape_of(system), system.solver, inertia=True).name
+    step = max(BESIDE * abs(square), system.zero_threshold if apart else 0.0)
+    for solver in dict.fromkeys([chosen, "blocks"]):
+        yield {_negative(system, square, solver, apart)}
+        yield {_negative(system, square + off, solver, False) for off in (-step, step)}
 
 
 def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> int | None:

@@ -7,26 +7,25 @@ with the phase q. That is exact, and q and -q share their frequencies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from modal.modes.effort import of_blocks, refuse_endless_search
-from modal.modes.mode_set import Choice, ModeSet, certificate, chi_z, subset
+from modal.modes.mode_set import Choice, ModeSet, certificate, subset
 from modal.modes.observables import (
     chain_of,
     found_modes,
+    observables,
     particle_motion,
-    planar_resonances,
-    relative_residual,
-    rotation_share,
+    pure_waves,
+    resonances,
     shapes_left_out,
 )
 from modal.modes.unsymmetric import at_zero, whole_spectrum
-from modal.packing.network import Network
 from modal.packing.repeats import lateral_repeats
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
@@ -37,29 +36,28 @@ ROUND_OFF = 1e-14
 
 def all_modes(system: LinearSystem) -> ModeSet:
     """Every mode; dense, or by symmetry. InputError where neither fits."""
-    return dense_modes(system, lambda frequency: slice(0, system.size), Choice("all"))
+    return dense_modes(system, Choice("all"))
 
 
-def whole_pays(system: LinearSystem, count: int) -> bool:
-    """Whether `count` modes at an end are best had from all of them."""
-    small, part = system.size <= system.limits.small, count > system.size // system.limits.part
+def whole_pays(system: LinearSystem, count: int, listed: int) -> bool:
+    """Whether `count` modes at an end, of all that are `listed`, are best had from all."""
+    small, part = system.size <= system.limits.small, count > listed // system.limits.part
     return small or part or not system.symmetric
 
 
-def dense_modes(system: LinearSystem, chosen: Callable[[Floats], slice], choice: Choice) -> ModeSet:
-    """A part of all modes, from dense eigenproblems.
+def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
+    """The modes that are asked for, from dense eigenproblems of all.
 
-    `chosen` takes the ascending frequencies (size,) of all modes, Hz, and gives the slice of those
-    that are wanted; `choice` says what they are. InputError where the network is too large.
+    InputError where the network is too large.
     """
     cells = _cells_of(system)
     if len(cells.orbit) > 1:
-        return _dense_by_symmetry(system, cells, chosen, choice)
+        return _dense_by_symmetry(system, cells, choice)
     if system.symmetric:
         square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
     else:
         square, vector = whole_spectrum(system)
-    part = chosen(frequency_of(square))
+    part = choice.part(frequency_of(square), system.zero_frequency)
     modes = found_modes(system, square[part], vector[:, part], choice, "dense")
     modes.attributes |= certificate(0) | at_zero(system, square)
     return modes
@@ -78,15 +76,23 @@ class Cells:
 
 
 def _cells_of(system: LinearSystem) -> Cells:
-    """The equal cells of a network, which cut its eigenproblem into blocks.
+    """The smallest cells of which a network consists; with pre-stress their forces are alike, too.
 
     One where K is not symmetric. InputError where all modes would take too much memory or time.
     """
-    network = system.network
-    cells = Cells((1, 1), np.arange(network.n_particles)[None])
-    if system.symmetric:
-        cells = _equal_cells(network, pre_stress=system.pre_stress != "none")
-    count = len(cells.orbit)
+    network, along = system.network, [1, 1]
+    orbit = np.arange(network.n_particles)[None]
+    found = lateral_repeats(network, pre_stress=system.pre_stress != "none")
+    if system.symmetric and found.count > 1:
+        place = np.zeros((2, network.n_particles), np.int64)
+        for axis in (0, 1):
+            width = found.part.cell_size[axis]
+            along[axis] = round(network.cell_size[axis] / width)
+            step = network.position[:, axis] - network.position[found.first, axis][found.member]
+            place[axis] = np.rint(step / width).astype(int) % along[axis]
+        orbit = np.empty((found.count, len(found.first)), np.int64)
+        orbit[place[0] + along[0] * place[1], found.member] = np.arange(network.n_particles)
+    count = len(orbit)
     rows = system.size // count
     cut = f"in {count} blocks of {rows} rows" if count > 1 else "with no lateral symmetry"
     refuse_endless_search(
@@ -95,30 +101,7 @@ def _cells_of(system: LinearSystem) -> Cells:
         f"all {system.size} modes {cut} take",
         "ask for the lowest, the highest or those of an interval",
     )
-    return cells
-
-
-def _equal_cells(network: Network, *, pre_stress: bool) -> Cells:
-    """The smallest cells of which the network consists; with `pre_stress` forces are alike, too."""
-    found = lateral_repeats(network, pre_stress=pre_stress)
-    place, along = np.zeros((2, network.n_particles), np.int64), [1, 1]
-    for axis in (0, 1):
-        width = found.part.cell_size[axis]
-        along[axis] = round(network.cell_size[axis] / width) if found.count > 1 else 1
-        if along[axis] > 1:
-            step = network.position[:, axis] - network.position[found.first, axis][found.member]
-            place[axis] = np.rint(step / width).astype(int) % along[axis]
-    orbit = np.empty((found.count, len(found.first)), np.int64)
-    orbit[place[0] + along[0] * place[1], found.member] = np.arange(network.n_particles)
     return Cells((along[0], along[1]), orbit)
-
-
-def memory_of_all(system: LinearSystem) -> str:
-    """How `all_modes` will solve the system, and the memory that its largest matrices take."""
-    cells = len(_cells_of(system).orbit)
-    rows = system.size // cells
-    gigabytes = of_blocks(rows, cells).bytes / 1e9
-    return f"{cells} dense blocks of {rows} rows, {gigabytes:.2g} GB at a time"
 
 
 def _blocks(system: LinearSystem, cells: Cells) -> Iterator[tuple[Array, sp.csr_matrix, int]]:
@@ -146,61 +129,46 @@ def _blocks(system: LinearSystem, cells: Cells) -> Iterator[tuple[Array, sp.csr_
         yield (U.conj().T @ system.scaled @ U).toarray(), U, 1 if real else 2
 
 
-def _dense_by_symmetry(
-    system: LinearSystem,
-    cells: Cells,
-    chosen: Callable[[Floats], slice],
-    choice: Choice,
-) -> ModeSet:
+def _dense_by_symmetry(system: LinearSystem, cells: Cells, choice: Choice) -> ModeSet:
     """Modes of one symmetry block after the other, each block a dense eigenproblem.
 
     A block belongs to one lateral wave vector q. Its modes are Bloch waves, of the same size in
     every lateral cell, so their observables are computed on one column of cells. Only the block of
     q = 0, laterally uniform motion, has planar resonances.
     """
-    column = cells.orbit[0]
-    of_column = system.root.some(column, system.dof)
-    in_column = np.full(system.network.n_particles, -1)
-    for image in cells.orbit:
-        in_column[image] = np.arange(len(column))
-    chain = chain_of(system.network)
-    parts, waves = [], []
-    resonances: tuple[Floats, ...] | None = None
+    column, network = cells.orbit[0], system.network
+    root = system.root.some(column, system.dof)
+    chain = chain_of(network)
+    if chain is not None:
+        in_column = np.empty(network.n_particles, np.int64)
+        in_column[cells.orbit] = np.arange(len(column))
+        chain = in_column[chain]
+    tables, waves = [], []
+    uniform: Floats | None = None
     for block, U, multiplicity in _blocks(system, cells):
         square, inner = eigh(block, check_finite=False, driver="evd")
-        shape = particle_motion(inner, of_column, system.dof)
-        rotations = rotation_share(inner, system.dof)
-        chain_chi = np.full(len(square), np.nan)
-        if chain is not None:
-            chain_chi = chi_z(shape, in_column[chain])
-            if resonances is None:
-                uniform = particle_motion(U @ inner, system.root, system.dof)
-                resonances = planar_resonances(
-                    frequency_of(square), uniform, rotations, chain, system.network
-                )
         difference = np.linalg.norm(block @ inner - inner * square, axis=0)
-        difference = np.stack([difference, _beside_the_waves(system, block, U, inner)])
-        residual = relative_residual(difference, square, system.resolution)
-        rows = (frequency_of(square), residual, chi_z(shape), chain_chi, rotations)
-        parts.extend([np.array(rows)] * multiplicity)
+        misfit = np.stack([difference, _beside_the_waves(system, block, U, inner)])
+        table, shape = observables(system, square, inner, misfit, root, chain)
+        tables.extend([table] * multiplicity)
+        if uniform is None:
+            uniform = pure_waves(table, shape / np.sqrt(len(cells.orbit)), chain)
         if system.shapes:
             waves.append((U, inner))
-    table = np.concatenate(parts, axis=1)
+    table = np.concatenate(tables, axis=1)
     order = np.argsort(table[0], kind="stable")
     modes = ModeSet(*table[:, order])
-    if resonances is not None:
-        modes.resonance_frequency, modes.resonance_wavenumber, modes.resonance_shape = resonances
+    if chain is not None and uniform is not None:
+        modes = replace(modes, **resonances(uniform, network))
     solver = f"symmetry {cells.along[0]}x{cells.along[1]}"
     square = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
     modes.attributes = {"solver": solver} | at_zero(system, square) | certificate(0)
-    part = chosen(modes.frequency)
+    part = choice.part(modes.frequency, system.zero_frequency)
     modes = subset(modes, part, choice)
-    if system.shapes:
-        left_out = shapes_left_out(system, len(modes.frequency))
-        if left_out:
-            modes.attributes["shapes_left_out"] = left_out
-        else:
-            modes.mode_shape = _shapes_of_waves(system, waves, order[part])
+    left_out = shapes_left_out(system, len(modes.frequency))
+    modes.attributes |= left_out
+    if system.shapes and not left_out:
+        modes.mode_shape = _shapes_of_waves(system, waves, order[part])
     return modes
 
 

@@ -241,6 +241,18 @@ def density_of_states(
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
+    return system.kept(
+        "densities of states",
+        (resolution, tolerance, seed),
+        lambda: _density(system, resolution, tolerance, seed),
+        lambda states: states.moments.nbytes,
+    )
+
+
+def _density(
+    system: LinearSystem, resolution: float, tolerance: float, seed: int
+) -> DensityOfStates:
+    """As `density_of_states`, of a system."""
     operator, size = system.operator.renumbered(), system.size
     top, products = bound_of_spectrum(operator)
     if top <= 0:

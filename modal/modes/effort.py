@@ -1,16 +1,16 @@
-"""What a search for modes will take, estimated before it starts.
+"""What a search for modes will take, estimated before it starts; refused where it is too much.
 
 Multiplications are counted, and taken at one rate for all of them: the estimate of time is good to
-a factor of two or three, and the same on any machine, since it also decides how modes are sought.
+a factor of two or three, and the same on any machine.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from modal.solvers.factor import Shape, choose
+from modal.solvers.factor import Cost, Shape, choose
 from modal.system.linear_system import LinearSystem
 from modal.tools.workload import refuse_above
 
@@ -28,36 +28,26 @@ DENSE = 5
 wavevectors share one complex eigenproblem, which costs about as much as two real ones."""
 
 
-@dataclass(frozen=True)
-class Effort:
-    """Seconds on one core, and bytes at the peak."""
-
-    seconds: float
-    bytes: float
-
-
-def nonzeros(system: LinearSystem) -> float:
-    """Number of nonzero entries of A."""
-    pairs = int((system.network.particle_j >= 0).sum())
-    return float(system.dof**2 * (system.network.n_particles + 2 * pairs))
-
-
 def shape_of(system: LinearSystem) -> Shape:
     """The shape of A, without assembling it: its layers lie along the longest side."""
-    diameter = 2 * system.network.radius.mean()
-    longest = np.ptp(system.network.position, axis=0).max() / diameter + 1
-    return Shape(system.size, nonzeros(system), system.size / longest)
+    network = system.network
+    longest = np.ptp(network.position, axis=0).max() / (2 * network.radius.mean()) + 1
+    pairs = int((network.particle_j >= 0).sum())
+    nonzeros = float(system.dof**2 * (network.n_particles + 2 * pairs))
+    return Shape(system.size, nonzeros, system.size / longest)
 
 
-def factorisation(system: LinearSystem, *, counting: bool = False) -> tuple[Effort, float]:
-    """The effort of a factorisation, and the seconds of one solve.
-
-    `counting` asks for the inertia alone.
-    """
+def factorisation(system: LinearSystem, *, counting: bool = False) -> Cost:
+    """The cost of a factorisation and its matrix; `counting` asks for the inertia alone."""
     shape = shape_of(system)
     cost = choose(shape, system.solver, inertia=counting).cost(shape)
-    needed = cost.memory(not counting) + 40 * shape.nonzeros
-    return Effort(cost.operations / RATE, needed), cost.each / RATE
+    return replace(cost, bytes=cost.memory(not counting) + 40 * shape.nonzeros)
+
+
+def _lanczos(system: LinearSystem, vectors: int, each: float) -> Cost:
+    """The cost of a basis of so many vectors, each of which takes so many operations."""
+    orthogonal = ORTHOGONAL * system.size * vectors
+    return Cost(8.0 * system.size * vectors, vectors * (each + orthogonal), 0.0)
 
 
 def basis_of(count: int) -> int:
@@ -65,55 +55,50 @@ def basis_of(count: int) -> int:
     return 4 * count + 100
 
 
-def near_a_shift(system: LinearSystem, count: int) -> Effort:
-    """The effort of finding `count` modes about shifts.
+def near_a_shift(system: LinearSystem, count: int) -> Cost:
+    """The cost of finding `count` modes about shifts.
 
     They are cut into slices of about `Limits.slice` modes, each with its own factorisation, exact
     count and Lanczos basis.
     """
     most = system.limits.slice
     slices = 1 if count <= most else int(np.ceil(count / (0.7 * most)))
-    basis = basis_of(-(-count // slices))
-    factor, solve = factorisation(system)
-    counting, _ = factorisation(system, counting=True)
-    orthogonal = ORTHOGONAL * system.size * basis**2 / RATE
-    seconds = factor.seconds + counting.seconds + basis * solve + orthogonal
-    vectors = 8.0 * system.size * basis
-    return Effort(slices * seconds, max(factor.bytes + vectors, counting.bytes))
+    factor, counting = factorisation(system), factorisation(system, counting=True)
+    search = _lanczos(system, basis_of(-(-count // slices)), factor.each)
+    operations = factor.operations + counting.operations + search.operations
+    return Cost(max(factor.bytes + search.bytes, counting.bytes), slices * operations, 0.0)
 
 
-def below_an_edge(system: LinearSystem, count: int, degree: int) -> Effort:
-    """The effort of finding the `count` lowest modes by `degree` products with A for each vector.
+def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
+    """The cost of finding the `count` lowest modes by `degree` products with A for each vector.
 
     One exact count is made, which needs a factorisation.
     """
-    basis = 1.5 * count + 130
-    counting, _ = factorisation(system, counting=True)
-    products = SPARSE * nonzeros(system) * degree * basis
-    orthogonal = ORTHOGONAL * system.size * basis**2
-    vectors = 8.0 * system.size * basis
-    seconds = (products + orthogonal) / RATE + counting.seconds
-    return Effort(seconds, max(vectors, counting.bytes))
+    counting = factorisation(system, counting=True)
+    products = SPARSE * shape_of(system).nonzeros * degree
+    search = _lanczos(system, count + count // 2 + 130, products)
+    operations = counting.operations + search.operations
+    return Cost(max(search.bytes, counting.bytes), operations, 0.0)
 
 
-def from_the_top(system: LinearSystem, count: int) -> Effort:
-    """The effort of the `count` highest modes by products with A, without an exact count."""
+def from_the_top(system: LinearSystem, count: int) -> Cost:
+    """The cost of the `count` highest modes by products with A, without an exact count."""
     if count == 1:
         # Two passes of three vectors (`modal.solvers.spectrum`); then as many hold its observables.
-        return Effort(400 * system.size * PRODUCT / RATE, 80.0 * system.size)
+        return Cost(80.0 * system.size, 400.0 * system.size * PRODUCT, 0.0)
     basis, products = 3 * count + 40, 300 + 15 * count
     each = system.size * (PRODUCT + 4 / 3 * ORTHOGONAL * basis)
-    return Effort(products * each / RATE, 8.0 * system.size * (basis + 2 * count))
+    return Cost(8.0 * system.size * (basis + 2 * count), products * each, 0.0)
 
 
-def of_blocks(rows: int, blocks: int) -> Effort:
-    """The effort of all modes of dense complex blocks, solved one after the other."""
-    return Effort(blocks * DENSE * rows**3 / RATE, 48.0 * rows**2)
+def of_blocks(rows: int, blocks: int) -> Cost:
+    """The cost of all modes of dense complex blocks, solved one after the other."""
+    return Cost(48.0 * rows**2, float(blocks * DENSE * rows**3), 0.0)
 
 
-def refuse_endless_search(system: LinearSystem, effort: Effort, task: str, remedy: str) -> None:
+def refuse_endless_search(system: LinearSystem, cost: Cost, task: str, remedy: str) -> None:
     """InputError, with the estimate, where a search takes longer or more memory than it may."""
-    longest = 3600 * system.hours
-    if effort.seconds > longest:
+    longest, seconds = 3600 * system.hours, cost.operations / RATE
+    if seconds > longest:
         remedy += f", or allow more hours than {system.hours:g}"
-    refuse_above(effort.seconds, effort.bytes, f"{task} about", remedy, longest)
+    refuse_above(seconds, cost.bytes, f"{task} about", remedy, longest)

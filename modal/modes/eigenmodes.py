@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,42 +110,54 @@ def eigenmodes(
         hours=hours,
     )
     asked = {"lowest": lowest, "highest": highest, "below": below, "between": between}
-    return modes_of(system, **asked, all=all, certify=certify)
+    return modes_of(system, certify=certify, **asked, all=all)
 
 
-def modes_of(
-    system: LinearSystem, *, all: bool = False, certify: bool = True, **asked: Any
-) -> ModeSet:
-    """As `eigenmodes`, of a system that is at hand."""
-    names = ("lowest", "highest", "below", "between")
-    lowest, highest, below, between = (asked.get(name) for name in names)
-    given = [name for name, value in asked.items() if value is not None] + ["all"] * bool(all)
+def modes_of(system: LinearSystem, *, certify: bool = True, **asked: Any) -> ModeSet:
+    """As `eigenmodes`, of a system that is at hand; the last lists are kept with its network."""
+    given = {name: which for name, which in asked.items() if which not in (None, False)}
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)}: which modes? Ask for one of them")
-    if not certify and highest is None:
+    kind: str = next(iter(given), "lowest")
+    value: Any = given.get(kind)
+    if not certify and kind != "highest":
         raise InputError(
             "certify=False is for the highest modes only; elsewhere it saves hardly any time"
         )
-    if between is not None and np.shape(between) != (2,):
-        raise InputError(f"between {between}: give two frequencies in Hz, the lower one first")
+    if kind == "between" and np.shape(value) != (2,):
+        raise InputError(f"between {value}: give two frequencies in Hz, the lower one first")
+    how = (system.solver, system.shapes, system.limits, system.hours)
+    modes = system.kept(
+        "lists of modes",
+        (kind, *np.ravel(value).tolist(), certify, *how),
+        lambda: _listed(system, kind, value, certify),
+        lambda modes: modes.bytes,
+    )
+    return replace(modes, attributes=dict(modes.attributes))
+
+
+def _listed(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeSet:
+    """The modes of one kind; its arrays cannot be written to."""
+    if value is None:
+        value = min(FEW, system.size - every_floppy(system).held)
     large = not system.symmetric and system.size > system.limits.unsymmetric
-    if large and (count := lowest or highest or (FEW if not given else None)):
-        modes = modes_at_an_end(system, count, highest=highest is not None)
-    elif highest is not None:
-        modes = highest_modes(system, highest, certify=certify)
-    elif all:
+    if large and kind in ("lowest", "highest"):
+        modes = modes_at_an_end(system, Choice(kind, value))
+    elif kind == "highest":
+        modes = highest_modes(system, value, certify=certify)
+    elif kind == "lowest":
+        modes = lowest_modes(system, value)
+    elif kind == "all":
         modes = all_modes(system)
-    elif below is not None:
-        modes = modes_between(system, 0.0, below)
-    elif between is not None:
-        modes = modes_between(system, *between)
     else:
-        few = min(FEW, system.size - every_floppy(system).held)
-        modes = lowest_modes(system, few if lowest is None else lowest)
+        modes = modes_between(system, *((0.0, value) if kind == "below" else value))
     if "floppy_modes" not in modes.attributes:
         floppy = every_floppy(system)
         modes.attributes |= {"floppy_modes": floppy.total, "unstable_modes": floppy.unstable}
     modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": system.pre_stress}
+    for data in vars(modes).values():
+        if isinstance(data, np.ndarray):
+            data.flags.writeable = False
     return modes
 
 
@@ -156,23 +169,17 @@ def highest_modes(system: LinearSystem, count: int, *, certify: bool = True) -> 
     """
     check_count(system, count, system.size)
     choice = Choice("highest", count)
-    if whole_pays(system, count):
-        top = slice(system.size - count, system.size)
-        return dense_modes(system, lambda frequency: top, choice)
-    effort = from_the_top(system, count)
-    refuse_endless_search(system, effort, f"the highest {count} modes take", "ask for fewer")
-    search = SearchFromTop(system)
+    if whole_pays(system, count, system.size):
+        return dense_modes(system, choice)
+    cost = from_the_top(system, count)
+    refuse_endless_search(system, cost, f"the highest {count} modes take", "ask for fewer")
+    search, missing = SearchFromTop(system), 0
     because = "" if certify else "the exact count was left out, as was asked for"
-
-    def above(edge: float) -> int:
-        nonlocal because
+    if certify:
         try:
-            return system.size - count_below(system, edge)
+            missing = search.complete(count, -1, lambda f: system.size - count_below(system, f))
         except InputError as error:
             because = f"no exact count: {error}"
-            return 0
-
-    missing = 0 if because else search.complete(count, -1, above)
     if because:
         missing = search.look_again(count)
     modes = search.modes(-np.inf, np.inf, choice)

@@ -8,22 +8,21 @@ are held out, so that the list is that of the elastic ones, and the exact counts
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import check_count, count_below
 from modal.modes.dense import dense_modes, whole_pays
-from modal.modes.effort import Effort, below_an_edge, near_a_shift, refuse_endless_search
-from modal.modes.mode_set import Choice, ModeSet, certificate, subset
+from modal.modes.effort import below_an_edge, near_a_shift, refuse_endless_search
+from modal.modes.mode_set import Choice, ModeSet, certificate, joined, subset
 from modal.modes.search import Search, SearchBelow
 from modal.modes.zero_modes import FloppyModes
+from modal.solvers.factor import Cost
 from modal.solvers.low_end import LowEnd
-from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.linear_system import LinearSystem, frequency_of
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
 
@@ -48,20 +47,16 @@ def lowest_modes(system: LinearSystem, count: int) -> ModeSet:
     Certified: the exact count below the highest of them is that of the modes found. Where modes
     did not converge the list ends early, and `missing` says how many it lacks.
     """
-    check_count(system, count, system.size - every_floppy(system).held)
+    elastic = system.size - every_floppy(system).held
+    check_count(system, count, elastic)
     choice = Choice("lowest", count)
-
-    def lowest(frequency: Floats) -> slice:
-        first = _zero_modes(system, frequency)
-        return slice(first, first + count)
-
-    if whole_pays(system, count):
-        return dense_modes(system, lowest, choice)
-    effort = near_a_shift(system, count)
-    refuse_endless_search(system, effort, f"the lowest {count} modes take", FEWER)
+    if whole_pays(system, count, elastic):
+        return dense_modes(system, choice)
+    cost = near_a_shift(system, count)
+    refuse_endless_search(system, cost, f"the lowest {count} modes take", FEWER)
     if count > system.limits.slice:
-        return _lowest_by_slices(system, count)
-    return _beside(system, lambda floppy: _nearest_zero(system, count, choice, floppy))
+        return _below_enough(system, choice)
+    return _beside(system, lambda floppy: _nearest_zero(system, choice, floppy))
 
 
 def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> ModeSet:
@@ -71,7 +66,7 @@ def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> M
     """
     floppy = every_floppy(system)
     modes = listed(floppy)
-    near = frequency_of(np.array([NEAR_ZERO * system.zero_threshold]))[0]
+    near = np.sqrt(NEAR_ZERO) * system.zero_frequency
     if not floppy.counted and (not modes.certified or (modes.frequency <= near).any()):
         floppy = counted_floppy(system)
         modes = listed(floppy)
@@ -80,10 +75,10 @@ def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> M
     return modes
 
 
-def _nearest_zero(system: LinearSystem, count: int, choice: Choice, floppy: FloppyModes) -> ModeSet:
-    """The `count` lowest modes beside the `floppy` ones, about a shift just below zero."""
-    stable, sigma = not floppy.unstable, -SHIFT * system.diagonal.max()
-    search = Search(system, sigma, definite=stable, floppy=floppy)
+def _nearest_zero(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> ModeSet:
+    """The lowest modes beside the `floppy` ones, about a shift just below zero."""
+    sigma, count = -SHIFT * system.diagonal.max(), choice.count
+    search = Search(system, floppy.basis, sigma, definite=not floppy.unstable)
     missing = search.complete(count, 1, lambda edge: count_below(system, edge) - floppy.held)
     if len(search.square) == 0:
         raise InputError(
@@ -96,6 +91,18 @@ def _nearest_zero(system: LinearSystem, count: int, choice: Choice, floppy: Flop
     modes = subset(modes, slice(0, count - max(missing, 0)), choice)
     modes.attributes |= certificate(missing)
     return modes
+
+
+def _below_enough(system: LinearSystem, choice: Choice) -> ModeSet:
+    """Very many of the lowest modes, as all modes below a frequency that has enough.
+
+    The frequency is found by exact counts, each a third of an octave above the last.
+    """
+    top = float(np.sqrt(system.bound)) / (2 * np.pi)
+    high, enough = top / 64, counted_floppy(system).held + choice.count
+    while high < top and count_below(system, high) < enough:
+        high *= 2 ** (1 / 3)
+    return subset(modes_between(system, 0.0, high), slice(0, choice.count), choice)
 
 
 def modes_between(system: LinearSystem, low: float, high: float) -> ModeSet:
@@ -111,150 +118,91 @@ def modes_between(system: LinearSystem, low: float, high: float) -> ModeSet:
         raise InputError("an interval without an end: ask for all modes")
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
         raise InputError(f"the interval {low:g} to {high:g} Hz is empty; give the lower end first")
-    low, high = max(float(low), 0.0), float(high)
-    choice = Choice("between", low=low, high=high)
-    if low <= frequency_of(np.array([system.zero_threshold]))[0]:
-        low = 0.0
-
-    def inside(frequency: Floats) -> slice:
-        first = max(int((frequency < choice.low).sum()), _zero_modes(system, frequency))
-        return slice(first, max(first, int((frequency < choice.high).sum())))
-
+    choice = Choice("between", low=max(float(low), 0.0), high=float(high))
     if system.size <= system.limits.small or not system.symmetric:
-        return dense_modes(system, inside, choice)
+        return dense_modes(system, choice)
+    low, high = choice.low, choice.high
+    if low <= system.zero_frequency:
+        low = 0.0
     low -= low * system.count_uncertainty((2 * np.pi * low) ** 2)
     high += high * system.count_uncertainty((2 * np.pi * high) ** 2)
-    modes = _beside(system, lambda floppy: _between(system, low, high, inside, choice, floppy))
-    return subset(modes, inside(modes.frequency), choice)
+    modes = _beside(system, lambda floppy: _between(system, low, high, choice, floppy))
+    return subset(modes, choice.part(modes.frequency, system.zero_frequency), choice)
 
 
 def _between(
-    system: LinearSystem,
-    low: float,
-    high: float,
-    inside: Callable[[Floats], slice],
-    choice: Choice,
-    floppy: FloppyModes,
+    system: LinearSystem, low: float, high: float, choice: Choice, floppy: FloppyModes
 ) -> ModeSet:
-    """Every mode with low <= f < high, Hz, beside the `floppy` ones; dense those `inside`."""
+    """Every mode with low <= f < high, Hz, beside the `floppy` ones; by all modes if that pays."""
     below = {low: floppy.held if low == 0 else count_below(system, low)}
     below[high] = count_below(system, high)
     wanted = below[high] - below[low]
-    if system.size <= system.limits.dense and wanted > system.size // system.limits.part:
-        return dense_modes(system, inside, choice)
-    effort, low_end = near_a_shift(system, wanted), None
-    if wanted > 0 and below[low] == floppy.held and not floppy.unstable:
-        effort, low_end = _quickest(system, high, wanted, effort)
-    refuse_endless_search(system, effort, f"the {wanted} modes of this interval take", FEWER)
+    elastic = system.size - floppy.held
+    if system.size <= system.limits.dense and wanted > elastic // system.limits.part:
+        return dense_modes(system, choice)
+    cost = near_a_shift(system, wanted)
+    low_end, from_zero = None, below[low] == floppy.held and not floppy.unstable
+    if from_zero and wanted and system.solver is None:
+        low_end, cost = _quickest(system, high, wanted, cost)
+    refuse_endless_search(system, cost, f"the {wanted} modes of this interval take", FEWER)
     if low_end is not None:
-        search = SearchBelow(system, low_end, floppy)
-        return _joined([_found(search, low, high, wanted, wanted)], choice)
-    slices = _cut(system, low, high, below)
-    parts = [_slice(system, a, b, below[b] - below[a], wanted, floppy) for a, b in slices]
-    return _joined(parts, choice)
+        parts = [_found(SearchBelow(system, floppy.basis, low_end), low, high, wanted, wanted)]
+    else:
+        parts = []
+        for a, b in _slices(system, low, high, below):
+            # Both ends are equally far in omega^2: the nearest modes are those of the slice. A
+            # shift at its lower end, where A - sigma is definite, needs twice as many solves.
+            sigma = (2 * np.pi) ** 2 * (a**2 + b**2) / 2
+            search = Search(system, floppy.basis, sigma, definite=False)
+            parts.append(_found(search, a, b, below[b] - below[a], wanted))
+    return joined(parts, choice)
 
 
 def _quickest(
-    system: LinearSystem, high: float, wanted: int, in_slices: Effort
-) -> tuple[Effort, LowEnd | None]:
-    """What lifts the `wanted` modes below `high`, Hz, and its effort, if that is less.
+    system: LinearSystem, high: float, wanted: int, in_slices: Cost
+) -> tuple[LowEnd | None, Cost]:
+    """The polynomial that lifts all modes below `high`, Hz, and its cost, where that is less.
 
-    Else the effort of slices, as given, and None: of few modes, of a wide part of the spectrum,
-    where the basis has no room in memory, or where the user names what factorises.
+    Where it is not, or does not fit the memory, None and the cost of slices.
     """
-    if system.solver is not None:
-        return in_slices, None
-    operator = system.operator.renumbered()
-    top, _ = bound_of_spectrum(operator)
     edge = (2 * np.pi * MARGIN * high) ** 2
-    if edge > WIDEST * top:
-        return in_slices, None
-    low_end = LowEnd(operator, edge, top)
+    if edge > WIDEST * system.top:
+        return None, in_slices
+    low_end = LowEnd(system.operator.renumbered(), edge, system.top)
     lifted = below_an_edge(system, wanted, low_end.degree)
-    if lifted.seconds > in_slices.seconds or lifted.bytes > memory_at_hand():
-        return in_slices, None
-    return lifted, low_end
+    quicker = lifted.operations <= in_slices.operations and lifted.bytes <= memory_at_hand()
+    return (low_end, lifted) if quicker else (None, in_slices)
 
 
-def _cut(
+def _slices(
     system: LinearSystem, low: float, high: float, below: dict[float, int]
-) -> list[tuple[float, float]]:
+) -> Iterator[tuple[float, float]]:
     """Cut [low, high) where exact counts leave `Limits.slice` modes or fewer in each slice.
 
     A cut in the middle of the volume f^3, as the number of waves grows; a cluster of equal
-    frequencies that cannot be cut stays whole.
+    frequencies that cannot be cut stays whole. The counts are added to those `below`.
     """
     wanted = below[high] - below[low]
     if wanted <= system.limits.slice or high - low < NARROW * high:
-        return [(low, high)] if wanted else []
+        if wanted:
+            yield low, high
+        return
     middle = float(np.cbrt((low**3 + high**3) / 2))
     below[middle] = count_below(system, middle)
-    return [
-        *_cut(system, low, middle, below),
-        *_cut(system, middle, high, below),
-    ]
-
-
-def _slice(
-    system: LinearSystem, low: float, high: float, wanted: int, of: int, floppy: FloppyModes
-) -> ModeSet:
-    """The `wanted` modes of one slice, of `of` in all of them, about a shift."""
-    # Both ends are equally far in omega^2: the nearest modes are those of the slice. A shift at its
-    # lower end, where A - sigma is definite, needs twice as many solves.
-    sigma = (2 * np.pi) ** 2 * (low**2 + high**2) / 2
-    search = Search(system, sigma, definite=False, floppy=floppy)
-    return _found(search, low, high, wanted, of)
+    yield from _slices(system, low, middle, below)
+    yield from _slices(system, middle, high, below)
 
 
 def _found(search: Search, low: float, high: float, wanted: int, of: int) -> ModeSet:
-    """The modes with low <= f < high that a search finds, certified if they are `wanted`."""
-    missing = search.search_until(
-        wanted, lambda square: (frequency_of(square) >= low) & (frequency_of(square) < high)
-    )
+    """The modes with low <= f < high that a search finds, certified if they are `wanted`.
+
+    They are a part of a list of `of` modes.
+    """
+
+    def inside(square: Floats) -> Bools:
+        return (frequency_of(square) >= low) & (frequency_of(square) < high)
+
+    missing = search.search_until(wanted, inside)
     modes = search.modes(low, high, Choice("between", low=low, high=high), of)
     modes.attributes |= certificate(missing)
     return modes
-
-
-def _zero_modes(system: LinearSystem, frequency: Floats) -> int:
-    """How many of all frequencies, ascending, Hz, belong to modes that are no elastic ones."""
-    return int((frequency <= frequency_of(np.array([system.zero_threshold]))[0]).sum())
-
-
-def _lowest_by_slices(system: LinearSystem, count: int) -> ModeSet:
-    """The `count` lowest modes, many of them, as all modes below a frequency that has enough.
-
-    The frequency is found by exact counts, each a third of an octave above the last.
-    """
-    top = frequency_of(np.array([system.bound]))[0]
-    high, total = top / 64, counted_floppy(system).held
-    while high < top and count_below(system, high) - total < count:
-        high *= 2 ** (1 / 3)
-    modes = modes_between(system, 0.0, high)
-    return subset(modes, slice(0, count), Choice("lowest", count))
-
-
-def _joined(parts: list[ModeSet], choice: Choice) -> ModeSet:
-    """One list from the lists of ascending intervals; complete if each of them is."""
-    if not parts:
-        empty = np.empty(0)
-        attributes = choice.attributes | {"solver": "count"} | certificate(0)
-        return ModeSet(empty, empty, empty, empty, empty, attributes=attributes)
-    whole = parts[0]
-    if len(parts) > 1:
-        arrays: dict[str, Any] = {}
-        for name in vars(whole):
-            columns = [getattr(part, name) for part in parts]
-            if name != "attributes" and all(column is not None for column in columns):
-                arrays[name] = np.concatenate(columns)
-        whole = ModeSet(**arrays)
-    missing = sum(part.missing for part in parts)
-    if not missing and not all(part.certified for part in parts):
-        missing = -1
-    whole.attributes = {
-        **parts[0].attributes,
-        **choice.attributes,
-        "solver": parts[0].attributes["solver"] + f"; {len(parts)} slices" * (len(parts) > 1),
-        **certificate(missing),
-    }
-    return whole

@@ -73,6 +73,20 @@ class Choice:
         low, high = attributes.get("low", first), attributes.get("high", last[0])
         return cls("between", low=float(low), high=float(high))
 
+    def part(self, frequency: Floats, zero: float) -> slice:
+        """Which of all frequencies, ascending, Hz, are asked for.
+
+        Those up to `zero` belong to modes that are no elastic ones: the lowest, and those of an
+        interval, are without them.
+        """
+        first, last = int((frequency <= zero).sum()), len(frequency)
+        if self.kind == "lowest":
+            return slice(first, first + self.count)
+        if self.kind == "between":
+            first = max(int((frequency < self.low).sum()), first)
+            return slice(first, max(first, int((frequency < self.high).sum())))
+        return slice(last - self.count if self.kind == "highest" else 0, last)
+
 
 @dataclass(repr=False)
 class ModeSet:
@@ -101,6 +115,11 @@ class ModeSet:
     resonance_wavenumber: Floats | None = None
     resonance_shape: Floats | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def bytes(self) -> int:
+        """What its arrays take."""
+        return sum(data.nbytes for data in vars(self).values() if isinstance(data, np.ndarray))
 
     @property
     def certified(self) -> bool:
@@ -268,3 +287,21 @@ def subset(modes: ModeSet, chosen: slice, choice: Choice) -> ModeSet:
     before = modes.choice.attributes
     kept = {name: value for name, value in modes.attributes.items() if name not in before}
     return replace(modes, **arrays, attributes=kept | choice.attributes)
+
+
+def joined(parts: list[ModeSet], choice: Choice) -> ModeSet:
+    """One list from the lists of ascending intervals; complete if each of them is."""
+    if not parts:
+        attributes = choice.attributes | {"solver": "count"} | certificate(0)
+        return replace(ModeSet(*np.empty((1 + len(OBSERVABLES), 0))), attributes=attributes)
+    arrays = dict[str, Any]()
+    for name in FORMAT.columns:
+        columns = [getattr(part, name) for part in parts]
+        known = all(column is not None for column in columns)
+        arrays[name] = np.concatenate(columns) if known else None
+    missing = sum(part.missing for part in parts)
+    if not missing and not all(part.certified for part in parts):
+        missing = -1
+    attributes = parts[0].attributes | choice.attributes | certificate(missing)
+    attributes["solver"] += f"; {len(parts)} slices" * (len(parts) > 1)
+    return ModeSet(**arrays, attributes=attributes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,97 +39,60 @@ def rotation_share(vector: Array, dof: int) -> Floats:
     return energy[:, :, 3:].sum(axis=(1, 2)) / energy.sum(axis=(1, 2))
 
 
-def resonance_order(shape_z: Floats) -> Ints:
-    """Shape (k,): r = 1 + sign changes of the z-shape along the chain (k, nc).
-
-    Exact for planar modes of a layered crystal: they are the eigenvectors of a Jacobi matrix,
-    whose r-th eigenvector has r - 1 sign changes (Sturm).
-    """
-    sign = np.sign(shape_z)
-    return 1 + (sign[:, 1:] * sign[:, :-1] < 0).sum(axis=1)
-
-
-def planar_resonances(
-    frequency: Floats, shape: Array, rotations: Floats, chain: Ints, net: Network
-) -> tuple[Floats, Floats, Floats]:
-    """The pure P-wave modes r = 1, 2, ...: frequency (R,), wave number (R,), z-shape (R, nc).
-
-    `frequency` (k,) Hz, `shape` (k, n, 6) and `rotations` (k,), the rotation share, belong to k
-    modes; `chain` (nc,) are particles. A mode is taken where chi_z > `PLANAR` over all particles
-    and less than 1e-6 of its energy rotates; of modes with the same r the one with the larger
-    amplitude along the chain is kept. The wave number is pi r / L (Eqs. 3 and 4).
-    """
-    pure = (chi_z(shape) > PLANAR) & (rotations < 1e-6)
-    frequency, z = frequency[pure], shape[pure][:, chain, 2].real
-    order = resonance_order(z)
-    best: dict[int, int] = {}
-    for row, r in enumerate(order):
-        if r not in best or np.linalg.norm(z[row]) > np.linalg.norm(z[best[r]]):
-            best[int(r)] = row
-    ordered = sorted(best)
-    rows = [best[r] for r in ordered]
-    kappa = np.pi * np.array(ordered, float) / net.length
-    return frequency[rows], kappa, z[rows].reshape(len(rows), len(chain))
-
-
-def relative_residual(difference: Array, square: Floats, resolution: float) -> Floats:
-    """Shape (k,): |A v - omega^2 v| / omega^2 from `difference` (any, k) and omega^2 (k,).
-
-    Where |omega^2| is smaller than `resolution`, which means that it is round-off, the difference
-    is divided by `resolution` instead: zero modes then have a residual of order 1, not of infinity.
-    """
-    own = np.maximum(np.abs(square), max(resolution, np.finfo(float).tiny))
-    return np.linalg.norm(difference, axis=0) / own
-
-
-def measure(
+def observables(
     system: LinearSystem,
     square: Floats,
-    vector: Floats,
+    unit: Array,
+    misfit: Array,
+    root: RootMass,
     chain: Ints | None,
-    *,
-    keep_shapes: bool = False,
-) -> ModeSet:
-    """The observables of modes: frequency, residual, chi_z, rotation share, P resonances.
+) -> tuple[Floats, Array]:
+    """Shape (5, k): the frequency and `OBSERVABLES` of modes; and their shapes (k, n, 6).
 
-    `square` (k,): omega^2, 1/s^2; `vector` (size, k): unit eigenvectors of A. `chain` (nc,):
-    particles of the wall-to-wall chain; without one there is no `chi_z_chain` (NaN) and no list of
-    P resonances. With `keep_shapes` the mode shapes (k, n, 6) are in the result. `Limits.together`
-    modes are converted to shapes at a time, which bounds the memory.
+    `square` (k,): omega^2, 1/s^2; `unit` (n dof, k): unit eigenvectors of A; `misfit` (any, k), of
+    the length of A v - omega^2 v; `root`: M^1/2 of the n particles; `chain` (nc,): those that join
+    the walls, without which `chi_z_chain` is NaN. Where omega^2 is round-off of zero, the misfit is
+    divided by that round-off: zero modes then have a residual of order 1, not of infinity.
     """
-    count = len(square)
-    columns: dict[str, Any] = {name: np.full(count, np.nan) for name in OBSERVABLES}
-    kept = np.empty((count, system.network.n_particles, 6)) if keep_shapes else None
-    pure = [np.empty((0, system.network.n_particles, 6))]
-    for first in range(0, count, system.limits.together):
-        some = slice(first, min(first + system.limits.together, count))
-        unit = np.ascontiguousarray(vector[:, some])
-        shape = particle_motion(unit, system.root, system.dof)
-        columns["chi_z"][some] = chi_z(shape)
-        columns["rotation_share"][some] = rotation_share(unit, system.dof)
-        if chain is not None:
-            columns["chi_z_chain"][some] = chi_z(shape, chain)
-        if kept is not None:
-            kept[some] = shape
-        planar = columns["chi_z"][some] > PLANAR
-        pure.append(shape[planar])
-        difference = system.operator.apply(unit)
-        unit *= square[some]
-        difference -= unit
-        columns["residual"][some] = relative_residual(difference, square[some], system.resolution)
-    result = ModeSet(frequency=frequency_of(square), **columns, mode_shape=kept)
-    if chain is not None:
-        planar = columns["chi_z"] > PLANAR
-        resonances = planar_resonances(
-            result.frequency[planar],
-            np.concatenate(pure),
-            result.rotation_share[planar],
-            chain,
-            system.network,
-        )
-        result.resonance_frequency, result.resonance_wavenumber = resonances[:2]
-        result.resonance_shape = resonances[2]
-    return result
+    shape = particle_motion(unit, root, system.dof)
+    floor = max(system.resolution, np.finfo(float).tiny)
+    residual = np.linalg.norm(misfit, axis=0) / np.maximum(np.abs(square), floor)
+    along = np.full(len(square), np.nan) if chain is None else chi_z(shape, chain)
+    rotations = rotation_share(unit, system.dof)
+    return np.array([frequency_of(square), residual, chi_z(shape), along, rotations]), shape
+
+
+def pure_waves(table: Floats, shape: Array, chain: Ints | None) -> Floats:
+    """Shape (p, 1 + nc): of the modes that are pure P-waves frequency, and z-shape along the chain.
+
+    `table` and `shape` as `observables` gives them. Of a pure P-wave chi_z is above `PLANAR`, and
+    less than 1e-6 of its energy rotates.
+    """
+    if chain is None:
+        return np.empty((0, 1))
+    pure = (table[2] > PLANAR) & (table[4] < 1e-6)
+    return np.column_stack([table[0, pure], shape[pure][:, chain, 2].real])
+
+
+def resonances(waves: Floats, network: Network) -> dict[str, Any]:
+    """The `resonance_` columns of a `ModeSet` from all its `pure_waves`: r = 1, 2, ...
+
+    r is 1 and the sign changes along the chain. That is exact for planar modes of a layered
+    crystal: they are the eigenvectors of a Jacobi matrix, whose r-th has r - 1 sign changes
+    (Sturm). Of modes with the same r the one with the larger amplitude is kept. The wave number is
+    pi r / L (Eqs. 3 and 4).
+    """
+    frequency, z = waves[:, 0], waves[:, 1:]
+    sign = np.sign(z)
+    order = 1 + (sign[:, 1:] * sign[:, :-1] < 0).sum(axis=1)
+    largest = np.lexsort((-np.linalg.norm(z, axis=1), order))
+    r, first = np.unique(order[largest], return_index=True)
+    rows = largest[first]
+    return {
+        "resonance_frequency": frequency[rows],
+        "resonance_wavenumber": np.pi * r / network.length,
+        "resonance_shape": z[rows],
+    }
 
 
 def chain_of(network: Network) -> Ints | None:
@@ -139,15 +103,15 @@ def chain_of(network: Network) -> Ints | None:
         return None
 
 
-def shapes_left_out(system: LinearSystem, count: int) -> str:
-    """Why the shapes of `count` modes are not kept, or an empty text where they are."""
-    needed = 48.0 * count * system.network.n_particles
-    if needed <= system.limits.shapes:
-        return ""
-    return (
-        f"{count} mode shapes would take {needed / 1e9:.2g} GB (limit "
-        f"{system.limits.shapes / 1e9:.2g} GB); ask for fewer modes to have them"
-    )
+def shapes_left_out(system: LinearSystem, count: int) -> dict[str, str]:
+    """Why the shapes of `count` modes are not kept although they were asked for; empty if not."""
+    needed, limit = 48.0 * count * system.network.n_particles, system.limits.shapes
+    if not system.shapes or needed <= limit:
+        return {}
+    return {
+        "shapes_left_out": f"{count} mode shapes would take {needed / 1e9:.2g} GB (limit "
+        f"{limit / 1e9:.2g} GB); ask for fewer modes to have them"
+    }
 
 
 def found_modes(
@@ -160,13 +124,28 @@ def found_modes(
 ) -> ModeSet:
     """The modes with their observables, and with their shapes if these fit in `Limits.shapes`.
 
-    `square` (k,) and `vector` (size, k) as in `measure`; `choice` is what was asked for, `solver`
-    a text. `of` is the length of the whole list where these modes are a part of it.
+    `square` (k,): omega^2, 1/s^2; `vector` (size, k): unit eigenvectors of A; `choice` is what was
+    asked for, `solver` a text. `of` is the length of the whole list where these modes are a part of
+    it. `Limits.together` modes are converted to shapes at a time, which bounds the memory.
     """
-    left_out = shapes_left_out(system, max(of, len(square))) if system.shapes else ""
-    keep = system.shapes and not left_out
-    modes = measure(system, square, vector, chain_of(system.network), keep_shapes=keep)
-    modes.attributes = choice.attributes | {"certified": False, "solver": solver}
-    if left_out:
-        modes.attributes["shapes_left_out"] = left_out
+    left_out = shapes_left_out(system, max(of, len(square)))
+    keep, chain = system.shapes and not left_out, chain_of(system.network)
+    kept = np.empty((len(square) * keep, system.network.n_particles, 6))
+    tables = [np.empty((1 + len(OBSERVABLES), 0))]
+    waves = [np.empty((0, 1 if chain is None else 1 + len(chain)))]
+    for first in range(0, len(square), system.limits.together):
+        some = slice(first, first + system.limits.together)
+        unit = np.ascontiguousarray(vector[:, some])
+        misfit = system.operator.apply(unit) - unit * square[some]
+        table, shape = observables(system, square[some], unit, misfit, system.root, chain)
+        tables.append(table)
+        waves.append(pure_waves(table, shape, chain))
+        if keep:
+            kept[some] = shape
+    modes = ModeSet(*np.concatenate(tables, axis=1))
+    if keep:
+        modes.mode_shape = kept
+    if chain is not None:
+        modes = replace(modes, **resonances(np.concatenate(waves), system.network))
+    modes.attributes = choice.attributes | {"certified": False, "solver": solver} | left_out
     return modes

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 
 from modal.modes.mode_set import Choice, ModeSet
 from modal.modes.observables import found_modes
-from modal.modes.zero_modes import FloppyModes
 from modal.solvers.factor import Factor, SingularError, factorise
 from modal.solvers.lanczos import (
     ROOM,
@@ -38,19 +37,19 @@ class Search:
     """Modes nearest a shift, found in rounds: each round holds out what the rounds before found.
 
     A block of start vectors sees as many modes of one frequency as it is wide. Where an exact
-    count says that some are missing, another round finds them. The `floppy` modes are held out.
+    count says that some are missing, another round finds them. The zero modes `null` (size, z) are
+    held out.
     """
 
     def __init__(
-        self, system: LinearSystem, sigma: float, *, definite: bool, floppy: FloppyModes
+        self, system: LinearSystem, null: sp.csc_matrix, sigma: float, *, definite: bool
     ) -> None:
-        self.system, self.sigma, self.definite = system, sigma, definite
-        self.floppy = floppy
+        self.system, self.null, self.sigma, self.definite = system, null, sigma, definite
         self.factor: Factor | None = None
-        self.solver = ""
         self.square = np.empty(0)
         self.vector = np.empty((system.size, 0))
-        self.solves = 0
+        self.spent = 0
+        self.solver = ""
 
     def search_until(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
         """Search until `wanted` modes are found, or a round finds none that converges or counts.
@@ -97,32 +96,29 @@ class Search:
 
     def held(self) -> Held:
         """The modes that the next round must not find again: zero modes and those found before."""
-        return Held(self.floppy.basis, self.vector)
+        return Held(self.null, self.vector)
 
     def run_round(self, count: int) -> bool:
-        """Search for `count` more modes; True if any converged.
+        """Search for `count` more modes; True if any converged."""
+        near = self.near(count)
+        self.square = np.concatenate([self.square, near.square[near.converged]])
+        vector = _columns(near.vector, np.flatnonzero(near.converged))
+        known = self.vector.shape[1] > 0
+        self.vector = np.concatenate([self.vector, vector], axis=1) if known else vector
+        return bool(near.converged.any())
 
-        The factorisation is made at the first call and kept until `release`.
-        """
+    def near(self, count: int) -> Nearest:
+        """The `count` modes nearest the shift; the factor is made at the first call, and kept."""
         if self.factor is None:
             self.factor = self.factorised()
             self.solver = self.factor.solver
         near = modes_nearest(self.factor.solve, self.system.size, count, self.sigma, self.held())
-        self.solves += near.products
-        return self.accept_converged(near)
+        self.spent += near.products
+        return near
 
     def factorised(self) -> Factor:
         """A factorisation of A - sigma."""
         return self.system.factor(self.sigma, definite=self.definite)
-
-    def accept_converged(self, near: Nearest) -> bool:
-        """Add the converged modes to those found; True if there were any."""
-        square = near.square[near.converged]
-        vector = _columns(near.vector, np.flatnonzero(near.converged))
-        self.square = np.concatenate([self.square, square])
-        known = self.vector.shape[1] > 0
-        self.vector = np.concatenate([self.vector, vector], axis=1) if known else vector
-        return bool(near.converged.any())
 
     def release(self) -> None:
         """Give back the factor's memory, which a count needs."""
@@ -132,7 +128,7 @@ class Search:
 
     def description(self) -> str:
         """The solver and what it has spent."""
-        return f"lanczos {self.solver}, {self.solves} solves"
+        return f"lanczos {self.solver}, {self.spent} solves"
 
     def modes(self, low: float, high: float, choice: Choice, of: int = 0) -> ModeSet:
         """What was found with low <= f < high, Hz, ascending; `of` as in `found_modes`."""
@@ -154,20 +150,19 @@ def _columns(vector: Floats, chosen: Ints) -> Floats:
 class SearchBelow(Search):
     """The lowest modes, all below a frequency: by a polynomial of A in place of a factorisation."""
 
-    def __init__(self, system: LinearSystem, low_end: LowEnd, floppy: FloppyModes) -> None:
-        super().__init__(system, 0.0, definite=True, floppy=floppy)
+    def __init__(self, system: LinearSystem, null: sp.csc_matrix, low_end: LowEnd) -> None:
+        super().__init__(system, null, 0.0, definite=True)
         self.low_end = low_end
-        self.products = 0
 
-    def run_round(self, count: int) -> bool:
-        """Search for `count` more modes; True if any converged."""
+    def near(self, count: int) -> Nearest:
+        """The `count` lowest modes."""
         near = modes_below(self.low_end, self.system.size, count, self.held())
-        self.products += near.products
-        return self.accept_converged(near)
+        self.spent += near.products
+        return near
 
     def description(self) -> str:
         """What it has spent."""
-        return f"lanczos, {self.products} products, {self.low_end.degree} a vector"
+        return f"lanczos, {self.spent} products, {self.low_end.degree} a vector"
 
 
 class SearchFromTop(Search):
@@ -180,8 +175,7 @@ class SearchFromTop(Search):
     """
 
     def __init__(self, system: LinearSystem) -> None:
-        none = FloppyModes(sp.csc_matrix((system.size, 0)))
-        super().__init__(system, np.inf, definite=True, floppy=none)
+        super().__init__(system, sp.csc_matrix((system.size, 0)), np.inf, definite=True)
         self.products = 0
         self.reach = 0.0
 
@@ -190,27 +184,33 @@ class SearchFromTop(Search):
 
         Where products did not converge, the next round works about a shift above the highest mode.
         """
+        by_products = np.isinf(self.sigma)
+        return super().run_round(count) or bool(by_products and np.isfinite(self.sigma))
+
+    def near(self, count: int) -> Nearest:
+        """The `count` highest modes below those found."""
         if np.isinf(self.sigma) and self.held().free <= ROOM * count:
-            highest = self.square.max(initial=self.system.bound)
-            self.reach = ABOVE * highest
-            self.sigma = highest + self.reach
+            self._about(self.square.max(initial=self.system.bound), 0.0)
         if np.isfinite(self.sigma):
-            return super().run_round(count)
+            return super().near(count)
         most = PRODUCTS + PRODUCTS_EACH * count
         if count == 1 and not len(self.square):
             operator = self.system.operator.renumbered()
             top = top_mode(operator, most)
             top.vector = operator.outward(top.vector[:, 0])[:, None]
         else:
-            top = modes_from_top(
-                self.system.operator.apply, self.system.size, count, self.held(), most
-            )
+            apply, size = self.system.operator.apply, self.system.size
+            top = modes_from_top(apply, size, count, self.held(), most)
         self.products += top.products
         if not top.converged.all():
             highest = max(top.square.max(), self.square.max(initial=0.0))
-            self.reach = max(highest - top.square.min(), ABOVE * highest)
-            self.sigma = highest + self.reach
-        return self.accept_converged(top) or np.isfinite(self.sigma)
+            self._about(highest, highest - top.square.min())
+        return top
+
+    def _about(self, highest: float, reach: float) -> None:
+        """Go on about a shift above the `highest` omega^2, by `reach` at least."""
+        self.reach = max(reach, ABOVE * highest)
+        self.sigma = highest + self.reach
 
     def look_again(self, count: int) -> int:
         """Find the `count` highest modes without an exact count; returns how many are missing.
@@ -230,20 +230,18 @@ class SearchFromTop(Search):
 
         Where that fails a mode lies above sigma; sigma is then raised and the factor made again.
         """
-        while True:
+        factor = None
+        while factor is None:
+            shifted = -self.system.shifted(self.sigma)
             try:
-                factor = factorise(
-                    -self.system.shifted(self.sigma), definite=True, solver=self.system.solver
-                )
+                factor = factorise(shifted, definite=True, solver=self.system.solver)
             except SingularError:
                 self.reach *= 4
                 self.sigma += self.reach
-                continue
-            break
         solve = factor.solve
         return replace(factor, solve=lambda rhs: -solve(rhs))
 
     def description(self) -> str:
         """The solver and what it has spent."""
         spent = f"lanczos, {self.products} products"
-        return f"{spent}, {self.solver}, {self.solves} solves" if self.solver else spent
+        return f"{spent}, {self.solver}, {self.spent} solves" if self.solver else spent

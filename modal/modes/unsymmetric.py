@@ -7,18 +7,20 @@ of the spectrum by ARPACK's method of Arnoldi, without a certificate.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eig
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from modal.modes.counts import check_count
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.observables import found_modes
 from modal.modes.zero_modes import by_structure
+from modal.solvers.arnoldi import eigenpairs
 from modal.solvers.factor import factorise
 from modal.solvers.lanczos import start_block
-from modal.system.linear_system import LinearSystem
+from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 
@@ -28,15 +30,19 @@ FURTHER = 8
 """More modes than asked for that are looked for: of complex pairs, and zero modes."""
 
 
+def real_part(square: Array) -> Floats:
+    """Shape (k,): the real omega^2; of a complex one the square of omega's real part."""
+    omega = np.sqrt(square.astype(complex))
+    return np.where(square.imag != 0, omega.real**2, square.real)
+
+
 def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
     """Of eigenvalues (k,) and vectors (size, k) the real omega^2, ascending, and unit vectors.
 
     A complex pair has one frequency twice, the real part of omega / 2 pi, and its two vectors span
     the plane in which it turns; their residual says how far they are from being modes.
     """
-    omega = np.sqrt(square.astype(complex))
-    growing = square.imag != 0
-    real = np.where(growing, omega.real**2, square.real)
+    real = real_part(square)
     turned = np.where(square.imag < 0, vector.imag, vector.real)
     turned /= np.linalg.norm(turned, axis=0)
     order = np.argsort(real, kind="stable")
@@ -45,11 +51,8 @@ def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
 
 def at_zero(system: LinearSystem, square: Floats) -> dict[str, int]:
     """Of so many omega^2 how many are zero to round-off, and how many below."""
-    floppy, unstable = (
-        (abs(square) <= system.zero_threshold).sum(),
-        (square < -system.zero_threshold).sum(),
-    )
-    return {"floppy_modes": int(floppy), "unstable_modes": int(unstable)}
+    floppy, unstable = abs(square) <= system.zero_threshold, square < -system.zero_threshold
+    return {"floppy_modes": int(floppy.sum()), "unstable_modes": int(unstable.sum())}
 
 
 def whole_spectrum(system: LinearSystem) -> tuple[Floats, Floats]:
@@ -58,41 +61,39 @@ def whole_spectrum(system: LinearSystem) -> tuple[Floats, Floats]:
     return real_spectrum(square, vector)
 
 
-def modes_at_an_end(system: LinearSystem, count: int, *, highest: bool) -> ModeSet:
-    """The `count` lowest modes above zero, or the highest ones, without a certificate.
+def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
+    """The lowest modes above zero, or the highest ones, without a certificate.
 
     InputError where they do not converge, or where a factor takes more than the memory.
     """
+    count = choice.count
     check_count(system, count, system.size)
-    choice = Choice("highest" if highest else "lowest", count)
     # Motions that no contact meets are rows of zeros: they are left out of the matrix.
     unmet = by_structure(system)
     met = np.flatnonzero(np.asarray(unmet.basis.sum(axis=1)).ravel() == 0)
-    A, ask = system.scaled[met][:, met].tocsc(), count + FURTHER
-    given = {"v0": start_block(len(met), 1)[:, 0], "which": "LM"}
-    if not highest:
+    A, given = system.scaled[met][:, met].tocsc(), dict[str, Any]()
+    if choice.kind == "lowest":
         remedy = "take pre-stress normal or a smaller packing"
         sigma = -SHIFT * system.diagonal.max()
         shifted = (A - sigma * sp.identity(len(met))).tocsr()
         factor = factorise(shifted, symmetric=False, solver=system.solver, remedy=remedy)
-        inverse = LinearOperator(A.shape, factor.solve, dtype=float)
-        given |= {"sigma": sigma, "OPinv": inverse}
-    while True:
-        if ask > len(met) - 2:
-            raise InputError(f"{count} modes asked of {len(met)}: ask for fewer, or for all")
-        try:
-            square, vector = eigs(A, k=ask, ncv=min(len(met), 3 * ask + 20), **given)
-        except ArpackError as error:
-            raise InputError(f"{count} modes did not converge; ask for fewer") from error
-        square, vector = real_spectrum(square, vector)
-        elastic = np.flatnonzero(square > system.zero_threshold)
-        if len(elastic) >= count:
-            break
-        ask *= 2
-    whole = np.zeros((system.size, len(square)))
-    whole[met] = vector
-    chosen = elastic[-count:] if highest else elastic[:count]
-    modes = found_modes(system, square[chosen], whole[:, chosen], choice, "arpack")
+        given = {"sigma": sigma, "inverse": factor.solve}
+    square, vector = eigenpairs(
+        A.dot,
+        start_block(len(met), 1)[:, 0],
+        count,
+        lambda square: real_part(square) > system.zero_threshold,
+        ask=count + FURTHER,
+        basis=0,
+        **given,
+    )
+    square, vector = real_spectrum(square, vector)
+    chosen = choice.part(frequency_of(square), system.zero_frequency)
+    if (square > system.zero_threshold).sum() < count:
+        raise InputError(f"{count} modes asked of {len(met)}: ask for fewer, or for all")
+    whole = np.zeros((system.size, count))
+    whole[met] = vector[:, chosen]
+    modes = found_modes(system, square[chosen], whole, choice, "arpack")
     because = f"K with pre-stress {system.pre_stress} is not symmetric: no exact count"
     modes.attributes |= certificate(0, because) | at_zero(system, square)
     modes.attributes["floppy_modes"] += unmet.total

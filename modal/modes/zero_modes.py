@@ -11,8 +11,7 @@ Whether the rest really is rigid is for the exact count of `modal.modes.collecti
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,21 +39,17 @@ HELD_BY = 3
 class FloppyModes:
     """Zero modes; `basis` (size, z), sparse, orthonormal in the mass-scaled degrees of freedom.
 
-    Its last columns are the `unstable` modes, which release energy. The other fields are numbers of
-    zero modes by kind. `free_particles`: of particles without contacts. `loose_clusters`: of
-    clusters that no wall holds, or that slide along a wall without tangential springs. `hinged`: of
-    loosely held parts of clusters that touch a wall. `spinning`: rotations of particles without
-    tangential springs. `collective`: those of many spheres together, which an exact count has
-    shown. `counted`: whether it was made; without it there may be more than `total`. `whole`:
-    whether no loose part was too large to be looked at as a whole.
+    Its last columns are the `unstable` modes, which release energy. `kinds`: numbers of zero modes
+    by kind. `free_particles`: of particles without contacts. `loose_clusters`: of clusters that no
+    wall holds, or that slide along a wall without tangential springs. `hinged`: of loosely held
+    parts of clusters that touch a wall. `spinning`: rotations of particles without tangential
+    springs. `collective`: those of many spheres together, which an exact count has shown.
+    `counted`: whether it was made; without it there may be more than `total`. `whole`: whether no
+    loose part was too large to be looked at as a whole.
     """
 
     basis: sp.csc_matrix
-    free_particles: int = 0
-    loose_clusters: int = 0
-    hinged: int = 0
-    spinning: int = 0
-    collective: int = 0
+    kinds: dict[str, int]
     counted: bool = False
     whole: bool = True
     unstable: int = 0
@@ -69,37 +64,6 @@ class FloppyModes:
         """Number of all modes that are no elastic ones, and are held out of lists of these."""
         return int(self.basis.shape[1])
 
-    def by_kind(self) -> dict[str, int]:
-        """Number of zero modes of each kind."""
-        kinds = ("free_particles", "loose_clusters", "hinged", "spinning", "collective")
-        return {kind: getattr(self, kind) for kind in kinds}
-
-    def with_counted(self, collective: Floats, unstable: Floats) -> FloppyModes:
-        """These and the vectors (size, k), orthonormal, which a count says are the rest."""
-        more = [sp.csc_matrix(vectors) for vectors in (collective, unstable)]
-        return replace(
-            self,
-            basis=sp.hstack([self.basis, *more], format="csc"),
-            collective=collective.shape[1],
-            unstable=unstable.shape[1],
-            counted=True,
-        )
-
-
-def clusters(network: Network) -> tuple[Ints, Bools]:
-    """Connected cluster of each sphere (n,), and whether each cluster touches a wall (c,)."""
-    count, cluster = connected_components(_touching(network), directed=False)
-    anchored = np.zeros(count, bool)
-    anchored[cluster[network.particle_i[network.with_wall]]] = True
-    return cluster, anchored
-
-
-def _touching(network: Network) -> sp.csr_matrix:
-    """Shape (n, n): an entry at i, j for each contact of two spheres."""
-    pair, n = ~network.with_wall, network.n_particles
-    ends = network.particle_i[pair], network.particle_j[pair]
-    return sp.coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
-
 
 def by_structure(system: LinearSystem) -> FloppyModes:
     """The zero modes that the structure of the contacts explains; looked for once for a network.
@@ -113,62 +77,54 @@ def by_structure(system: LinearSystem) -> FloppyModes:
 def _by_structure(system: LinearSystem) -> FloppyModes:
     """As `by_structure`. Only the contacts of loosely held particles are assembled as a matrix."""
     network, size, dof, zero = system.network, system.size, system.dof, system.zero_threshold
-    if not system.semidefinite:
-        return _unmet(system)
-    loose = ~keeping_contacts(network, HELD_BY)
-    cluster, anchored = clusters(network)
-    touched = _touched(network)
-    free = _degrees_of_freedom(np.flatnonzero(~touched), dof)
-    parts = [_unit_columns(free, size)]
-    in_part = np.zeros(size, bool)
-    in_part[free] = True
-    kinds: dict[str, Any] = {"free_particles": len(free), "loose_clusters": 0, "hinged": 0}
-    members = np.flatnonzero(loose & touched)
+    sure, touching = system.semidefinite, _touching(network)
+    n_clusters, cluster = connected_components(touching, directed=False)
+    anchored = np.zeros(n_clusters, bool)
+    anchored[cluster[network.particle_i[network.with_wall]]] = True
+    touched = np.isin(np.arange(len(cluster)), [network.particle_i, network.particle_j])
+    loose = touched & ~keeping_contacts(network, HELD_BY) & sure
+    kinds = {"free_particles": dof * int((~touched).sum()), "loose_clusters": 0, "hinged": 0}
+    bases, met = (
+        [_unit_columns(_rows(np.flatnonzero(~touched), dof), size)],
+        np.repeat(touched, dof),
+    )
+    members = np.flatnonzero(loose)
     place = np.full(network.n_particles, -1)
     place[members] = np.arange(len(members))
     local = _stiffness_among(system, members)
-    loose_parts = _loose_parts(network, loose & touched)
-    most = system.limits.piece
+    loose_parts, most = _loose_parts(touching, loose), system.limits.piece
     for part in (p for whole in loose_parts for p in np.array_split(whole, -(-len(whole) // most))):
-        inside, index = (_degrees_of_freedom(spheres, dof) for spheres in (place[part], part))
-        in_part[index] = True
+        inside, index = _rows(place[part], dof), _rows(part, dof)
+        met[index] = False
         square, vector = eigh(local[inside][:, inside].toarray(), check_finite=False)
         null = vector[:, square <= zero]
         kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
-        parts.append(_unit_columns(index, size) @ sp.csc_matrix(null))
+        bases.append(_unit_columns(index, size) @ sp.csc_matrix(null))
     # An empty row elsewhere: a sphere without tangential springs turns freely.
-    spins = np.flatnonzero((system.diagonal <= zero) & ~in_part)
-    parts.append(_unit_columns(spins, size))
-    basis = sp.hstack(parts, format="csc")
+    largest = system.diagonal if sure else abs(system.assembled()).max(axis=1).toarray().ravel()
+    spins = np.flatnonzero((largest <= zero) & met)
+    bases.append(_unit_columns(spins, size))
+    basis = sp.hstack(bases, format="csc")
     # Clusters at a wall are tried too: without tangential springs they slide along it.
-    for which in np.unique(cluster[~loose]):
-        rigid = _rigid_motions(system, cluster == which)
+    for which in np.unique(cluster[touched & ~loose]) if sure else ():
+        rigid = _rigid_motions(system, touching, cluster == which)
         rigid = rigid - basis @ (basis.T @ rigid)
         square, vector = eigh(rigid.T @ rigid)
         new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
         kinds["loose_clusters"] += new.shape[1]
         basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
-    whole = all(len(part) <= most for part in loose_parts)
-    return FloppyModes(basis, **kinds, spinning=len(spins), whole=whole)
+    whole = sure and all(len(part) <= most for part in loose_parts)
+    return FloppyModes(basis, kinds | {"spinning": len(spins), "collective": 0}, whole=whole)
 
 
-def _unmet(system: LinearSystem) -> FloppyModes:
-    """Motions whose rows of A are empty: of spheres without contacts, and spins without springs."""
-    unmet = np.flatnonzero(
-        ~(abs(system.assembled()).max(axis=1).toarray().ravel() > system.zero_threshold)
-    )
-    spinning = int(_touched(system.network)[unmet // system.dof].sum())
-    basis = _unit_columns(unmet, system.size).tocsc()
-    return FloppyModes(basis, len(unmet) - spinning, spinning=spinning, whole=False)
+def _touching(network: Network) -> sp.csr_matrix:
+    """Shape (n, n): an entry at i, j for each contact of two spheres."""
+    pair, n = ~network.with_wall, network.n_particles
+    ends = network.particle_i[pair], network.particle_j[pair]
+    return sp.coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
 
 
-def _touched(network: Network) -> Bools:
-    """Shape (n,): which spheres have a contact."""
-    ends = network.particle_i, network.particle_j
-    return np.isin(np.arange(network.n_particles), np.concatenate(ends))
-
-
-def _degrees_of_freedom(spheres: Ints, dof: int) -> Ints:
+def _rows(spheres: Ints, dof: int) -> Ints:
     """Shape (dof k,): the rows of k spheres."""
     return (spheres[:, None] * dof + np.arange(dof)).ravel()
 
@@ -185,17 +141,17 @@ def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
-    rows = _degrees_of_freedom(spheres, dof)
+    rows = _rows(spheres, dof)
     K = stiffness_matrix(network.some(near), translations_only=dof == 3)[rows][:, rows]
     return system.root.some(spheres, dof).around(K)
 
 
-def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
+def _loose_parts(touching: sp.csr_matrix, loose: Bools) -> list[Ints]:
     """Connected parts of the loose spheres, as arrays of particle indices, neighbours together."""
     spheres = np.flatnonzero(loose)
     if len(spheres) == 0:
         return []
-    graph = _touching(network)[spheres][:, spheres]
+    graph = touching[spheres][:, spheres]
     part = connected_components(graph, directed=False)[1]
     place = np.empty(len(spheres), int)
     place[reverse_cuthill_mckee(graph)] = np.arange(len(spheres))
@@ -203,7 +159,7 @@ def _loose_parts(network: Network, loose: Bools) -> list[Ints]:
     return np.split(spheres[order], np.cumsum(np.bincount(part))[:-1])
 
 
-def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
+def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools) -> Floats:
     """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
 
     Rotations are about the cluster as its contacts join it, across periods; those that a cluster
@@ -211,7 +167,7 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
     and left out.
     """
     network, dof = system.network, system.dof
-    position = _unwrapped(network, members)
+    position = _unwrapped(network, touching, members)
     position[members] -= position[members].mean(axis=0)
     # To load the compiled loops takes longer than all else that is asked of a small packing.
     product = system.scaled if system.size <= system.limits.dense else system.operator
@@ -229,13 +185,13 @@ def _rigid_motions(system: LinearSystem, members: Bools) -> Floats:
     return np.column_stack(found) if found else np.empty((system.size, 0))
 
 
-def _unwrapped(network: Network, members: Bools) -> Floats:
+def _unwrapped(network: Network, touching: sp.csr_matrix, members: Bools) -> Floats:
     """Shape (n, 3), m: places of a cluster's spheres, followed from contact to contact."""
     pair = ~network.with_wall
     i, j = network.particle_i[pair], network.particle_j[pair]
     branch = (network.lever_i - network.lever_j)[pair]
     first, n = int(np.flatnonzero(members)[0]), network.n_particles
-    order, before = breadth_first_order(_touching(network), first, directed=False)
+    order, before = breadth_first_order(touching, first, directed=False)
     place, back = np.zeros((n, 3)), np.arange(n)
     back[order[1:]] = before[order[1:]]
     for near, far, step in ((i, j, branch), (j, i, -branch)):

@@ -224,9 +224,11 @@ def _of_pairs(network: Columns) -> Faults:
     """No contact twice: two spheres touch once through each period."""
     i, j = network.particle_i, network.particle_j
     # 32 bits, which a network may have, do not hold the square of 46,341 spheres.
-    key = np.minimum(i, j).astype(np.int64) * (network.n_particles + 2) + np.maximum(i, j)
-    _, pair, count = np.unique(key, return_inverse=True, return_counts=True)
-    rows = np.flatnonzero(count[pair] > 1)
+    key = np.minimum(i, j).astype(np.int64, copy=False)
+    key *= network.n_particles + 2
+    key += np.maximum(i, j)
+    ordered = np.sort(key)
+    rows = np.flatnonzero(np.isin(key, ordered[1:][ordered[1:] == ordered[:-1]]))
     again = network.some(rows)
     order, *said, _ = canonical(again.particle_i, again.particle_j, again.periods)
     twice = ~np.column_stack([np.diff(column, axis=0) for column in said]).any(axis=1)
@@ -240,9 +242,9 @@ def force_ratio(network: Columns) -> Floats:
     """Force over stiffness times overlap of the contacts that push, or empty where unknown."""
     if network.force_normal is None or network.overlap is None:
         return np.empty(0)
-    force, resisted = network.force_normal, network.stiffness_normal * network.overlap
-    told = (force > 0) & (resisted > 0)
-    ratio: Floats = force / np.where(told, resisted, 1.0)
+    force, ratio = network.force_normal, network.stiffness_normal * network.overlap
+    told = (force > 0) & (ratio > 0)
+    np.divide(force, ratio, out=ratio, where=told)
     return ratio if told.all() else ratio[told]
 
 
@@ -267,7 +269,8 @@ def _of_forces(network: Columns) -> Faults:
         "tangential over normal stiffness is {:.3g} in the median contact (elastic bodies: 2/3 to "
         "1); give both in N/m"
     )
-    ratio = network.stiffness_tangential[stiff] / kn[stiff]
+    ratio = np.divide(network.stiffness_tangential, kn, out=np.zeros_like(kn), where=stiff)
+    ratio = ratio if stiff.all() else ratio[stiff]
     yield from _of_median(ratio, (0.0, STIFFNESS_RATIO), fault)
 
 

@@ -127,12 +127,6 @@ class Columns:
         return np.where(self.with_wall, 0, self.particle_j)
 
     @property
-    def wall_distance(self) -> Floats:
-        """Shape (m,), m: how far above the centre of i the contact's wall lies; 0 without one."""
-        plane = self.wall_position[np.where(self.particle_j == SOURCE_WALL, 0, 1)]
-        return np.where(self.with_wall, plane - self.position[self.particle_i, 2], 0.0)
-
-    @property
     def periods(self) -> Ints:
         """Shape (m, 3): the periods to add to j, `cell_shift`.
 
@@ -159,7 +153,8 @@ class Columns:
             branch += self.periods * np.where(self.cell_periodic, self.cell_size, 0.0)
         wall = np.flatnonzero(self.with_wall)
         branch[wall] = 0
-        branch[wall, 2] = self.some(wall).wall_distance
+        plane = self.wall_position[np.where(self.particle_j[wall] == SOURCE_WALL, 0, 1)]
+        branch[wall, 2] = plane - self.position[self.particle_i[wall], 2]
         return branch
 
     def noted(self, name: str) -> float | None:

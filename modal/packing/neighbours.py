@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from modal.packing.columns import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.columns import PART, RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.workload import refuse_above_memory
 
@@ -39,9 +39,18 @@ class ContactList:
     normal: Floats
     overlap: Floats
 
+    def frames(self) -> Iterator[tuple[slice, Floats, Floats]]:
+        """`PART` contacts at a time, as a slice, and their two `tangents`."""
+        for first in range(0, len(self.normal), PART):
+            part = slice(first, first + PART)
+            yield part, *tangents(self.normal[part])
+
     def along(self, force: Floats) -> Floats:
         """Shape (m, 2): the components of vectors (m, 3) along the two `tangents`."""
-        return np.column_stack([(force * each).sum(axis=1) for each in tangents(self.normal)])
+        found = np.empty((len(force), 2))
+        for part, *frame in self.frames():
+            found[part] = np.column_stack([(force[part] * each).sum(axis=1) for each in frame])
+        return found
 
     def some(self, kept: Bools) -> ContactList:
         """Those that are `kept` (m,)."""
@@ -72,7 +81,8 @@ def canonical(i: Ints, j: Ints, shift: Ints) -> tuple[Ints, Ints, Ints, Ints, Bo
     """
     own = (i == j) & (shift @ DECIDES < 0)
     turned = (j >= 0) & ((i > j) | own)
-    shift = np.where(j < 0, 0, np.where(turned, -1, 1))[:, None] * shift
+    sign = np.where(j < 0, 0, np.where(turned, -1, 1)).astype(shift.dtype)
+    shift = sign[:, None] * shift
     first, second = np.where(turned, j, i), np.where(turned, i, j)
     rows = canonical_order(first, second, shift)
     return rows, first[rows], second[rows], shift[rows], turned[rows]

@@ -17,12 +17,12 @@ from modal.formats.product import Column, Product
 from modal.packing.checks import Faults, density_of, refuse
 from modal.packing.columns import columns_of
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, YOUNG, Elasticity, Material
-from modal.packing.neighbours import ContactList, canonical
+from modal.packing.neighbours import canonical
 from modal.packing.network import Network
 from modal.packing.spheres import ELASTIC as ELASTIC
 from modal.packing.spheres import Sample as Sample
 from modal.packing.spheres import void_ratio as void_ratio
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
@@ -57,27 +57,38 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     other networks: stiffnesses of another law or of other moduli, or other contacts.
     """
     radius, density = network.radius, density_of(network)
-    noted = {name: network.study.get(name, own) for name, own in vars(GLASS).items()}
-    material = Material(**{name: type(own)(noted[name]) for name, own in vars(GLASS).items()})
+    alike, noted = bool((radius == radius[0]).all()), network.study
+    own = {name: type(usual)(noted.get(name, usual)) for name, usual in vars(GLASS).items()}
+    material = Material(**own)
     mixed = abs(density / material.density - 1).max() > UNEQUAL
     sample = Sample(
         position=network.position.copy(),
         side=network.cell_size[:2].copy(),
         walls=network.wall_position.copy(),
         friction=friction,
-        radius=float(radius[0] if (radius == radius[0]).all() else radius.mean()),
-        radii=None if (radius == radius[0]).all() else radius.copy(),
+        radius=float(radius[0] if alike else radius.mean()),
+        radii=None if alike else radius.copy(),
         material=material,
         densities=density if mixed else None,
-        wall_material=_wall_material(network.study),
+        wall_material=_wall_material(noted),
         periodic_z=bool(network.cell_periodic[2]),
         periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
-        study=network.study,
+        study=noted,
         provenance=network.provenance,
     )
-    shear, rows = shear_along(network, sample.contacts())
+    contact = sample.contacts()
+    periods = network.require("cell_shift", "sample with its contacts in order")
+    force = network.require("force_tangential", "sample with its history")
+    rows, i, j, shift, turned = canonical(network.particle_i, network.particle_j, periods)
+    theirs = contact.particle_i, contact.particle_j, contact.cell_shift
+    if not all(map(np.array_equal, (i, j, shift), theirs)):
+        raise InputError(
+            "the network's contacts are not those of spheres that overlap in a lateral cell: by "
+            "round-off, or from another program; take the network itself"
+        )
+    shear = contact.along(force[rows] * np.where(turned, -1, 1)[:, None])
     sample.shear = shear if shear.any() else None
-    rebuilt = sample.network()
+    rebuilt = sample.network(contact)
     for name in ("stiffness_normal", "stiffness_tangential"):
         theirs = getattr(network, name)[rows]
         if abs(getattr(rebuilt, name) - theirs).max(initial=0.0) > ANOTHER * theirs.mean():
@@ -88,23 +99,6 @@ def sample_of_network(network: Network, friction: float) -> Sample:
                 "study, or take the linear wave, which knows any law"
             )
     return sample
-
-
-def shear_along(network: Network, contact: ContactList) -> tuple[Floats, Ints]:
-    """Shear forces (m, 2), N, as a sample keeps them, in canonical order, and whose rows (m,).
-
-    InputError where `contact`, those of spheres that overlap, are not the network's.
-    """
-    periods = network.require("cell_shift", "sample with its contacts in order")
-    force = network.require("force_tangential", "sample with its history")
-    rows, i, j, shift, turned = canonical(network.particle_i, network.particle_j, periods)
-    theirs = contact.particle_i, contact.particle_j, contact.cell_shift
-    if not all(map(np.array_equal, (i, j, shift), theirs)):
-        raise InputError(
-            "the network's contacts are not those of spheres that overlap in a lateral cell: by "
-            "round-off, or from another program; take the network itself"
-        )
-    return contact.along(force[rows] * np.where(turned, -1, 1)[:, None]), rows
 
 
 def _wall_material(notes: dict[str, Any]) -> Elasticity | None:

@@ -10,9 +10,9 @@ import numpy as np
 from modal.packing.columns import frozen, stored
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Elasticity, Material
 from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
-from modal.packing.neighbours import ContactList, between, tangents, touching
+from modal.packing.neighbours import ContactList, between, touching
 from modal.packing.network import Network
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 
 SPIN = "rad/s"
@@ -121,8 +121,27 @@ class Sample:
         Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
         """
         contact = self.contacts() if contact is None else contact
-        n, m, overlap = len(self.position), len(contact.particle_i), contact.overlap
-        wall, each = contact.particle_j < 0, np.full(n, self.sizes)
+        n, m, wall = len(self.position), len(contact.overlap), contact.particle_j < 0
+        solid = {
+            "void_ratio": void_ratio(n, self.sizes, self.side, self.length),
+            "coordination_number": float((2 * m - wall.sum()) / n),
+        }
+        mass, inertia = self.masses
+        return Network(
+            position=self.position,
+            cell_size=np.array([*self.side, self.length]),
+            cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
+            wall_position=np.asarray(self.walls, float),
+            study=self.study | solid | self.constants,
+            provenance=self.provenance,
+            **frozen(radius=np.full(n, self.sizes), mass=mass, inertia=inertia),
+            **frozen(**vars(contact), **self._springs(contact)),
+        )
+
+    def _springs(self, contact: ContactList) -> dict[str, Array]:
+        """Levers, stiffnesses and forces of contacts, as columns of a network."""
+        m, overlap, wall = len(contact.overlap), contact.overlap, contact.particle_j < 0
+        each = np.broadcast_to(self.sizes, len(self.position))
         first, second = each[contact.particle_i], each[np.maximum(contact.particle_j, 0)]
         effective = np.where(wall, first, first * (second / (first + second)))
         law = law_of_each(self.laws, wall)
@@ -133,42 +152,20 @@ class Sample:
                     f"sample: {len(self.shear)} shear forces for {m} contacts; it was written by "
                     "another program or is damaged, make it again"
                 )
-            along, across = tangents(contact.normal)
-            tangential = self.shear[:, :1] * along + self.shear[:, 1:] * across
-        sliding = np.linalg.norm(tangential, axis=1) >= self.friction * force * (1 - 1e-9)
-        lever = (first - overlap / 2)[:, None] * contact.normal
+            for part, along, across in contact.frames():
+                shear = self.shear[part]
+                tangential[part] = shear[:, :1] * along + shear[:, 1:] * across
         backwards = (overlap / 2 - second)[:, None] * contact.normal
         backwards[wall] = 0
-        mass, inertia = self.masses
-        solid = {
-            "void_ratio": void_ratio(n, self.sizes, self.side, self.length),
-            "coordination_number": float((2 * m - wall.sum()) / n),
+        return {
+            "lever_i": (first - overlap / 2)[:, None] * contact.normal,
+            "lever_j": backwards,
+            "stiffness_normal": law.stiffness_normal(overlap, effective),
+            "stiffness_tangential": law.stiffness_tangential(overlap, effective),
+            "force_normal": force,
+            "force_tangential": tangential,
+            "sliding": np.linalg.norm(tangential, axis=1) >= self.friction * force * (1 - 1e-9),
         }
-        return Network(
-            position=self.position,
-            cell_size=np.array([*self.side, self.length]),
-            cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
-            wall_position=np.asarray(self.walls, float),
-            study=self.study | solid | self.constants,
-            provenance=self.provenance,
-            **frozen(
-                radius=each,
-                mass=mass,
-                inertia=inertia,
-                particle_i=contact.particle_i,
-                particle_j=contact.particle_j,
-                normal=contact.normal,
-                lever_i=lever,
-                lever_j=backwards,
-                stiffness_normal=law.stiffness_normal(overlap, effective),
-                stiffness_tangential=law.stiffness_tangential(overlap, effective),
-                force_normal=force,
-                force_tangential=tangential,
-                overlap=overlap,
-                sliding=sliding,
-                cell_shift=contact.cell_shift,
-            ),
-        )
 
 
 def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> float:

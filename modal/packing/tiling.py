@@ -103,13 +103,14 @@ def _shear(sample: Sample, copies: Copies, large: Sample) -> Floats:
     """Shape (k, 2), N: in the order of the large sample's contacts, along their own tangents."""
     network = sample.network()
     small = network.particle_i, network.particle_j, network.require("cell_shift", "copies")
-    row, *ends = copies.contacts(*small)
+    rows, *ends = copies.contacts(*small)
     order, *ends, turned = canonical(*ends)
+    rows = rows[order]
     contact: ContactList = large.contacts(tuple(ends))
     if not (contact.overlap > 0).all():
         raise InputError(
             "contacts of the copies open by round-off; repeat its network, *.network.h5"
         )
-    force = network.require("force_tangential", "copies")[row[order]]
+    force = network.require("force_tangential", "copies")[rows]
     force[turned] *= -1
     return contact.along(force)

@@ -16,7 +16,6 @@ import numpy as np
 
 from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
-from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, net_forces
 from modal.preparation.elastic_rest import elastic_motion
@@ -75,21 +74,16 @@ class Equilibrium:
         return self.residual <= goal and self.largest <= SINGLE * goal
 
 
-def equilibrium_of(sample: Sample, network: Network) -> tuple[np.ndarray, Equilibrium]:
-    """Net forces (n, 6) and how far from balance the sample is."""
-    load = net_forces(network)
+def equilibrium_of(sample: Sample, steps: int = 0) -> Equilibrium:
+    """How far from balance the sample is, from its positions and shear forces alone."""
+    network = sample.network()
     if network.n_contacts == 0:
-        return load, Equilibrium(0.0, 0.0, 0.0, 0, 0)
+        return Equilibrium(0.0, 0.0, 0.0, 0, 0, steps)
     mean = network.require("force_normal", "balance").mean()
-    size = size_of(load, network.radius)
+    size = size_of(net_forces(network), network.radius) / mean
     used = friction_used(network, sample.friction)
-    return load, Equilibrium(
-        residual=float(size.mean() / mean),
-        largest=float(size.max() / mean),
-        friction_used=float(used.max()),
-        sliding=int((used > 1).sum()),
-        contacts=network.n_contacts,
-    )
+    limits = float(used.max()), int((used > 1).sum())
+    return Equilibrium(float(size.mean()), float(size.max()), *limits, network.n_contacts, steps)
 
 
 def relax(
@@ -133,7 +127,7 @@ def relax(
                 watch(state)
             # The sample is what counts: its overlaps follow from the positions once more.
             if state.within(goal):
-                if _end(contacts, step)[1].within(goal):
+                if equilibrium_of(contacts.sample()).within(goal):
                     break
                 # It holds no part of the shear forces along the contacts.
                 contacts.level_shear()
@@ -144,7 +138,8 @@ def relax(
                     contacts = _by_parts(there, goal)
                     motion = DampedMotion(contacts)
         motion.step()
-    rested, state = _end(contacts, step)
+    rested = contacts.sample()
+    state = equilibrium_of(rested, step)
     if not state.within(max(NEAR, goal)):
         raise InputError(
             f"the sample does not come to rest (residual {state.residual:.1e}, of a single sphere "
@@ -200,10 +195,3 @@ def _look(contacts: MovingContacts, step: int) -> Equilibrium:
     size = size_of(contacts.load, contacts.radius) / contacts.mean_force
     mean, largest = float(size.mean()), float(size.max())
     return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
-
-
-def _end(contacts: MovingContacts, step: int) -> tuple[Sample, Equilibrium]:
-    rested = contacts.sample()
-    _, state = equilibrium_of(rested, rested.network())
-    state.steps = step
-    return rested, state

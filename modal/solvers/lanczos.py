@@ -92,6 +92,11 @@ def _orthonormal(
     return block, within, coupling
 
 
+def orthonormal(block: Floats, held: Held) -> Floats:
+    """An orthonormal basis (size, w) of a block (size, w), which is overwritten, but for `held`."""
+    return _orthonormal(block, block[:, :0], held)[0]
+
+
 def _orthonormal_columns(block: Floats) -> tuple[Floats, Floats]:
     """Q (size, w) and R (w, w) of a block (size, w), which is overwritten.
 
@@ -244,7 +249,7 @@ def _largest(
     basis = np.empty((size, limit + width), order="F")
     projected = np.zeros((limit + width, limit + width))
     start = start_block(size, width, held.found.shape[1])
-    basis[:, :width] = _orthonormal(start, basis[:, :0], held)[0]
+    basis[:, :width] = orthonormal(start, held)
     dimension, anew, look = width, False, looks[0] * count
     for step in progress(most // width + 2, "Lanczos"):
         last = slice(dimension - width, dimension)

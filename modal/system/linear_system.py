@@ -15,6 +15,7 @@ from scipy.linalg import eigh
 from modal.packing.columns import Made
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS, Factor, factorise
+from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.assembly import own_blocks, stiffness_matrix
 from modal.system.contacts import SYMMETRIC, terms_of, with_sliding
 from modal.system.damping import ContactDamping
@@ -29,8 +30,8 @@ COUNTED = 1e-11
 """How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
 mostly it is a tenth of that. Modes so close to a frequency may be counted on either side of it."""
 KEPT, CONTACT = 2e8, 1000
-"""Bytes up to which factors of a network are kept for the next question, and its operator, of which
-a contact takes no more than this, as a matrix."""
+"""Bytes up to which answers of a kind are kept with a network for the next question, factors, lists
+of modes, its operator, of which a contact takes no more than this, as a matrix."""
 UNCERTAIN = 1e-9, 0.25
 """Limits of the relative distance from a listed frequency at which modes are counted instead."""
 
@@ -163,6 +164,11 @@ class LinearSystem:
         """Largest row sum of A: an upper bound of the largest omega^2."""
         return float(abs(self.assembled()).sum(axis=1).max())
 
+    @property
+    def top(self) -> float:
+        """An upper bound of omega^2 that exceeds it by some 2 %, by Lanczos."""
+        return self.cached("top", lambda: bound_of_spectrum(self.renumbered())[0])
+
     def count_uncertainty(self, square: float) -> float:
         """Relative distance from a frequency within which an exact count is uncertain.
 
@@ -180,6 +186,11 @@ class LinearSystem:
     def zero_threshold(self) -> float:
         """The omega^2, 1/s^2, below which no factorisation tells a mode from one at zero."""
         return COUNTED * float(self.diagonal.max(initial=0.0))
+
+    @property
+    def zero_frequency(self) -> float:
+        """The same as a frequency, Hz."""
+        return float(np.sqrt(self.zero_threshold)) / (2 * np.pi)
 
     @cached_property
     def operator(self) -> ContactOperator:
@@ -231,18 +242,31 @@ class LinearSystem:
 
         The last ones are kept with the network as long as they take `KEPT` bytes together.
         """
-        known = self.cached("factors", dict[tuple[float, bool, str | None], Factor])
-        key = square, definite, solver or self.solver
+        name = solver or self.solver
+
+        def make() -> Factor:
+            factor = factorise(self.shifted(square), definite=definite, solver=name)
+            if factor.bytes > KEPT:
+                return factor
+            kept = replace(factor, release=lambda: None)
+            finalize(kept, factor.release).atexit = False
+            return kept
+
+        return self.kept("factors", (square, definite, name), make, lambda factor: factor.bytes)
+
+    def kept(
+        self, name: str, key: Any, make: Callable[[], Made], size: Callable[[Made], float]
+    ) -> Made:
+        """What `make` gives for a key; the last ones of a name stay, `KEPT` bytes together."""
+        known = self.cached(name, dict[Any, Made])
         if key in known:
             return known[key]
-        factor = factorise(self.shifted(square), definite=definite, solver=key[2])
-        if factor.bytes > KEPT:
-            return factor
-        while known and sum(one.bytes for one in known.values()) + factor.bytes > KEPT:
-            del known[next(iter(known))]
-        kept = known[key] = replace(factor, release=lambda: None)
-        finalize(kept, factor.release).atexit = False
-        return kept
+        made = make()
+        if size(made) <= KEPT:
+            while known and sum(map(size, known.values())) + size(made) > KEPT:
+                del known[next(iter(known))]
+            known[key] = made
+        return made
 
 
 def frequency_of(square: Floats) -> Floats:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import frictionless, stepped
+from packings import frictionless, slender, stepped
 from places import ROOT
 
 from analysis.__main__ import main
@@ -35,7 +35,7 @@ STRESS = 2.5e5
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A crystal of 120 layers and 150 random spheres, each with what belongs to it."""
+    """A crystal of 120 layers and 200 random spheres, each with what belongs to it."""
     folder = tmp_path_factory.mktemp("mine")
     crystal = fcc(STRESS, (1, 1, 120))
     chain = LayerLattice.of_network(crystal)
@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
     recorded = lattice_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
     digest = sha256(folder / "quartz.network.h5")
     write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
-    packing = replace(frictionless(), study={})
+    packing = replace(slender(), study={})
     write_network(folder / "heap.h5", packing)
     run = stepped(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
     digest = sha256(folder / "heap.h5")

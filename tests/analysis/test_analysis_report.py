@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import frictionless
+from exact_crystal import CHAIN, LENGTH, record
+from packings import slender
 from scipy.special import ndtr
 
 from analysis.__main__ import main
@@ -24,17 +25,13 @@ from modal.packing.network import write_network
 from modal.packing.state import affine_stiffness, affine_velocity
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.operator import ContactOperator
-from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.signals import write_signals
-
-CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
-LENGTH = 200 * CHAIN.distance
 
 
 @pytest.fixture(scope="module")
 def packing():
-    return frictionless()
+    return slender()
 
 
 @pytest.fixture(scope="module")
@@ -169,8 +166,7 @@ def test_standing_waves_are_unit_vectors(packing):
 @pytest.mark.parametrize("passages", [0.8, 1.0, 1.3])
 def test_coherent_wave_of_the_exact_chain(passages):
     """Phase velocity to 0.1 %, group velocity to 1 % up to 0.8 of the band edge."""
-    record = lattice_signals(CHAIN, np.arange(0, passages * LENGTH / CHAIN.velocity, 2e-7))
-    found = coherent_wave(record, LENGTH)
+    found = coherent_wave(record(passages, 2e-7), LENGTH)
     f = found.frequency[1:]
     inside = f < 0.8 * CHAIN.low_pass_frequency
     half = np.arcsin(f[inside] / CHAIN.low_pass_frequency)
@@ -186,26 +182,8 @@ def test_coherent_wave_does_not_see_the_reflection(passages):
     A record of one passage is 0.016 % off, by its window; what the reflection adds must stay below
     that, twice 0.016 % in all.
     """
-    length = 2 * CHAIN.wall_gap + (CHAIN.layers - 1) * CHAIN.distance
-    time = np.arange(0, passages * length / CHAIN.velocity, 5e-7)
-    found, _ = longest_waves(coherent_wave(lattice_signals(CHAIN, time), length))
+    found, _ = longest_waves(coherent_wave(record(passages, 5e-7), LENGTH))
     assert found == pytest.approx(CHAIN.velocity, rel=3.2e-4)
-    reversed_wall = lattice_signals(CHAIN, time, amplitude=-2.5e-9)
-    again, _ = longest_waves(coherent_wave(reversed_wall, length))
+    reversed_wall = record(passages, 5e-7, amplitude=-2.5e-9)
+    again, _ = longest_waves(coherent_wave(reversed_wall, LENGTH))
     assert again == pytest.approx(found, rel=1e-9)
-
-
-def test_coherent_wave_with_five_percent_noise():
-    """At a quarter of the band edge mean and scatter of ten draws are within 1 %."""
-    record = lattice_signals(CHAIN, np.arange(0, LENGTH / CHAIN.velocity, 5e-7))
-    clean, top = record.chain_displacement, abs(record.chain_displacement).max()
-    rng, seen = np.random.default_rng(5), []
-    f = 0.25 * CHAIN.low_pass_frequency
-    for _ in range(10):
-        record.chain_displacement = clean + 0.05 * top * rng.normal(size=clean.shape)
-        found = coherent_wave(record, LENGTH)
-        seen.append(found.at(f, found.phase_velocity))
-    half = np.arcsin(0.25)
-    exact = CHAIN.velocity * np.sin(half) / half
-    assert np.mean(seen) == pytest.approx(exact, rel=1e-2)
-    assert np.std(seen) < 0.01 * exact

@@ -46,7 +46,7 @@ def test_scatter_about_the_line_beyond_the_errors_enlarges_them():
     assert few.chi > 1 > many.chi
     # Weights that are equal drop out: the error is that of the scatter, whatever was said of it.
     assert few.error == pytest.approx(limit(size, value, np.full(3, 0.2)).error)
-    assert many.error == pytest.approx(100 * np.sqrt(few.covariance[0, 0]))
+    assert many.error == pytest.approx(100 * np.sqrt(few.covariance[1, 1]))
 
 
 def test_table_tells_the_limit_of_what_was_drawn_about_a_line():

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain
+from exact_crystal import record as exact_record
 
 from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
@@ -24,12 +24,8 @@ from analysis.measuring import Measuring
 from analysis.quantities.passband import band_edge, low_pass_2
 from modal.packing.contact_law import RADIUS
 from modal.packing.crystal import fcc
-from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
 
-CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
-LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
-PASSAGE = LENGTH / CHAIN.velocity
 TIME = np.arange(0, 1e-3, 1e-6)
 
 
@@ -90,7 +86,7 @@ def test_exact_crystal_by_the_papers_words():
 
     The waves at the edge do not travel: the record of a passage does not hold them there.
     """
-    record = lattice_signals(CHAIN, np.arange(0, 0.95 * PASSAGE, 4e-7))
+    record = exact_record(0.95)
     u, z = record.chain_displacement, record.chain_position
     highest = 0.5 * CHAIN.velocity / CHAIN.distance
     two = threshold_curves(*spectra(record.time, u, highest))[0]
@@ -108,14 +104,11 @@ def test_noise_below_the_threshold_does_not_move_it(noise, rel):
     times `noise` at sqrt(1060) samples over 25 of the pulse, 1.3 `noise`, a twentieth of the 2 %
     threshold at noise 1e-3; the median over twenty layers shifts by less.
     """
-    record = lattice_signals(CHAIN, np.arange(0, 0.95 * PASSAGE, 4e-7))
-    u, z = record.chain_displacement, record.chain_position
-    highest = 0.5 * CHAIN.velocity / CHAIN.distance
-    rng, found = np.random.default_rng(5), []
-    for amount in (0.0, noise):
-        noisy = u + amount * abs(u).max() * rng.standard_normal(u.shape)
-        curve = threshold_curves(*spectra(record.time, noisy, highest))[0]
-        found.append(at_stretch(z, curve, LENGTH, STRETCH[True]).value)
+    record = exact_record(0.95)
+    highest, found = 0.5 * CHAIN.velocity / CHAIN.distance, []
+    for one in (record, noisy(record, noise, np.random.default_rng(5))):
+        curve = threshold_curves(*spectra(one.time, one.chain_displacement, highest))[0]
+        found.append(at_stretch(one.chain_position, curve, LENGTH, STRETCH[True]).value)
     assert found[1] == pytest.approx(found[0], rel=rel)
 
 
@@ -126,15 +119,10 @@ def test_wave_number_of_the_exact_chain(share, some):
 
     A record cut at the end smears the slow waves; up to 0.8 of the edge all have passed 0.5 L.
     """
-    record = lattice_signals(CHAIN, np.arange(0, 0.95 * PASSAGE, 4e-7))
+    record = exact_record(0.95)
     if some:
         kept = np.sort(np.random.default_rng(1).choice(CHAIN.layers, 133, replace=False))
-        record = replace(
-            record,
-            chain_particle=record.chain_particle[kept],
-            chain_position=record.chain_position[kept],
-            chain_displacement=record.chain_displacement[:, kept],
-        )
+        record = part_of_chain(record, kept)
     frequency = share * CHAIN.low_pass_frequency
     found = chain_wavenumber(record, frequency, LENGTH, velocity=CHAIN.velocity)
     exact = 2 * np.arcsin(share) / CHAIN.distance
@@ -142,14 +130,9 @@ def test_wave_number_of_the_exact_chain(share, some):
 
 
 def test_no_wave_number_of_noise_or_of_nothing():
-    record = lattice_signals(CHAIN, np.arange(0, 0.95 * PASSAGE, 4e-7))
+    record = exact_record(0.95)
     assert np.isnan(chain_wavenumber(record, np.nan, LENGTH, velocity=CHAIN.velocity))
-    short = replace(
-        record,
-        chain_position=record.chain_position[:10],
-        chain_displacement=record.chain_displacement[:, :10],
-        chain_particle=record.chain_particle[:10],
-    )
+    short = part_of_chain(record, slice(10))
     assert np.isnan(chain_wavenumber(short, 1e4, 10 * LENGTH, velocity=CHAIN.velocity))
 
 

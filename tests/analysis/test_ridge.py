@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from exact_crystal import CHAIN, noisy
 from scipy.linalg import eigh
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
@@ -9,10 +10,8 @@ from analysis.estimators.ridge import ridge
 from analysis.measuring import Measuring
 from analysis.quantities.passband import edge_wavelength, wavelength_at
 from modal.packing.crystal import fcc
-from modal.theory.fcc import FccLattice
 from modal.waves.signals import Signals
 
-CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
 DIAMETER = np.sqrt(2) * CHAIN.distance
 
 
@@ -88,14 +87,10 @@ def test_no_wavelength_beyond_the_band_edge(over):
 
 def test_noise_that_hides_the_edge_gives_none_rather_than_another():
     record = lattice_signals(CHAIN, np.arange(0, 3.5e-4, 4e-7))
-    rng, top = np.random.default_rng(3), abs(record.chain_displacement).max()
-    exact = 2 * CHAIN.distance
+    random = np.random.default_rng(3)
     for share, seen in ((1e-3, True), (0.3, False)):
-        noise = share * top * rng.standard_normal(record.chain_displacement.shape)
-        noisy = lattice_signals(CHAIN, record.time)
-        noisy.chain_displacement = record.chain_displacement + noise
-        found = ridge(noisy).edge_wavelength
-        assert found == pytest.approx(exact, rel=1e-2) if seen else np.isnan(found)
+        found = ridge(noisy(record, share, random)).edge_wavelength
+        assert found == pytest.approx(2 * CHAIN.distance, rel=1e-2) if seen else np.isnan(found)
 
 
 def test_measured_case_has_no_wavelength_above_its_edge():

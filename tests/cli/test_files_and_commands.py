@@ -18,7 +18,10 @@ from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals
 
-pytestmark = pytest.mark.two_ways
+
+@pytest.fixture(scope="module")
+def random60():
+    return random_sample(60, 1e6, aspect=1.5)
 
 
 @pytest.fixture
@@ -189,10 +192,10 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
         "info {} --layers {}",
     ],
 )
-def test_what_is_read_is_never_written_over(command, tmp_path, capsys):
+def test_what_is_read_is_never_written_over(command, random60, tmp_path, capsys):
     """By whatever name: the packing would be lost for a list of its modes."""
     sample = tmp_path / "mine.sample.h5"
-    write_sample(sample, random_sample(60, 1e6, aspect=1.5))
+    write_sample(sample, random60)
     before, other = sample.read_bytes(), tmp_path / "linked.sample.h5"
     other.symlink_to(sample)
     assert main(command.format(sample, other).split()) == 2
@@ -201,10 +204,10 @@ def test_what_is_read_is_never_written_over(command, tmp_path, capsys):
     assert sample.read_bytes() == before
 
 
-def test_modulus_in_gigapascal_is_refused(tmp_path, capsys):
+def test_modulus_in_gigapascal_is_refused(random60, tmp_path, capsys):
     """As `import` refuses it: frequencies would be 30,000 times too low, without a word."""
     path = tmp_path / "mine.sample.h5"
-    write_sample(path, random_sample(60, 1e6, aspect=1.5))
+    write_sample(path, random60)
     _spoil(path, lambda f: f.attrs.__setitem__("young", 60.0))
     assert main(["modes", str(path), "--lowest", "2"]) == 2
     shown = capsys.readouterr().err

@@ -109,11 +109,6 @@ def test_liggghts_gives_the_packing_back(given, periodic_z):
         files.refused(said, pair=program_files.LIGGGHTS.replace(old, new))
 
 
-def named(units: str) -> tuple[str, str, str]:
-    """Let a dump name its units, as with `dump_modify ... units yes`."""
-    return "spheres", r"\A", f"ITEM: UNITS\n{units}\n"
-
-
 def test_units_of_the_dump_are_used(given):
     """Lengths of micrometres, 6e10 Pa in pg / (um us^2); other scales beside it are refused.
 
@@ -123,7 +118,7 @@ def test_units_of_the_dump_are_used(given):
     files = given("lammps", made)
     files.rewrite("contacts", lambda w: [*w[:3], *(repr(1e-3 * float(x)) for x in w[3:])], 9)
     files.options = {"pair": PAIR.replace("6e10", "6e7"), "contacts": files.contacts}
-    files.spoil(*named("micro"))
+    files.spoil("spheres", r"\A", "ITEM: UNITS\nmicro\n")
     files.spoil("contacts", "c_f.*", "force p1 p2 p3 fx fy fz")
     files.spoil("contacts", r"c_p\[1\] c_p\[2\]", "patom1 patom2")
     assert files.imported()["assumed"] == []
@@ -160,72 +155,6 @@ def test_import_remarks_on_what_info_remarks_on(program, given, capsys):
     wanted = json.loads(capsys.readouterr().out)["remarks"]
     assert any("not in balance" in remark for remark in wanted)
     assert set(wanted) <= set(told)
-
-
-SPOILT = {
-    # What users do to a file: the words of a line and column, or a pattern; and what is said of it.
-    "not a number": ("spheres", 14, 3, "1.2e", "line 14, column y: '1.2e' is no number"),
-    "nan": ("contacts", 12, 4, "nan", r"x.contacts, line 12, column c_f\[2\]: nan"),
-    "short row": ("spheres", 69, slice(8, 11), [], r"x.atoms, line 69, column f_w\[2\]: has 8 col"),
-    "ghosts": ("spheres", 20, 0, "60", "x.atoms, line 20, column id: sphere 60 again .line 10"),
-    "lost": ("contacts", 13, 2, "777", r"line 13, column c_p\[2\]: sphere 777 is not among"),
-    "outside": ("spheres", 16, 4, "1.5", "x.atoms: sphere 54 lies outside the cell along z"),
-    "no radius": ("spheres", "radius", "vx", r"x.atoms, line 9, column radius: .*; add radius"),
-    "cut off": ("contacts", r"(.*\n){3}\Z", "", r"line \d+: \d+ rows of \d+: the file ends"),
-    "ellipsoids": ("spheres", "mass", "mass shapex", "line 9, column shapex: .*no spheres, which"),
-    "other units": (*named("cgs"), r"x.atoms: ITEM: UNITS cgs, and .*log.lammps has units si"),
-    "two times": ("spheres", r"(?s)\A(.*)\Z", r"\1\1", r"x.atoms: it has 2 times .*with --step"),
-    "cohesion": (
-        "log",
-        "hertz/material 6e10 0 0.2",
-        "jkr 6e10 0 0.2 1",
-        "the normal model .jkr. is not known",
-    ),
-    "rolling": ("log", "0.3\n", "0.3 rolling coulomb 1 1 1\n", "rolling 'coulomb' is not known"),
-    "unknown": (
-        "log",
-        "style granular",
-        "style gran/shm/history 1 2",
-        "shm/history. is no law of contact",
-    ),
-    "clumps": ("log", r"\Z", "fix r all rigid/small molecule\n", "line 9, column mol: no column"),
-    "GPa": ("log", "6e10", "60", r"log.lammps: Young's modulus 60 Pa is that of no material"),
-    "softer": ("log", "6e10", "6e7", "x.atoms: the law makes overlaps of .*; give stiffnesses"),
-    "lj": ("log", "units si", "units lj", r"log.lammps: units lj .*--scales"),
-    "no units": ("log", "units si", "", r"log.lammps: units lj .*--scales"),
-    "no title": ("spheres", "ITEM: ATOMS.*", "ITEM: ", r"x.atoms, line 9: ITEM: without a name"),
-    "wall": ("log", "zplane", "xplane", r"fix w wall/gran: xplane is not known"),
-    "contacts": ("spheres", "ITEM: ATOMS", "ITEM: ENTRIES", "line 9: ITEM: ENTRIES where spheres"),
-    "nameless": ("log", r"compute p", "compute q", r"column c_p\[1\]: what the 2 columns"),
-}
-
-
-@pytest.mark.parametrize("what", SPOILT)
-def test_lammps_is_refused_by_file_line_and_column(given, what):
-    files, (file, *change, said) = given("lammps", False), SPOILT[what]
-    if len(change) == 3:
-        files.respell(file, *change)
-    else:
-        files.spoil(file, *change, count=0 if file == "log" else 1)
-    files.refused(said)
-
-
-def test_a_contact_that_is_listed_twice_is_refused_by_its_line(given):
-    files = given("lammps", False)
-    i, j = files.contacts.read_text().splitlines()[10].split()[1:3]
-    files.respell("contacts", 16, slice(1, 3), [j, i])
-    files.refused("x.contacts, line 16: the contact of line 11 again; list each contact once")
-
-
-@pytest.mark.parametrize("program", ["lammps", "liggghts"])
-@pytest.mark.parametrize(
-    ("file", "said"),
-    [("contacts", "no two spheres touch.*; dump a packing"), ("spheres", "x.atoms: no spheres; ")],
-)
-def test_files_without_a_row_are_refused_by_name(given, program, file, said):
-    files = given(program)
-    files.spoil(file, r"(?s)(NUMBER OF \S+\n)\d+(.*ITEM: (ATOMS|ENTRIES)[^\n]*\n).*", r"\g<1>0\2")
-    files.refused(said)
 
 
 def test_step_chooses_one_time_of_a_dump(given):

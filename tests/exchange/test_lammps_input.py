@@ -33,18 +33,6 @@ def types(given):
     return make
 
 
-@pytest.fixture
-def walled(given):
-    """Spheres between walls, contacts and log, the commands of which are added to."""
-
-    def make(more: str = "") -> Given:
-        files = given("lammps", False)
-        files.spoil("log", r"\Z", more)
-        return files
-
-    return make
-
-
 A, B = (f"hertz {modulus} 0 tangential linear_nohistory 0 0.3" for modulus in (4e10, 9e10))
 
 
@@ -157,24 +145,6 @@ def test_walls_that_do_not_fit_are_refused(tmp_path, capsys, file, old, new, sai
     files.refused(said)
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ("pair_coeff 1 1 hertz/material ${E} 0 0.2", r"\${E} has no value in this file: pair_co"),
-        ("fix v all wall/gran granular $(v_l) zplane 0 NULL", r"\$\(v_l\) has no value"),
-        ("fix v all ${kind} $E", r"\${kind} \$E has no value"),
-        ("$c 1 1 hertz/material 6e10 0 0.2", r"\$c has no value"),
-        ("unfix $w", r"line \d+: \$w has no value .*; give the log of the run, or write the value"),
-    ],
-)
-def test_variables_without_a_value_are_refused(walled, line, said):
-    """As in a script that is given for its log; lines that do not count may have them."""
-    files = walled("fix t all langevin $T $T 1 ${seed}\nrun $n\n")
-    files.imported()
-    files.log.write_text(f"{files.log.read_text()}{line}\n")
-    files.refused(said)
-
-
 PRINTED = f'print "pair_coeff * * ${{B}}"\npair_coeff * * {B}'
 
 
@@ -190,29 +160,6 @@ def test_lines_that_change_no_law(types, more):
     same(files.network(), once, "stiffness_normal")
 
 
-HERTZ = "granular hertz 4e10 0 zplane 0 1"
-
-
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ("dimension 2", "line 10: dimension 2; a network has spheres that move in space"),
-        ("bond_style bpm/spring", "bond_style bpm/spring: bonds are no contacts"),
-        ("fix f all freeze", "fix freeze: frozen spheres"),
-        ("fix h all wall/harmonic zlo EDGE 1 1 1", "fix wall/harmonic: walls of this kind are not"),
-        (f"fix h all wall/gran/kk {HERTZ}", "fix h wall/gran: a second wall"),
-        (f"fix w all wall/gran {HERTZ} wiggle z 1 1", "fix w .*it wiggles,"),
-        ("clear", "no law of contact is known"),
-    ],
-)
-def test_commands_that_change_the_meaning_are_heard(walled, line, said):
-    files = walled(f"{line}\n")
-    files.refused(said)
-    if line.startswith("fix f"):  # and no longer after its unfix
-        files.log.write_text(f"{files.log.read_text()}unfix f\n")
-        files.imported()
-
-
 def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(types):
     files = types(f"* * {A}", f"2 2 {B}")
     files.spoil("spheres", "id type", "id other")
@@ -220,7 +167,7 @@ def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(types):
 
 
 def test_a_wall_for_a_group_needs_the_contacts(walled):
-    files = walled()
+    files = walled
     files.spoil("log", "fix w all", "fix w few")
     files.imported()
     files.refused("fix w pushes the group few alone; give the contacts", contacts=None)
@@ -248,25 +195,13 @@ def test_a_law_that_changed_after_the_step_of_the_dump_is_remarked_on(types, ste
 
 def test_contacts_that_are_not_listed_are_counted(walled):
     """Three rows less, as of a compute for a group: the spheres still overlap there."""
-    files = walled()
+    files = walled
     assert not any("not listed" in line for line in files.imported()["remarks"])
     count = int(files.contacts.read_text().splitlines()[3])
     files.respell("contacts", 4, 0, str(count - 3))
     files.spoil("contacts", r"(.*\n){3}\Z", "")
     remarks = files.imported()["remarks"]
     assert any(line.startswith("3 contacts that overlap are not") for line in remarks)
-
-
-@pytest.fixture
-def paired(given):
-    """Spheres of a periodic packing, two and two of which have a number in mol; a log."""
-    files = given("lammps")
-    files.options["contacts"] = None
-    files.respell("spheres", 9, slice(99, 99), ["mol"])
-    # Ids of members lie beside each other; the centres of these pairs, less than half a cell.
-    files.rewrite("spheres", lambda row: [*row, "0" if int(row[0]) > 2 else "1"], 9)
-    files.spoil("log", r"\Z", "fix r clumps rigid molecule\n")
-    return files
 
 
 def test_masses_of_rigid_bodies_may_be_told(paired):
@@ -301,21 +236,6 @@ def test_members_of_a_body_may_overlap_as_they_like(paired):
     assert found.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15)
     paired.spoil("log", r"\Z", "unfix r\n")
     paired.refused("overlap by more than 0.3 of the smaller radius")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("rigid molecule", "rigid single", "fix r rigid single: which spheres are one body is not"),
-        ("rigid molecule", "rigid molecule infile r.txt", r"masses of its own \(infile\); give"),
-        ("rigid molecule", "rigid molecule\nfix s clumps rigid molecule", "several fix rigid"),
-        ("rigid molecule", "rigid custom i_body", "x.atoms, line 9, .* no column i_body among"),
-        ("r clumps", "r all", "a mol of 0, which is one more body to fix rigid; make single"),
-    ],
-)
-def test_bodies_that_a_dump_does_not_tell_are_refused(paired, old, new, said):
-    paired.spoil("log", old, new)
-    paired.refused(said)
 
 
 def test_numbers_of_bodies_need_a_log(paired):

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from places import ROOT
-from program_files import Given
 
 import modal
 from modal.packing.network import read_network
@@ -20,12 +19,8 @@ ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log
 
 
 @pytest.fixture
-def files(tmp_path, capsys):
-    """Copies of LIGGGHTS' own files."""
-    copies = [tmp_path / path.name for path in (ATOMS, CONTACTS, LOG)]
-    for path, copy in zip((ATOMS, CONTACTS, LOG), copies, strict=True):
-        copy.write_bytes(path.read_bytes())
-    return Given(capsys, copies[0], {"contacts": copies[1], "log": copies[2]})
+def files(liggghts):
+    return liggghts
 
 
 @pytest.fixture
@@ -108,29 +103,6 @@ def test_rounded_bounds_without_forces_are_refused(files):
     assert files.imported()["overlaps_from"] == "positions"
 
 
-FIX = "fix m1 all property/global youngsModulus peratomtype 6e10 2.1e11"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("run 0", "fix r all multisphere motion", r"log.*, line \d+: fix multisphere: clumps"),
-        ("run 0", "fix b all bond/create 1", r"log.*, line \d+: fix bond/create: bonds"),
-        ("history", "history cohesion sjkr", r"log.*: cohesion is resisted by no spring"),
-        ("history", "history rolling_friction epsd", r"rolling_friction is resisted by no spring"),
-        ("history", "history surface superquadric", r"surface is resisted by no spring"),
-        ("model hertz", "model hooke", r"only model hertz with tangential history"),
-        ("units si", "units lj", r"units lj have no SI values here; .*--scales"),
-        (FIX, FIX.replace("6e10", "60e"), r"log.*, line \d+: youngsModulus '60e' is no number"),
-        (FIX, FIX.replace("6e10", "60"), r"Young's modulus 60 Pa is that of no material"),
-        (FIX, "", r"log.*: no youngsModulus; give --pair"),
-    ],
-)
-def test_what_no_spring_does_is_refused(old, new, said, files):
-    files.spoil("log", old, new)
-    files.refused(said)
-
-
 def test_units_of_the_log_count(network, files):
     """The same numbers said to be cm, g and dyn: lengths a hundredth, and forces 1e-5 of it.
 
@@ -166,9 +138,3 @@ def test_walls_are_of_the_type_that_is_said(files):
     assert stiff["log"] == stiff["typed"] != stiff["unsaid"]
     files.spoil("log", r"\Z", "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
     files.refused("only primitive walls zplane are known")
-
-
-def test_variables_without_a_value_are_refused(files):
-    """As in a script that never ran."""
-    files.spoil("log", "(youngsModulus peratomtype) 6e10", r"\1 $E")
-    files.refused(r"\$E has no value in this file: fix")

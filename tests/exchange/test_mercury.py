@@ -18,14 +18,6 @@ from modal.system.contacts import TANGENTS, Contacts
 CUBIC = PACKINGS / "mercury_CubicPacking.restart"
 
 
-@pytest.fixture
-def cubic(tmp_path, capsys):
-    """A copy of the file of MercuryDPM."""
-    path = tmp_path / CUBIC.name
-    path.write_bytes(CUBIC.read_bytes())
-    return Given(capsys, path, {})
-
-
 def test_mercury_gives_the_frequencies_of_its_chains(cubic):
     """CubicPackingSelfTest: 25 columns of five spheres on a floor, springs of one stiffness.
 
@@ -254,36 +246,3 @@ def test_finite_walls_without_listed_contacts_are_refused(cubic):
     cubic.spoil("spheres", "InfiniteWall", "TriangleWall")
     cubic.spoil("spheres", "(?s)Interactions.*", "")
     cubic.refused("wall 0, TriangleWall, do not follow from positions; write")
-
-
-LINEAR, ROLLS = "LinearViscoelastic", "MindlinRollingTorsionSpecies rollingFrictionCoefficient 0.1"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (
-            "MercuryDPM [^\n]*",
-            "restart_version 2",
-            "line 1: begins with .restart_version 2., which",
-        ),
-        (f"{LINEAR}Sp", "LinearPlasticViscoelasticSp", "line 12: .* is not known; LinearViscoel"),
-        (f"{LINEAR}Species", f"{LINEAR}BondedSpecies", "line 12: .*BondedSpecies is not known"),
-        (f"{LINEAR}Species", LINEAR + ROLLS, "line 12: rolling friction is resisted by no spring"),
-        ("particleDimensions 3", "particleDimensions 2", "line 10: particleDimensions 2: discs"),
-        ("systemDimensions 3", "systemDimensions 2", "line 10: systemDimensions 2: .* in a plane"),
-        ("stiffness 75857.5", "stiffness x75857.5", "line 12: stiffness .x.* is no number"),
-        ("Boundaries 0", "Boundaries 1\nAngledPeriodicBoundary normal 1 0 0", "line 21: .*angled"),
-        ("particleWallIds 120 4", "particleWallIds 120 0", "line 173: a contact with wall 0"),
-        ("particleIds 115 116", "particleIds 120 121", "line 149: the contact of line 148 again"),
-        ("particleIds 120 121", "particleIds 120 900", "line 148, .* sphere 900 is not"),
-        ("BaseParticle id 1 ", "MultiParticle id 1 ", "line 23: MultiParticle is no sphere"),
-        ("invMass 1.00000000895498", "invMass 0", "line 22: a fixed particle"),
-        (r"(?s)\A((?:[^\n]*\n){15}).*", r"\1", "2 Walls of 6: the file ends early"),
-        (r"(?s)\A((?:[^\n]*\n){64}).*", r"\1", "43 Particles of 125: the file ends early"),
-        (r"(?s)\A((?:[^\n]*\n){220}).*", r"\1", "73 Inter.* of 125: the file ends early"),
-    ],
-)
-def test_mercury_is_refused_by_line(cubic, old, new, said):
-    cubic.spoil("spheres", old, new)
-    cubic.refused(said)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import shlex
 import shutil
 from dataclasses import replace
-from math import isnan, nan
 from pathlib import Path
 
 import h5py
@@ -18,11 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import ROOT, SHEARED
 
-from analysis.__main__ import main as analysis_main
-from analysis.case import find
-from analysis.measuring import Measuring
-from analysis.quantities import QUANTITIES
-from analysis.study.measuring import of_case
 from modal.__main__ import main
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import (
@@ -37,8 +30,6 @@ from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.tools.errors import InputError
-from modal.waves.energy_balance import EnergyBalance
-from modal.waves.signals import read_signals, write_signals
 
 COMMANDS = {
     "modes": ["--lowest", "4"],
@@ -229,142 +220,3 @@ def test_settings_survive_the_file_exactly(found):
     """A number that came back changed would make every product stale."""
     said = Provenance("", found).attributes()
     assert json.loads(said["settings"]) == found
-
-
-@pytest.fixture(scope="module")
-def made_once(tmp_path_factory) -> Path:
-    """A folder with case 2 at 100 kPa and case 3 at 1 MPa: networks, modes and linear waves."""
-    folder = tmp_path_factory.mktemp("study")
-    for case, stress in (("case02", 1e5), ("case03", 1e6)):
-        network = folder / f"{case}.network.h5"
-        write_network(network, gallery.fcc(stress, (1, 1, 60)))
-        assert main(["modes", str(network), "--all", "-o", str(folder / f"{case}.modes.h5")]) == 0
-        signals = str(folder / f"{case}.signals.h5")
-        assert main(["wave", str(network), "--duration", "2e-4", "-o", signals]) == 0
-    return folder
-
-
-@pytest.fixture
-def folder(made_once, tmp_path) -> Path:
-    """A copy of it to spoil."""
-    return Path(shutil.copytree(made_once, tmp_path / "products"))
-
-
-@pytest.mark.parametrize("kind", ["modes", "signals", "reverse"])
-def test_products_of_another_stress_are_refused_with_both_names(kind, folder, capsys):
-    """In place of a case's own, and as another run of an agreement."""
-    mine, its = (folder / f"case{case}.{kind}.h5" for case in ("03", "02"))
-    name = "natural_frequencies" if kind == "modes" else "signals"
-    command = ["figure", name, "3", "--products", str(folder), "-o", str(folder / "out")]
-    if kind == "reverse":
-        case, its = folder / "case03", folder / "case02.signals.h5"
-        command = ["agreement", f"{case}.network.h5", f"{case}.signals.h5", "--reverse", str(its)]
-    else:
-        shutil.copy(its, mine)
-    capsys.readouterr()
-    assert analysis_main(command) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search("made from case02.network.h5 .* not from case03.network.h5", line)
-    assert (its if kind == "reverse" else mine).name in line
-
-
-def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
-    with h5py.File(folder / "case02.modes.h5", "r+") as file:
-        del file["provenance"]
-    arguments = ["figure", "signals", "2", "--products", str(folder), "-o", str(folder)]
-    assert analysis_main(arguments) == 0
-    assert capsys.readouterr().out.count("case02.modes.h5: of unknown origin") == 1
-
-
-def test_status_says_which_product_is_stale_and_why(folder, capsys):
-    """A network made again, and a study that has changed since the wave ran."""
-    study = folder / "study.yaml"
-    text = """
-names: case{:02d}
-groups:
-  - kind: fcc
-    factors: {stress: [1e4, 1e5, 1e6]}
-    friction: 0
-    wave_friction: 0.1
-    input_frequency: 1e5
-    direction: z
-"""
-    command = ["study", str(study), "--status", "--products", str(folder)]
-    study.write_text(text)
-    capsys.readouterr()
-    assert analysis_main(command) == 0
-    assert "stale" not in capsys.readouterr().out
-    study.write_text(text.replace("y: 1e5", "y: {by: stress, 1e6: 2e5, else: 1e5}"))
-    write_network(folder / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
-    assert analysis_main(command) == 0
-    out = capsys.readouterr().out.splitlines()
-    assert out[1].split() == ["case02", "yes", "stale", "-", "stale"]
-    assert out[2].split() == ["case03", "yes", "yes", "-", "stale"]
-    assert any("case02.modes.h5: stale, packing was case02.network.h5 (" in line for line in out)
-    why = "case03.signals.h5: stale, input_frequency was 100000.0, is 200000.0"
-    assert why in [line.strip() for line in out]
-
-
-def test_what_is_kept_is_made_again_where_its_settings_or_packing_have_changed(
-    tmp_path, capsys, monkeypatch
-):
-    write_network(tmp_path / "case02.network.h5", gallery.fcc(1e5, (1, 1, 60)))
-    network = str(tmp_path / "case02.network.h5")
-    command = ["measure", network, "--quantities", "gain", "--keep", str(tmp_path)]
-    assert analysis_main(command) == 0
-    monkeypatch.setattr("analysis.estimators.transfer.RESOLUTION", 0.5)
-    capsys.readouterr()
-    assert analysis_main(command) == 0
-    assert "case02.response.h5: stale, resolution was " in capsys.readouterr().out
-    assert analysis_main(command) == 0
-    assert "stale" not in capsys.readouterr().out
-    write_network(tmp_path / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
-    assert analysis_main(command) == 0
-    assert "stale, highest was " in capsys.readouterr().out
-
-
-def test_result_names_command_and_sources_of_every_file(folder):
-    rows = {row[0]: row[2:] for row in of_case("case02", folder, folder / "a.json").provenance}
-    command, sources = rows["case02.modes.h5"]
-    assert command.startswith("python -m modal modes case02.network.h5 --all")
-    assert sources == f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})"
-
-
-def books(**changed: float) -> EnergyBalance:
-    """A run whose energy drifts by 1e-3 within a limit of 1e-2, and whose books close to 2e-4."""
-    sound = {"energy": 2e-10, "drift": 1e-3, "friction": 0.0, "limit": 1e-2}
-    sound |= {"work": 2.1e-10, "gap": 2e-4, "contacts": 1200, "opened": 17, "slid": 0}
-    return EnergyBalance(**sound | changed)
-
-
-BOOKS = [
-    (books(), 0),
-    (books(drift=-0.5), 1),
-    (books(drift=-0.5, limit=nan), 0),
-    (books(drift=-0.5, limit=nan, gap=2e-3), 1),
-    (books(drift=-0.5, limit=nan, gap=nan, work=nan), 0),
-]
-
-
-def test_energy_balance_survives_the_file_and_is_shown(folder):
-    """Files of before the wall's work: what they do not say is unknown, the rest is kept."""
-    path = folder / "case02.signals.h5"
-    made, signals = read_provenance(path), read_signals(path)
-    assert signals.balance is None
-    for balance, note in BOOKS:
-        write_signals(path, replace(signals, producer="yade", balance=balance), made)
-        again = read_signals(path).balance
-        assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
-        case = find("2", folder)
-        m = Measuring.of(case)
-        assert QUANTITIES["contacts_opened"].of(m) == 17
-        for name in ("drift", "gap"):
-            found = QUANTITIES[f"energy_{name}"].measured(m).value
-            assert found == pytest.approx(getattr(balance, name), nan_ok=True)
-        assert sum("do not trust this run" in text for text in case.notes) == note
-    write_signals(path, replace(signals, balance=books()), made)
-    with h5py.File(path, "a") as file:
-        for name in ("work", "gap"):
-            del file["balance"].attrs[name]
-    again = read_signals(path).balance
-    assert isnan(again.work) and isnan(again.gap) and again.drift == 1e-3 and again.kept

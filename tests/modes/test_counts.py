@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import columns_side_by_side, dense_squares, diluted
+from packings import dense_squares, diluted
 
 import modal
 from modal.modes.counts import count_below
@@ -40,19 +40,6 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     exact = dense_squares(system)
     assert abs(exact - square).min() > 1e-4 * exact[-1]
     assert count_below(system, frequency_of(square)) == int((exact < square).sum())
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_solutions_show_a_mode_that_a_count_cannot_lie_on(solver):
-    """Beside a frequency of sixty equal modes all of them are on one side."""
-    if not available(solver):
-        pytest.skip("pypardiso is not installed")
-    network = columns_side_by_side(60)
-    hz = float(frequency_of(dense_squares(LinearSystem.of(network)))[-200])
-    below, above = modal.count_modes(network, [hz * (1 - 1e-6), hz * (1 + 1e-6)], solver=solver)
-    assert (above - below) % 60 == 0 < above - below
-    with pytest.raises(InputError, match="slightly different"):
-        modal.count_modes(network, hz, solver=solver)
 
 
 @pytest.mark.parametrize("solver", [None, *SOLVERS])

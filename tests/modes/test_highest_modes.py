@@ -121,34 +121,6 @@ def test_a_long_column_goes_on_about_a_shift():
     assert found.attributes["certified"]
 
 
-def test_the_highest_short_of_their_count_are_said(tmp_path, capsys, monkeypatch):
-    """Neither products nor solves converge for the last two of six; pairs are equal."""
-    from modal.solvers.lanczos import modes_from_top, modes_nearest
-
-    network, exact = columns(300, 1e-3)
-    square = (2 * np.pi * exact) ** 2
-    floor = (square[-5] + square[-4]) / 2
-
-    def only_above(search_for):
-        def search_and_forget(*arguments, **options):
-            found = search_for(*arguments, **options)
-            found.converged &= found.square > floor
-            return found
-
-        return search_and_forget
-
-    monkeypatch.setattr(search, "modes_from_top", only_above(modes_from_top))
-    monkeypatch.setattr(search, "modes_nearest", only_above(modes_nearest))
-    source = tmp_path / "x.network.h5"
-    write_network(source, network)
-    assert main(["modes", str(source), "--highest", "6", "--json"]) == 3
-    printed = capsys.readouterr()
-    found = json.loads(printed.out)
-    assert found["frequency_hz"] == pytest.approx(exact[-4:], rel=1e-9)
-    assert found["missing"] == 2 and not found["certified"]
-    assert "2 modes are missing" in printed.err
-
-
 def test_one_highest_mode_where_products_stop_below_the_top():
     """A column of FCC has a dense bunch at the top: a shift taken below it is noticed and raised.
 

@@ -9,13 +9,12 @@ from packings import (
 )
 
 from modal.__main__ import main
-from modal.modes.effort import Effort
 from modal.modes.lowest import lowest_modes, modes_between
 from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.solvers.factor import SOLVERS, available, factorise
+from modal.solvers.factor import SOLVERS, Cost, available, factorise
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
@@ -65,7 +64,7 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     Columns side by side have every frequency thirty times, more than a block is wide: the count
     asks for further rounds.
     """
-    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Effort(1e9, 0.0))
+    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
     monkeypatch.delattr("modal.system.linear_system.factorise")
     system = LinearSystem.of(network, limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
@@ -81,7 +80,7 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
 
 def test_what_a_polynomial_is_not_for(monkeypatch):
     """A named solver, a lower end inside, half of the spectrum, or no memory: a factor."""
-    dear, free = Effort(1e3, 0.0), Effort(0.0, 1e6)
+    dear, free = Cost(0.0, 1e13, 0.0), Cost(1e6, 0.0, 0.0)
     monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: dear)
     monkeypatch.setattr("modal.modes.lowest.below_an_edge", lambda *_: free)
     network, limits = diluted(0.35, 5, layers=7), Limits(dense=0)

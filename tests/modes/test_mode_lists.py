@@ -10,10 +10,11 @@ from modal.__main__ import main
 from modal.modes import dense
 from modal.modes import eigenmodes as modes
 from modal.modes import lowest as intervals
-from modal.modes.effort import Effort
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import (
     Choice,
+    certificate,
+    joined,
     read_modes,
     read_z_shapes,
     subset,
@@ -22,6 +23,7 @@ from modal.modes.mode_set import (
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.solvers import lanczos
+from modal.solvers.factor import Cost
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
@@ -155,7 +157,12 @@ def test_without_a_file_no_shapes_are_made(network):
 
 
 def test_a_subset_leaves_the_whole_as_it_was():
-    whole = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 4))))
+    system = LinearSystem.of(gallery.fcc(cells=(3, 3, 4)))
+    between = intervals.modes_between(system, 1e3 / 3, 2e4)
+    assert between.choice == Choice("between", low=1e3 / 3, high=2e4)
+    few = subset(between, slice(0, 2), Choice("lowest", 2))
+    assert few.choice == Choice("lowest", 2) and not {"low", "high"} & set(few.attributes)
+    whole = dense.all_modes(system)
     before = replace(whole, attributes=dict(whole.attributes))
     part = subset(whole, slice(10, 20), Choice("lowest", 10))
     assert np.array_equal(part.frequency, before.frequency[10:20])
@@ -166,30 +173,39 @@ def test_a_subset_leaves_the_whole_as_it_was():
     assert len(subset(whole, slice(0, 0), Choice("lowest")).resonance_frequency) == 0
 
 
-def nothing_above(threshold: float, search):
-    """A search whose modes above `threshold` (omega^2) never converge."""
+@pytest.mark.parametrize("missing", [0, 3, -1])
+def test_lists_that_are_joined_are_complete_if_each_is(missing):
+    """Short of some, or with more modes than were counted: the whole is neither certified."""
+    whole = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 4))))
+    parts = [subset(whole, slice(a, a + 50), Choice("all")) for a in (0, 50)]
+    parts[1].attributes |= certificate(missing)
+    found = joined(parts, Choice("between", low=0.0, high=1e9))
+    assert np.array_equal(found.mode_shape, whole.mode_shape[:100])
+    assert (found.certified, found.missing) == (missing == 0, max(missing, 0))
 
-    def short(*arguments, **options):
-        found = search(*arguments, **options)
-        found.converged &= found.square < threshold
-        return found
 
-    return short
-
-
-@pytest.mark.parametrize("path", ["lowest", "interval", "low end"])
+@pytest.mark.parametrize("path", ["lowest", "interval", "low end", "highest"])
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
-    """12 modes asked of which the 8 lowest converge: 8 in the file, 4 missing, status 3."""
-    network = crystal_without_symmetry(27)
+    """12 modes asked of which 8 at the end converge: 8 in the file, 4 missing, status 3."""
+    network, highest = crystal_without_symmetry(27), path == "highest"
     square = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())
     frequency = frequency_of(square)
-    for search in (lanczos.modes_nearest, lanczos.modes_below):
-        short = nothing_above((square[7] + square[8]) / 2, search)
-        monkeypatch.setattr(f"modal.modes.search.{search.__name__}", short)
-    lifted = Effort(0.0 if path == "low end" else 1e9, 0.0)
+
+    def short(search):
+        def search_and_forget(*arguments, **options):
+            found = search(*arguments, **options)
+            eighth = square[-9:-7].mean() if highest else square[7:9].mean()
+            found.converged &= (found.square > eighth) == highest
+            return found
+
+        return search_and_forget
+
+    for search in (lanczos.modes_nearest, lanczos.modes_below, lanczos.modes_from_top):
+        monkeypatch.setattr(f"modal.modes.search.{search.__name__}", short(search))
+    lifted = Cost(0.0, 0.0 if path == "low end" else 1e19, 0.0)
     monkeypatch.setattr(intervals, "below_an_edge", lambda *_: lifted)
-    middle = (frequency[11] + frequency[12]) / 2
-    options = ["--lowest", "12"] if path == "lowest" else ["--below", repr(float(middle))]
+    asked = {"lowest": ["--lowest", "12"], "highest": ["--highest", "12"]}
+    options = asked.get(path, ["--below", repr(float(frequency[11:13].mean()))])
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     write_network(source, network)
     assert main(["modes", str(source), "--json", *options, "-o", str(out)]) == 3
@@ -198,7 +214,9 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     assert found["missing"] == 4 and not found["certified"]
     assert "4 modes are missing" in printed.err
     written = read_modes(out)
-    assert written.frequency == pytest.approx(frequency[:8], rel=1e-8)
+    assert written.frequency == pytest.approx(
+        frequency[-8:] if highest else frequency[:8], rel=1e-8
+    )
     assert written.attributes["missing"] == 4 and not written.attributes["certified"]
     assert "4" in written.attributes["uncertified_because"] == found["uncertified_because"]
 
@@ -217,11 +235,3 @@ def test_what_was_asked_for_is_read_back_from_old_files_too(choice):
     written = choice.attributes
     assert Choice.of_attributes(written) == choice
     assert Choice.of_attributes({"interval": written["interval"]}) == choice
-
-
-def test_a_slice_of_an_interval_keeps_no_limits_of_the_whole():
-    network = crystal_without_symmetry(5)
-    between = intervals.modes_between(LinearSystem.of(network), 1e3 / 3, 2e4)
-    assert between.choice == Choice("between", low=1e3 / 3, high=2e4)
-    few = subset(between, slice(0, 2), Choice("lowest", 2))
-    assert few.choice == Choice("lowest", 2) and not {"low", "high"} & set(few.attributes)

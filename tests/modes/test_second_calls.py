@@ -8,19 +8,23 @@ import pytest
 
 import modal
 from modal.packing import crystal as gallery
+from modal.solvers import lanczos, spectrum
 from modal.solvers.factor import factorise
 
 pytestmark = pytest.mark.two_ways
 QUESTIONS = {
     "counts": lambda network: modal.count_modes(network, [3e4, 6e4]),
     "modes": lambda network: modal.eigenmodes(network, lowest=5).frequency,
+    "interval": lambda network: modal.eigenmodes(network, between=(3e4, 4e4)).mode_shape,
+    "highest": lambda network: modal.eigenmodes(network, highest=3).frequency,
+    "density": lambda network: modal.density_of_states(network, tolerance=0.1).moments,
     "moduli": lambda network: modal.elastic_moduli(network).stiffness,
 }
 
 
 @pytest.fixture
 def made(monkeypatch):
-    """A list to which each factorisation adds a name; one more for each that is given back."""
+    """A list to which each factorisation and search adds a name; another for one given back."""
     names = []
 
     def noted(*arguments, **options):
@@ -33,8 +37,16 @@ def made(monkeypatch):
 
         return replace(factor, release=release)
 
-    for module in ("modal.system.linear_system", "modal.modes.counts"):
+    for module in ("modal.system.linear_system", "modal.modes.counts", "modal.modes.search"):
         monkeypatch.setattr(f"{module}.factorise", noted)
+    for search in (lanczos.modes_nearest, lanczos.modes_from_top, spectrum.bound_of_spectrum):
+
+        def searched(*arguments, search=search):
+            names.append(search.__name__)
+            return search(*arguments)
+
+        where = "density" if search is spectrum.bound_of_spectrum else "search"
+        monkeypatch.setattr(f"modal.modes.{where}.{search.__name__}", searched)
     return names
 
 
@@ -42,19 +54,25 @@ def answers(network):
     return [ask(network) for ask in QUESTIONS.values()]
 
 
-def test_nothing_is_factorised_twice_and_the_second_answer_is_the_first(made):
+def test_nothing_is_factorised_or_sought_twice_and_the_second_answer_is_the_first(made):
     network = gallery.fcc(cells=(4, 4, 8))
     first = answers(network)
-    factorised = made.count("made")
-    assert factorised >= 3  # two counts and the factor of the modes, at least
+    known = list(made)
+    assert known.count("made") >= 3  # two counts and the factor of the modes, at least
+    assert {"modes_nearest", "modes_from_top", "bound_of_spectrum"} < set(known)
     second = answers(network)
-    assert made.count("made") == factorised
+    assert made == known
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one, other)
+    # Another question, or the same in another way, is not answered by what is kept.
+    assert modal.eigenmodes(network, lowest=5, shapes=False).mode_shape is None
+    uncertified = modal.eigenmodes(network, highest=3, certify=False)
+    assert not uncertified.certified and modal.eigenmodes(network, highest=3).certified
+    assert len(modal.eigenmodes(network, lowest=4).frequency) == 4
     # Other springs are another network, of which nothing is known.
     stiffer = replace(network, stiffness_normal=2 * network.stiffness_normal)
     assert (answers(stiffer)[1] > first[1]).any()
-    assert made.count("made") > factorised
+    assert made.count("made") > known.count("made")
 
 
 def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch):
@@ -69,3 +87,6 @@ def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch)
     for one, other in zip(first, answers(network), strict=True):
         np.testing.assert_array_equal(one, other)
     assert made.count("given back") == made.count("made")
+    searched = made.count("modes_nearest")
+    answers(network)
+    assert made.count("modes_nearest") > searched

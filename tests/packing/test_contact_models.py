@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import brentq
 
 import modal
 from modal.__main__ import main
@@ -107,11 +108,7 @@ def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
     )  # fmt: skip
     law, (mass, _) = sample.laws[0], sample.material.sphere(RADIUS)
     energy = mass * approach**2 / 4
-    low, high = 1e-12, 1e-3
-    for _ in range(100):
-        deepest = (low * high) ** 0.5
-        low, high = (deepest, high) if law.elastic_energy(deepest, RADIUS / 2) < energy else (
-            low, deepest)  # fmt: skip
+    deepest = brentq(lambda d: law.elastic_energy(d, RADIUS / 2) - energy, 1e-12, 1e-3, xtol=1e-20)
     # d = deepest (1 - x^2) takes the root out of the end of the way.
     time, _ = quad(
         lambda x: 2 * x * deepest

@@ -1,11 +1,11 @@
 """Spheres in motion: conservation laws, closed forms of one contact, numpy, threads, and YADE."""
 
 import json
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from in_yade import script
 from places import ROOT
 
 from modal.dem import contacts as moving_contacts
@@ -303,14 +303,7 @@ def test_steps_are_those_of_yade(drive, mixture, tmp_path, yade):
     lightest = np.min(sample.masses[0] / sample.sizes) / (GLASS.sphere(RADIUS)[0] / RADIUS)
     dt = time_step(3e5, radius=RADIUS * np.sqrt(lightest))
     settings = {"steps": 500, "dt": dt, "damping": 0.2, "interval": 5} | drive
-    script = str(ROOT / "yade_scripts" / "steps.py")
-    subprocess.run(
-        ["yade", "-n", "-x", "-j1", script, str(start), str(end), json.dumps(settings)],
-        timeout=300,
-        check=True,
-        capture_output=True,
-        cwd=tmp_path,
-    )
+    script(ROOT / "yade_scripts" / "steps.py", start, end, json.dumps(settings), folder=tmp_path)
     theirs, motion = read_sample(end), Dynamics(read_sample(start), damping=0.2)
     control = ConstantRate(1.0) if "rate" in drive else Servo(3e5, 0.01)
     stresses, touching, sliding = [], [motion.contacts.touching], []

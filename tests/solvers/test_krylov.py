@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from operators import Known, rotation
 
 from modal.solvers import lanczos as krylov
 from modal.solvers.lanczos import (
@@ -18,11 +19,6 @@ from modal.solvers.lanczos import (
 pytestmark = pytest.mark.two_ways
 
 EPS = np.finfo(float).eps
-
-
-def rotation(size: int, seed: int) -> np.ndarray:
-    """Random orthonormal vectors, in columns."""
-    return np.linalg.qr(np.random.default_rng(seed).standard_normal((size, size)))[0]
 
 
 def solver(square: np.ndarray, vector: np.ndarray, sigma: float):
@@ -126,16 +122,11 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     }[spectrum]
     vector = rotation(300, 7)
     held = held_out(vector[:, :5], vector[:, -4:-2])
-    applied = []
-
-    def apply(block):
-        applied.append(block.shape[1])
-        return vector @ (square[:, None] * (vector.T @ block))
-
-    near = modes_from_top(apply, 300, count, held, 20_000)
+    known = Known(square, vector)
+    near = modes_from_top(known.apply, 300, count, held, 20_000)
     wanted = np.r_[5:296, 298:300][-count:]
     assert near.converged.all() and len(near.converged) == count
-    assert near.products == sum(applied)
+    assert near.products == known.products
     assert near.square == pytest.approx(square[wanted], rel=1e-12)
     # Each of up to some twenty restarts rounds once more.
     round_off = 20 * 300 * EPS
@@ -143,7 +134,7 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     assert abs(held.found.T @ near.vector).max() < round_off
     assert abs(held.null.T @ near.vector).max() < round_off
     # The residual, relative to the eigenvalue, once more from the vectors themselves.
-    moved = vector @ (square[:, None] * (vector.T @ near.vector)) - near.vector * near.square
+    moved = known.apply(near.vector) - near.vector * near.square
     limit = TOLERANCE * abs(near.square) + round_off * abs(square).max()
     assert (np.linalg.norm(moved, axis=0) <= 1.01 * limit).all()
 

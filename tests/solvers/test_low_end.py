@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from numpy.polynomial.chebyshev import Chebyshev
+from operators import Known, rotation
 
 from modal.solvers.lanczos import TOLERANCE, Held, modes_below
 from modal.solvers.low_end import REACH, LowEnd
@@ -11,47 +12,10 @@ from modal.solvers.low_end import REACH, LowEnd
 pytestmark = pytest.mark.two_ways
 
 
-class Known:
-    """A = Q diag(square) Q^T with a random orthogonal Q."""
-
-    def __init__(self, square: np.ndarray) -> None:
-        self.square, self.products = square, 0
-        random = np.random.default_rng(1).standard_normal((len(square), len(square)))
-        self.vector = np.linalg.qr(random)[0]
-
-    def inward(self, u):
-        return u[::-1]
-
-    def outward(self, u):
-        return u[::-1]
-
-    def combine(self, u, out, alpha, beta=0.0, gamma=0.0):
-        self.products += u.shape[1]
-        product = self.vector @ (self.square[:, None] * (self.vector.T @ u[::-1]))
-        out[:] = alpha * product[::-1] + beta * u + (gamma * out if gamma else 0.0)
-        return out
-
-
-class Diagonal:
-    """A whose eigenvectors are the axes."""
-
-    def __init__(self, square: np.ndarray) -> None:
-        self.square = square
-
-    def inward(self, u):
-        return u
-
-    outward = inward
-
-    def combine(self, u, out, alpha, beta=0.0, gamma=0.0):
-        out[:] = alpha * self.square[:, None] * u + beta * u + (gamma * out if gamma else 0.0)
-        return out
-
-
 @pytest.mark.parametrize("edge", [0.02, 1.0, 20.0])
 def test_the_polynomial_is_that_of_chebyshev(edge):
     """Against numpy's, in the eigenvectors; a mode at zero is lifted to e^REACH / 2."""
-    known = Known(np.linspace(0, 90, 40))
+    known = Known(np.linspace(0, 90, 40), rotation(40, 1))
     low_end = LowEnd(known, edge, 100.0)
     x = (100 + edge - 2 * known.square) / (100 - edge)
     lifted = Chebyshev.basis(low_end.degree)(x)
@@ -78,7 +42,7 @@ def test_a_mode_above_the_top_is_not_lifted():
     """T_d of an odd degree is negative there."""
     for edge in (0.03, 0.5, 7.0):
         # Along the axes: what grows out of range would reach the others by round-off.
-        low_end = LowEnd(Diagonal(np.array([0.0, 101.0, 150.0])), edge, 100.0)
+        low_end = LowEnd(Known(np.array([0.0, 101.0, 150.0])), edge, 100.0)
         value = np.diag(low_end.apply(np.eye(3)))
         assert low_end.degree % 2 == 1
         assert value[0] > 100 and (value[1:] < -1).all()
@@ -88,7 +52,7 @@ def test_a_mode_above_the_top_is_not_lifted():
 def test_lowest_of_a_known_spectrum(count):
     """The lowest but the held ones, as true eigenpairs."""
     square = np.concatenate([np.zeros(5), np.linspace(1, 100, 395)])
-    known = Known(square)
+    known = Known(square, rotation(400, 1))
     edge = 1.08 * square[5 + 3 + count - 1]
     held = Held(sp.csc_matrix(known.vector[:, :5]), known.vector[:, [6, 8, 9]])
     wanted = np.setdiff1d(np.arange(5, 400), [6, 8, 9])[:count]
@@ -110,7 +74,7 @@ def test_fewer_vectors_than_nearest_a_shift():
     """A spectrum like a packing's, omega^2 as the 2/3 power of the number."""
     square = 100 * (np.arange(1, 4001) / 4000) ** (2 / 3)
     nothing, count = Held(sp.csc_matrix((4000, 0)), np.empty((4000, 0))), 300
-    low_end = LowEnd(Diagonal(square), 1.08 * square[count - 1], 101.0)
+    low_end = LowEnd(Known(square), 1.08 * square[count - 1], 101.0)
     found = modes_below(low_end, 4000, count, nothing)
     assert found.converged.all()
     assert found.square == pytest.approx(square[:count], rel=1e-11)

@@ -11,8 +11,6 @@ from places import ROOT, TESTS
 
 from modal.solvers.same_bits import same_bits_product
 
-pytestmark = pytest.mark.two_ways
-
 EPS = np.finfo(float).eps
 
 

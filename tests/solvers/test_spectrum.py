@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from operators import Known
 
 from modal.modes import density
 from modal.modes.collective import every_floppy
@@ -30,28 +31,6 @@ from modal.waves.propagate import propagate
 pytestmark = pytest.mark.two_ways
 
 
-class Diagonal:
-    """An operator with a known spectrum, that counts its products."""
-
-    pre_stress = "none"
-
-    def __init__(self, square) -> None:
-        self.square = np.asarray(square, float)
-        self.shape = 2 * (len(self.square),)
-        self.products = 0
-
-    def apply(self, u: np.ndarray) -> np.ndarray:
-        """A u."""
-        self.products += 1
-        return self.square * u
-
-    def combine(self, u, out, alpha, beta=0.0, gamma=0.0) -> np.ndarray:
-        """Out = alpha A u + beta u + gamma out."""
-        out[:] = beta * u + (gamma * out if gamma else 0.0)
-        out += alpha * self.apply(u)
-        return out
-
-
 class Moments:
     """A record of the first moments themselves, one a row."""
 
@@ -73,7 +52,7 @@ class Moments:
         record[first : first + len(rows)] = rows
 
 
-def everything(operator: Diagonal) -> Driven:
+def everything(operator: Known) -> Driven:
     """A push on all, and receivers of all motions."""
     size = operator.shape[0]
     link = Link(
@@ -96,7 +75,7 @@ SPECTRA = {
 @pytest.mark.parametrize("end", [top_of_spectrum, bound_of_spectrum])
 def test_end_of_known_spectra(end, name):
     """Above the top by margin and residual, 2 % each at most; products told."""
-    operator = Diagonal(SPECTRA[name])
+    operator = Known(SPECTRA[name])
     top, products = end(operator)
     assert SPECTRA[name].max() < top < 1.041 * SPECTRA[name].max()
     assert products == operator.products
@@ -105,15 +84,15 @@ def test_end_of_known_spectra(end, name):
 def test_few_values_take_as_many_products():
     """A Krylov space of two eigenvalues is exhausted after two products."""
     for end in (top_of_spectrum, bound_of_spectrum):
-        assert end(Diagonal(SPECTRA["two values"])) == (pytest.approx(9 / 0.98, rel=1e-12), 2)
-        assert end(Diagonal(np.zeros(20))) == (0.0, 1)
+        assert end(Known(SPECTRA["two values"])) == (pytest.approx(9 / 0.98, rel=1e-12), 2)
+        assert end(Known(np.zeros(20))) == (0.0, 1)
     # Two values of either sign, whose mean is near zero.
-    assert bound_of_spectrum(Diagonal([-1.0, 1.0] * 25)) == (pytest.approx(1 / 0.98), 2)
+    assert bound_of_spectrum(Known([-1.0, 1.0] * 25)) == (pytest.approx(1 / 0.98), 2)
 
 
 def test_an_estimate_ends_at_its_most_products():
     """After 40 steps the residual is 0.8 % of half the width, 2.4 % of the top."""
-    top, products = top_of_spectrum(Diagonal(np.linspace(-5, 1, 3000)))
+    top, products = top_of_spectrum(Known(np.linspace(-5, 1, 3000)))
     assert products == LANCZOS_STEPS
     assert 1 < top < 1.05
 
@@ -121,7 +100,7 @@ def test_an_estimate_ends_at_its_most_products():
 @pytest.mark.parametrize("size", [500, 1000, 2000, 3000, 5000])
 def test_bound_takes_the_products_of_its_theorem(size):
     """Within 2 % but for 1e-6: 1.648 sqrt(n) exp(-(2k - 1) sqrt(0.02)) <= 1e-6, and no fewer."""
-    _, steps = bound_of_spectrum(Diagonal(1 - np.linspace(0, 1, size) ** 2))
+    _, steps = bound_of_spectrum(Known(1 - np.linspace(0, 1, size) ** 2))
 
     def failure(k: int) -> float:
         return 1.648 * np.sqrt(size) * np.exp(-(2 * k - 1) * np.sqrt(0.02))
@@ -129,9 +108,9 @@ def test_bound_takes_the_products_of_its_theorem(size):
     assert failure(steps) <= 1e-6 < failure(steps - 1)
 
 
-def grown(square, share: float, orders: int) -> tuple[Diagonal, GrowthError, float]:
+def grown(square, share: float, orders: int) -> tuple[Known, GrowthError, float]:
     """A recurrence that left the interval from zero to a share of the top."""
-    operator, size = Diagonal(square), len(square)
+    operator, size = Known(square), len(square)
     # Tiny: growth is relative to the start.
     start, top = np.full(size, 1e-9), share * max(square)
     with pytest.raises(GrowthError) as caught:
@@ -151,7 +130,7 @@ def test_growth_is_told_from_round_off_at_every_order(orders):
     The recurrence's round-off grows as k^2, too: the same shares are seen, or not, at every order.
     """
     grown(np.full(4, 1 + 1e-13), 1 / (1 + 1e-13), orders)
-    operator, start = Diagonal(np.full(4, 1 + 1e-15)), np.ones(4)
+    operator, start = Known(np.full(4, 1 + 1e-15)), np.ones(4)
     Recurrence(operator, start, 1.0, sp.identity(4)).rows(orders)
 
 
@@ -159,7 +138,7 @@ def test_growth_is_told_from_round_off_at_every_order(orders):
 def test_products_with_an_estimate_that_is_too_small(share, monkeypatch):
     """Those of an attempt that grew are told as well, and only as many as were made."""
     square = np.linspace(0, 3, 400)
-    operator = Diagonal(square)
+    operator = Known(square)
     monkeypatch.setattr(chebyshev, "top_of_spectrum", lambda _: (share * 3.0, 0))
     tops = []
 
@@ -248,14 +227,3 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     tracemalloc.stop()
     assert 0.5 < peak / said["bytes_needed"] < 2
     assert 0.5 < made / said["products"] < 2
-
-
-def test_moments_are_those_of_chebyshevs_polynomials():
-    """Rows of T_k(2 A / top - 1) start, by the cosine."""
-    square, top = np.linspace(0, 5, 30), 6.0
-    start = np.random.default_rng(1).standard_normal(30)
-    rows = Recurrence(Diagonal(square), start.copy(), top, sp.identity(30)).rows(70)
-    angle = np.arccos(2 * square / top - 1)
-    expected = np.cos(np.arange(70)[:, None] * angle) * start
-    # Round-off grows by at most the order at each product.
-    assert rows == pytest.approx(expected, abs=70**2 * 1e-15)

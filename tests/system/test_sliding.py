@@ -11,8 +11,6 @@ import modal
 from modal.__main__ import main
 from modal.packing.network import write_network
 
-pytestmark = pytest.mark.two_ways
-
 SLAB = polydisperse(n=40)
 """One contact in five slides."""
 

@@ -8,10 +8,10 @@ from scipy.linalg import eig
 
 import modal
 from modal.__main__ import main
-from modal.modes import damped
 from modal.modes.damped import damped_modes, decay_rates
 from modal.packing.crystal import column
 from modal.packing.network import write_network
+from modal.solvers import arnoldi
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
@@ -120,8 +120,8 @@ def test_only_what_oscillates_is_a_mode():
 
 def test_modes_that_do_not_converge_are_said_in_one_line(monkeypatch):
     """Arnoldi's iteration is given one restart for forty of thousands of nearly equal rates."""
-    crystal, own = modal.fcc(cells=(2, 2, 12)), damped.eigs
-    monkeypatch.setattr(damped, "eigs", lambda *a, **k: own(*a, **k | {"maxiter": 1, "ncv": 43}))
+    crystal, own = modal.fcc(cells=(2, 2, 12)), arnoldi.eigs
+    monkeypatch.setattr(arnoldi, "eigs", lambda *a, **k: own(*a, **k | {"maxiter": 1, "ncv": 43}))
     with pytest.raises(InputError, match=r"of 40 modes near 150000 Hz converged; ask") as found:
         damped_modes(crystal, DAMPING, near=1.5e5, count=40)
     assert "\n" not in str(found.value)

@@ -14,8 +14,6 @@ from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.waves.source import Pulse, SampledMotion, chirp, step
 from modal.waves.sources import Wall
 
-pytestmark = pytest.mark.two_ways
-
 PACKINGS = {
     "crystal": lambda: modal.fcc(cells=(1, 1, 12)),
     "column": lambda: gallery.column(8),

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import subprocess
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
-import scipy.sparse as sp
+from in_yade import measured_tangent, script
 from places import ROOT
 
 from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
 
 SCENE = ROOT / "tests" / "yade" / "two_sizes.py"
-
-
-def in_yade(folder, script, *arguments):
-    """Run a script inside YADE; its status and what it said."""
-    command = ["yade", "-n", "-x", "-j1", str(script), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
-    return done.returncode, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("kind", ["", "cohesive"])
@@ -32,17 +23,11 @@ def test_stiffness_equals_finite_differences_of_yades_forces(tmp_path, yade, kin
     steps of `yade_scripts/tangent.py` leave 2e-8 of K.
     """
     network, measured = tmp_path / "a.network.h5", tmp_path / "k.h5"
-    status, said = in_yade(tmp_path, SCENE, ROOT, network, measured, *[kind] * bool(kind))
-    assert status == 0, said
+    script(SCENE, ROOT, network, measured, *[kind] * bool(kind), folder=tmp_path)
     found = read_network(network)
     assert sorted(set(found.radius)) == [1e-3, 1.3e-3]
     assert found.with_wall.sum() == 11 and not found.cell_periodic.any()
-    size = 6 * found.n_particles
-    with h5py.File(measured) as file:
-        entries = file["value"][:], (file["row"][:], file["column"][:])
-    # Rotations as arcs of 1 mm.
-    units = sp.diags(np.tile([1, 1, 1] + [1e3] * 3, found.n_particles))
-    measured = units @ sp.csr_matrix(entries, shape=(size, size)) @ units
+    measured, units = measured_tangent(measured, found, 1e-3)
 
     def apart(network, pre_stress):
         K = units @ stiffness_matrix(network, pre_stress=pre_stress) @ units
@@ -59,8 +44,8 @@ def test_stiffness_equals_finite_differences_of_yades_forces(tmp_path, yade, kin
 
 def test_walls_come_in(tmp_path, yade):
     network = tmp_path / "a.network.h5"
-    status, said = in_yade(tmp_path, SCENE, ROOT, network, tmp_path / "k.h5", "wall")
-    assert status == 0 and "11 spheres, 31 contacts, 11 of them with walls" in said, said
+    said = script(SCENE, ROOT, network, tmp_path / "k.h5", "wall", folder=tmp_path)
+    assert "11 spheres, 31 contacts, 11 of them with walls" in said, said
     assert network.exists()
 
 
@@ -71,8 +56,7 @@ def test_a_clump_is_its_members_as_one_body(tmp_path, yade):
     K is that of the spheres without the contacts inside the clump.
     """
     files = tmp_path / "a.network.h5", tmp_path / "b.network.h5"
-    status, said = in_yade(tmp_path, SCENE, ROOT, *files, "clump")
-    assert status == 0, said
+    script(SCENE, ROOT, *files, "clump", folder=tmp_path)
     clump, spheres = map(read_network, files)
     members, apart = [0, 9, 10], np.arange(1, 9)
     body = np.full(11, -1)
@@ -110,10 +94,8 @@ def test_a_clump_is_its_members_as_one_body(tmp_path, yade):
 def test_saved_scene_gives_the_same_network(tmp_path, yade):
     """A scene that is loaded again has the same spheres, contacts and forces."""
     first, saved, second = (tmp_path / k for k in ("a.network.h5", "s.yade.bz2", "b.network.h5"))
-    status, said = in_yade(tmp_path, SCENE, ROOT, first, saved, "save")
-    assert status == 0, said
-    status, said = in_yade(tmp_path, ROOT / "yade_scripts" / "export_scene.py", saved, second)
-    assert status == 0, said
+    script(SCENE, ROOT, first, saved, "save", folder=tmp_path)
+    script(ROOT / "yade_scripts" / "export_scene.py", saved, second, folder=tmp_path)
     a, b = read_network(first), read_network(second)
     order = [np.lexsort((each.particle_j, each.particle_i)) for each in (a, b)]
     for name in ("stiffness_normal", "stiffness_tangential", "force_normal", "overlap"):

@@ -1,11 +1,9 @@
 """The tangent with pre-stress against an incremental force routine, YADE, and invariances."""
 
-import subprocess
-
-import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from in_yade import measured_tangent, script
 from packings import asymmetry, contact_matrices, scaled
 from places import ROOT
 
@@ -163,22 +161,11 @@ def test_crystal_without_shear_forces_stays_symmetric():
 def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
     """Motions of each of the 150 spheres along and about each axis, 900 columns."""
     out = tmp_path / "differences.h5"
-    script = str(ROOT / "yade_scripts" / "finite_differences.py")
-    subprocess.run(
-        ["yade", "-n", "-x", "-j1", script, str(SAMPLE), str(out)],
-        timeout=300,
-        check=True,
-        capture_output=True,
-        cwd=tmp_path,
-    )
+    script(ROOT / "yade_scripts" / "finite_differences.py", SAMPLE, out, folder=tmp_path)
     sample = read_sample(SAMPLE)
     network = sample.network()
-    size = 6 * network.n_particles
-    with h5py.File(out) as file:
-        entries = (file["value"][:], (file["row"][:], file["column"][:]))
     # Rotations times the radius are displacements: then all entries are N/m.
-    units = sp.diags(np.tile([1, 1, 1] + [1 / sample.radius] * 3, network.n_particles))
-    measured = units @ sp.csr_matrix(entries, shape=(size, size)) @ units
+    measured, units = measured_tangent(out, network, sample.radius)
     apart = {}
     for kind in ("none", "normal", "full"):
         K = units @ stiffness_matrix(network, pre_stress=kind) @ units

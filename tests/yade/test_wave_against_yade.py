@@ -94,7 +94,7 @@ def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
     """All force-bearing spheres, all times; the even part and the drift cancel between the runs."""
     network, (forth, back) = packing
     pair = Agreement(network, forth)
-    odd = pair.measured(forth).combine(pair.measured(back), 0.5, 0.5)
+    odd = pair.measured(forth).mean(pair.measured(back))
     apart = {kind: compare("", odd, pair.linear(kind)) for kind in ("none", "normal", "full")}
     # What is left is cubic: (0.05 nm / 300 nm)^2, weak contacts more; and rounded positions.
     assert apart["full"].particles < 1e-4

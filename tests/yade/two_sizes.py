@@ -10,28 +10,8 @@ import sys
 
 sys.path.insert(0, sys.argv[1])
 
-from yade import O, Quaternion
+from yade import O, Quaternion, wrapper
 from yade.utils import facet, sphere, wall
-from yade.wrapper import (
-    Bo1_Facet_Aabb,
-    Bo1_Sphere_Aabb,
-    Bo1_Wall_Aabb,
-    CohFrictMat,
-    ForceResetter,
-    FrictMat,
-    Ig2_Facet_Sphere_ScGeom,
-    Ig2_Facet_Sphere_ScGeom6D,
-    Ig2_Sphere_Sphere_ScGeom,
-    Ig2_Sphere_Sphere_ScGeom6D,
-    Ig2_Wall_Sphere_ScGeom,
-    InsertionSortCollider,
-    InteractionLoop,
-    Ip2_CohFrictMat_CohFrictMat_CohFrictPhys,
-    Ip2_FrictMat_FrictMat_FrictPhys,
-    Law2_ScGeom6D_CohFrictPhys_CohesionMoment,
-    Law2_ScGeom_FrictPhys_CundallStrack,
-    NewtonIntegrator,
-)
 
 from modal.formats.hdf5 import atomic_h5, put
 from yade_scripts.export_scene import export_scene
@@ -42,9 +22,9 @@ KIND = (sys.argv[4:] or [""])[0]
 glass = {"young": 1e9, "poisson": 0.4, "density": 2500, "frictionAngle": 0.5}
 if KIND == "cohesive":
     binder = {"normalCohesion": 1e12, "shearCohesion": 1e12, "momentRotationLaw": True}
-    O.materials.append(CohFrictMat(**glass, **binder, alphaKr=0.3, alphaKtw=0.7))
+    O.materials.append(wrapper.CohFrictMat(**glass, **binder, alphaKr=0.3, alphaKtw=0.7))
 else:
-    O.materials.append(FrictMat(**glass))
+    O.materials.append(wrapper.FrictMat(**glass))
 # Two facets cover the floor; bodies before the spheres, so that ids are not indices.
 # Their common edge lies between spheres: one that rests on an edge has a contact with each side.
 corners = ((-9e-3, -1e-2, 0), (2.1e-2, -1e-2, 0), (2.1e-2, 2e-2, 0), (-9e-3, 2e-2, 0))
@@ -70,27 +50,29 @@ if KIND == "wall":
 else:
     plane(TOP)
 O.engines = [
-    ForceResetter(),
-    InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Facet_Aabb(), Bo1_Wall_Aabb()]),
-    InteractionLoop(
+    wrapper.ForceResetter(),
+    wrapper.InsertionSortCollider(
+        [wrapper.Bo1_Sphere_Aabb(), wrapper.Bo1_Facet_Aabb(), wrapper.Bo1_Wall_Aabb()]
+    ),
+    wrapper.InteractionLoop(
         [
-            Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False),
-            Ig2_Facet_Sphere_ScGeom(),
-            Ig2_Wall_Sphere_ScGeom(),
+            wrapper.Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False),
+            wrapper.Ig2_Facet_Sphere_ScGeom(),
+            wrapper.Ig2_Wall_Sphere_ScGeom(),
         ],
-        [Ip2_FrictMat_FrictMat_FrictPhys()],
-        [Law2_ScGeom_FrictPhys_CundallStrack()],
+        [wrapper.Ip2_FrictMat_FrictMat_FrictPhys()],
+        [wrapper.Law2_ScGeom_FrictPhys_CundallStrack()],
     )
     if KIND != "cohesive"
-    else InteractionLoop(
+    else wrapper.InteractionLoop(
         [
-            Ig2_Sphere_Sphere_ScGeom6D(avoidGranularRatcheting=False),
-            Ig2_Facet_Sphere_ScGeom6D(),
+            wrapper.Ig2_Sphere_Sphere_ScGeom6D(avoidGranularRatcheting=False),
+            wrapper.Ig2_Facet_Sphere_ScGeom6D(),
         ],
-        [Ip2_CohFrictMat_CohFrictMat_CohFrictPhys(setCohesionNow=True)],
-        [Law2_ScGeom6D_CohFrictPhys_CohesionMoment()],
+        [wrapper.Ip2_CohFrictMat_CohFrictMat_CohFrictPhys(setCohesionNow=True)],
+        [wrapper.Law2_ScGeom6D_CohFrictPhys_CohesionMoment()],
     ),
-    NewtonIntegrator(damping=0.3, gravity=(0, 0, 0)),
+    wrapper.NewtonIntegrator(damping=0.3, gravity=(0, 0, 0)),
 ]
 
 

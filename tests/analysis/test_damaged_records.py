@@ -1,4 +1,8 @@
-"""Exact waves of a known crystal, recorded as they should not be: the right number, or none."""
+"""Exact waves of a known crystal, damaged, or recorded as they should not be.
+
+Every deviation is the damage's: the right number within a stated bound, or none. The paper's rules
+have no such guard: their limits are in docs/stability.md.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_crystal import CHAIN, LENGTH, moved, noisy, part_of_chain, record
 
 from analysis.case import Case
 from analysis.estimators.chain_wavenumber import chain_wavenumber
@@ -20,46 +25,87 @@ from analysis.estimators.travel_time import arrival_velocity, first_peak_velocit
 from analysis.measuring import Measuring
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
-from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals, write_signals
 from modal.waves.source import step
 
-CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
-LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
-PASSAGE = LENGTH / CHAIN.velocity
-RANDOM = np.random.default_rng(0)
-
-
-def record(passages: float = 1.0, **settings) -> Signals:
-    return lattice_signals(CHAIN, np.arange(0, passages * PASSAGE, 4e-7), **settings)
-
-
-def chain(found: Signals, at: np.ndarray | slice) -> Signals:
-    return replace(
-        found,
-        chain_position=found.chain_position[at],
-        chain_displacement=found.chain_displacement[:, at],
-        chain_particle=found.chain_particle[at],
-    )
-
-
-def noisy(found: Signals, share: float) -> Signals:
-    u = found.chain_displacement
-    noise = share * abs(u).max() * RANDOM.standard_normal(u.shape)
-    return replace(found, chain_displacement=u + noise)
-
-
-def moved(motion) -> Signals:
-    """The wave of any motion of the wall, whose amplitude has no sign."""
-    found = record()
-    wall = motion.displacement(found.time)
-    found = replace(found, source_displacement=wall, amplitude=motion.amplitude)
-    return exact_twin(found, CHAIN)
-
-
 FULL = record()
-BOTH = replace(FULL, chain_displacement=FULL.chain_displacement + FULL.chain_displacement[:, ::-1])
+U = FULL.chain_displacement
+RANDOM = np.random.default_rng(0)
+LAYERS = np.arange(CHAIN.layers)
+
+
+def off(signals: Signals) -> float:
+    """The larger relative error of V_P and of the band edge by the damped transform."""
+    found = chain_dispersion(signals)
+    velocity = abs(found.velocity / CHAIN.velocity - 1)
+    return max(velocity, abs(found.low_pass_frequency / CHAIN.low_pass_frequency - 1))
+
+
+@pytest.mark.parametrize("share", [1e-3, 1e-2, 5e-2, 1e-1])
+def test_noise(share):
+    """Errors scatter in proportion to it: 0.3 and 0.6 % at 5 %; four times that, and round-off."""
+    for seed in range(3):
+        found = chain_dispersion(noisy(FULL, share, np.random.default_rng(seed)))
+        assert abs(found.velocity / CHAIN.velocity - 1) < 0.25 * share + 1e-4
+        edge = found.low_pass_frequency / CHAIN.low_pass_frequency - 1
+        assert abs(edge) < 0.5 * share + 1e-4
+
+
+@pytest.mark.parametrize(
+    ("damaged", "bound"),
+    [
+        # A place of rest that was misread: a static part, which the transform hardly sees.
+        (moved(FULL, U + 1e-3 * U.max()), 3e-5),
+        (moved(FULL, U + 1e-1 * U.max()), 3e-3),
+        # One silent channel among two hundred weighs little.
+        (moved(FULL, U * (LAYERS != 80)), 1e-3),
+        # Half the record still has waves over a hundred layers.
+        (record(0.5), 2e-3),
+        (record(0.7), 2e-3),
+    ],
+)
+def test_harmless_damage(damaged, bound):
+    assert off(damaged) < bound
+
+
+def missing(count: int) -> np.ndarray:
+    inner = np.random.default_rng(count).permutation(LAYERS[1:-1])[:count]
+    return np.delete(LAYERS, inner)
+
+
+@pytest.mark.parametrize(
+    ("damaged", "words"),
+    [
+        # Unnoticed they would shift V_P by 0.5 to 2 % and the band edge by up to 6 %.
+        *((part_of_chain(FULL, missing(count)), "spacing is uneven") for count in (1, 5, 20)),
+        (part_of_chain(FULL, RANDOM.permutation(LAYERS)), "spacing is uneven"),
+        (part_of_chain(FULL, LAYERS[::-1]), "spacing is uneven"),
+        *((moved(FULL, np.clip(U, -a * U.max(), a * U.max())), "clipped") for a in (0.3, 0.6, 0.9)),
+        (moved(FULL, 0 * U), "no wave"),
+        (part_of_chain(FULL, LAYERS[:8]), "needs 10"),
+        (moved(FULL, U + 1e-9), "not at rest where the record begins"),
+    ],
+)
+def test_what_the_damped_transform_cannot_bear_it_refuses(damaged, words):
+    with pytest.raises(InputError, match=words):
+        chain_dispersion(damaged)
+
+
+def test_first_peaks_bear_less_noise_than_the_damped_transform():
+    """The paper's rules: 0.1 % of noise is harmless; at 2 % the 5 % arrival is lost altogether."""
+    for share, bearable in ((1e-3, True), (2e-2, False)):
+        damaged = noisy(FULL, share, np.random.default_rng(0))
+        peak = first_peak_velocity(damaged, 0.0, LENGTH)[0] / CHAIN.velocity - 1
+        arrival = arrival_velocity(damaged, 0.0, LENGTH)[0] / CHAIN.velocity - 1
+        assert abs(peak) < 0.015
+        assert (abs(arrival) < 0.02) == bearable
+
+
+def sent_by(motion) -> Signals:
+    """The wave of any motion of the wall, whose amplitude has no sign."""
+    wall = motion.displacement(FULL.time)
+    return exact_twin(replace(FULL, source_displacement=wall, amplitude=motion.amplitude), CHAIN)
 
 
 @pytest.mark.parametrize(
@@ -67,12 +113,12 @@ BOTH = replace(FULL, chain_displacement=FULL.chain_displacement + FULL.chain_dis
     [
         record(0.5),
         record(0.3),
-        noisy(record(0.5), 1e-6),
+        noisy(record(0.5), 1e-6, RANDOM),
         replace(record(amplitude=-2.5e-9), amplitude=2.5e-9),
-        moved(step(-1e-9, 1e-5)),
-        noisy(FULL, 0.3),
-        replace(FULL, chain_displacement=FULL.chain_displacement[:, ::-1]),
-        BOTH,
+        sent_by(step(-1e-9, 1e-5)),
+        noisy(FULL, 0.3, RANDOM),
+        moved(FULL, U[:, ::-1]),
+        moved(FULL, U + U[:, ::-1]),
     ],
     ids=["half", "third", "half noise", "reversed", "step down", "noise", "backward", "both ends"],
 )
@@ -83,9 +129,9 @@ def test_times_of_arrival_give_the_velocity_or_none(rule, found):
     assert np.isnan([value, error]).all() or value == pytest.approx(CHAIN.velocity, rel=0.025)
 
 
-@pytest.mark.parametrize("order", [slice(None, None, -1), RANDOM.permutation(CHAIN.layers)])
+@pytest.mark.parametrize("order", [slice(None, None, -1), RANDOM.permutation(LAYERS)])
 def test_the_order_of_the_chain_does_not_matter(order):
-    turned = chain(FULL, order)
+    turned = part_of_chain(FULL, order)
     assert longest_waves(coherent_wave(turned, LENGTH)) == pytest.approx(
         longest_waves(coherent_wave(FULL, LENGTH)), rel=1e-6
     )
@@ -94,12 +140,8 @@ def test_the_order_of_the_chain_does_not_matter(order):
     assert kappa[0] == pytest.approx(kappa[1], rel=1e-6)
 
 
-def test_a_record_that_begins_in_the_wave_has_no_dispersion():
-    with pytest.raises(InputError, match="not at rest where the record begins"):
-        chain_dispersion(replace(FULL, chain_displacement=FULL.chain_displacement + 1e-9))
-
-
 def test_walls_that_hear_no_wave_have_no_velocity():
+    assert wall_velocity(record(0.98), LENGTH) is None
     long = record(1.3)
     assert wall_velocity(long, LENGTH) is not None
     noise = RANDOM.standard_normal(len(long.time))
@@ -109,8 +151,7 @@ def test_walls_that_hear_no_wave_have_no_velocity():
 
 
 def test_nothing_has_no_ridge():
-    found = ridge(replace(FULL, chain_displacement=0 * FULL.chain_displacement))
-    assert np.isnan(found.edge_frequency)
+    assert np.isnan(ridge(moved(FULL, 0 * U)).edge_frequency)
 
 
 def test_a_source_that_waits_leaves_the_low_pass_as_it_is():
@@ -149,9 +190,8 @@ def test_what_has_no_logarithm_has_no_power(y):
 def test_a_chain_that_leaves_out_layers_is_refused(tmp_path):
     """It would end the crystal's band at 0.707 of its frequency, without a word."""
     network = fcc(cells=(1, 1, 120))
-    lattice = LayerLattice.of_network(network)
-    whole = lattice_signals(lattice, np.arange(0, 3e-4, 4e-7))
+    whole = lattice_signals(LayerLattice.of_network(network), np.arange(0, 3e-4, 4e-7))
     write_network(tmp_path / "a.network.h5", network)
-    write_signals(tmp_path / "a.signals.h5", chain(whole, slice(None, None, 2)))
+    write_signals(tmp_path / "a.signals.h5", part_of_chain(whole, slice(None, None, 2)))
     with pytest.raises(InputError, match="in every 2 layers"):
         _ = Measuring.of(Case("a", tmp_path)).yade

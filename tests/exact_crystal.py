@@ -1,0 +1,42 @@
+"""The exact lattice of the crystal under 100 kPa and its records, which estimators are tried on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from modal.theory.fcc import FccLattice
+from modal.waves.signals import Signals
+
+CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
+LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
+PASSAGE = LENGTH / CHAIN.velocity
+"""Of the longest waves, s."""
+
+
+def record(passages: float = 1.0, step: float = 4e-7, **settings: float) -> Signals:
+    """The exact record of so many passages, every `step`, s."""
+    return lattice_signals(CHAIN, np.arange(0, passages * PASSAGE, step), **settings)
+
+
+def moved(found: Signals, displacement: np.ndarray) -> Signals:
+    """A record with other displacements of the chain."""
+    return replace(found, chain_displacement=displacement)
+
+
+def noisy(found: Signals, share: float, random: np.random.Generator) -> Signals:
+    """With white noise at every sample, a share of the largest displacement."""
+    u = found.chain_displacement
+    return moved(found, u + share * abs(u).max() * random.standard_normal(u.shape))
+
+
+def part_of_chain(found: Signals, at: np.ndarray | slice) -> Signals:
+    """A record of some of the particles, or of all in another order."""
+    return replace(
+        found,
+        chain_position=found.chain_position[at],
+        chain_displacement=found.chain_displacement[:, at],
+        chain_particle=found.chain_particle[at],
+    )
