@@ -82,25 +82,20 @@ def test_commands_of_text_blocks_have_options_that_exist():
         parser().parse_args(shlex.split(line)[1:])
 
 
-def test_links_within_the_repository_lead_to_files():
-    for page in PAGES:
-        text = BLOCK.sub("", page.read_text())
-        for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
-            if not re.match(r"https?:", target):
-                assert (page.parent / target).exists(), (page.name, target)
-                # The site has pictures from anywhere, but pages from its own folder alone.
-                outside = page.parent.name == "docs" and target.startswith("..")
-                assert not (outside and target.endswith(".md")), (page.name, target)
-
-
-def test_files_that_pages_name_exist():
-    """As `analysis/page.py`; the layout tells of its tests by their names below tests."""
+def test_links_and_names_within_the_repository_lead_to_files():
     rooms = [folder.name for folder in ROOT.iterdir() if folder.is_dir() and folder.name[0] != "."]
     named = re.compile(rf"`((?:{'|'.join(rooms)})/[\w./-]+)`")
     for page in PAGES:
-        for name in named.findall(page.read_text()):
+        text = BLOCK.sub("", page.read_text())
+        for target in re.findall(r"\]\((?!https?:)([^)#\s]+)(?:#[^)]*)?\)", text):
+            assert (page.parent / target).exists(), (page.name, target)
+            # The site has pictures from anywhere, but pages from its own folder alone.
+            outside = page.parent.name == "docs" and target.startswith("..")
+            assert not (outside and target.endswith(".md")), (page.name, target)
+        for name in named.findall(text):
             made = name.startswith(("products/", "site/")) or "NAME" in name
-            below = (ROOT / "tests" / name).exists() and page.stem == "layout"
+            # The layout tells of its tests by their names below tests.
+            below = page.stem == "layout" and (ROOT / "tests" / name).exists()
             assert made or below or (ROOT / name).exists(), (page.name, name)
 
 

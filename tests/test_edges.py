@@ -227,21 +227,6 @@ def test_thousand_layers():
     assert len(planar) >= 3 and (abs(planar / exact[: len(planar)] - 1) < error).all()
 
 
-@pytest.mark.slow
-def test_hundred_thousand_layers():
-    """One sphere wide, 600,000 degrees of freedom; the first P resonance is 2.16 Hz."""
-    network = gallery.fcc(cells=(1, 1, 100_000))
-    system = LinearSystem.of(network)
-    chain, crystal = LayerLattice.of_network(network), FccLattice(1e5)
-    # A fixed chain of n layers: f_r = f_low-pass sin(pi r / 2 n'), n' the walls' springs included.
-    compliance = chain.layers - 1 + 2 * chain.stiffness / chain.wall_stiffness
-    planar = crystal.low_pass_frequency * np.sin(np.pi / 2 * np.arange(1, 3) / compliance)
-    found = lowest_modes(system, 6)
-    assert found.attributes["certified"]
-    # Walls as longer springs: exact up to (kappa l)^2, 1e-9.
-    assert found.frequency[found.chi_z > 0.999] == pytest.approx(planar, rel=1e-6)
-
-
 @pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(cells=(1, 1, 1))])
 @pytest.mark.parametrize("slips", [False, True])
 def test_a_single_sphere(network, slips):

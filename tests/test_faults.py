@@ -66,14 +66,7 @@ def equal(first: Path, second: Path) -> None:
     assert names == sorted(path.relative_to(second) for path in second.rglob("*.h5"))
     assert not list(second.rglob(".*.part"))
     for name in names:
-        one, two = contents(first / name), contents(second / name)
-        assert one.keys() == two.keys()
-        for key, value in one.items():
-            assert (
-                np.array_equal(value, two[key], equal_nan=value.dtype.kind == "f")
-                if isinstance(value, np.ndarray)
-                else value == two[key] or value != value
-            ), f"{name}: {key}"
+        np.testing.assert_equal(contents(second / name), contents(first / name), str(name))
 
 
 def study(script: str, folder: Path, **environment: str) -> subprocess.Popen:

@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.rows import Rows, fault, last_step
-from modal.packing.neighbours import periodic_pairs
+from modal.packing.neighbours import touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
@@ -164,18 +164,13 @@ class Packing:
         # Along an axis without a period images lie beyond the reach of any sphere.
         room = np.where(cell.periodic, cell.periods, np.ptp(self.position, axis=0) + 3 * widest)
         origin = np.where(cell.periodic, cell.low, self.position.min(axis=0))
-        sides = room if cell.periodic[2] else room[:2]
-        i, j, _ = periodic_pairs(self.position - origin, sides, widest)
-        branch, _ = cell.nearest(self.position[j] - self.position[i])
-        near = (branch**2).sum(axis=1) < (self.radius[i] + self.radius[j] - least) ** 2
-        near &= ~self.inside_body(i, j)
-        ends = [(i[near], j[near])]
-        for code, wall, side in zip(WALLS, cell.walls, (1, -1), strict=True):
-            depth = self.radius - side * (self.position[:, 2] - wall)
-            (at,) = np.nonzero(depth > least)  # NaN: no wall, none
-            ends.append((at, np.full(len(at), code)))
-        i, j = (np.concatenate(column) for column in zip(*ends, strict=True))
-        order = np.lexsort((j, i))
+        walls = None if cell.periodic[2] else np.array(cell.walls) - origin[2]  # NaN: none there
+        sides = room if walls is None else room[:2]
+        with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
+            found = touching(self.position - origin, sides, walls, self.radius)
+        i, j = found.particle_i, found.particle_j
+        kept = (found.overlap > least) & ~self.inside_body(i, j)
+        order = np.flatnonzero(kept)[np.lexsort((j[kept], i[kept]))]
         return Contacts(i[order], j[order])
 
 
