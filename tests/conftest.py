@@ -52,11 +52,6 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: not any(name in item.path.name for name in LONG))
 
 
-def pytest_report_header():
-    """Say which path is tested."""
-    return f"hidden packages: {', '.join(HIDDEN) or 'none'}"
-
-
 def refuse_unasked_skip(report):
     """Turn a skip for a reason that nobody has allowed into a failure."""
     if COMPLETE and report.skipped and not hasattr(report, "wasxfail"):
