@@ -87,6 +87,6 @@ def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch)
     for one, other in zip(first, answers(network), strict=True):
         np.testing.assert_array_equal(one, other)
     assert made.count("given back") == made.count("made")
-    searched = made.count("modes_nearest")
+    searched = made.count("bound_of_spectrum")
     answers(network)
-    assert made.count("modes_nearest") > searched
+    assert made.count("bound_of_spectrum") > searched
