@@ -226,10 +226,10 @@ def last_pure(m: Measuring) -> Value:
     of modes ends less than two of them above.
     """
     f, chi = chi_between(m, 0, np.inf, chain=True)
-    pure, apart = f[chi > PURE], 0.5 * longest(m, "linear").value / m.network.length
-    if not len(pure) or f.max() < pure.max() + 2 * apart:
+    if not (chi > PURE).any():
         return NOTHING
-    return estimate(float(pure.max()), apart)
+    last, apart = float(f[chi > PURE].max()), 0.5 * longest(m, "linear").value / m.network.length
+    return NOTHING if f.max() < last + 2 * apart else estimate(last, apart)
 
 
 @once
