@@ -31,9 +31,9 @@ EASY = 3e10
 """Multiplications, of some seconds, of a count that is made in any packing."""
 SHIFT = 1e-9
 """Shift below zero about which they are sought, relative to A's largest diagonal entry."""
-ZERO = "motions without energy"
 UNDER = 1e-6
 """Relative to that entry: first shift below zero tried, of those below all unstable modes."""
+ZERO, UNSTABLE = "motions without energy", "unstable modes"
 
 
 def every_floppy(system: LinearSystem) -> FloppyModes:
@@ -70,7 +70,7 @@ def counted_floppy(system: LinearSystem) -> FloppyModes:
 
     def make() -> FloppyModes:
         floppy, further = by_structure(system), 0
-        unstable = _found(system, floppy.basis, unstable_modes(system), "unstable modes")
+        unstable = _found(system, floppy.basis, unstable_modes(system), UNSTABLE)
         known = sp.hstack([floppy.basis, unstable], format="csc")
         if floppy.total < system.size:
             further = count_below(system, system.zero_frequency / 2) - known.shape[1]
@@ -111,11 +111,13 @@ def _found(
             missing = search.search_until(count, inside)
         except SingularError:
             sigma *= 4
-    if missing or search.factor is None:
-        raise InputError(f"{count} {what} were counted, but not all were found")
-    # What Lanczos leaves of other modes, one more solve makes as small as round-off.
-    vectors = search.factor.solve(search.vector[:, inside(search.square)])
+    vectors = search.vector[:, inside(search.square)]
+    if search.factor is not None and not missing:
+        # What Lanczos leaves of other modes, one more solve makes as small as round-off.
+        vectors = search.factor.solve(vectors)
     search.release()
+    if missing:
+        raise InputError(f"{count} {what} were counted, but not all were found")
     return sp.csc_matrix(orthonormal(vectors, Held(known, vectors[:, :0])))
 
 
