@@ -146,24 +146,12 @@ FOUND: dict[str, tuple[str, str, Number]] = {
     "v_p_modes_first": ("m/s", "2 L f_1 of the first resonance", spectrum.modal_first),
     "v_p_modes_eq_4": ("m/s", "V_P of modes, kappa = pi r / L", spectrum.modal_velocity),
     "v_p_modes_fitted": ("m/s", "V_P of modes, kappa fitted", spectrum.modal_fitted),
-    "v_p_walls_phase": (
-        "m/s",
-        "phase velocity wall to wall, L / 5",
-        lambda m: velocity.walls(m)[0],
-    ),
-    "v_p_walls_group": (
-        "m/s",
-        "group velocity wall to wall, L / 5",
-        lambda m: velocity.walls(m)[1],
-    ),
-    "v_p_emt_contacts": (
-        "m/s",
-        "V_P of even strains, contacts",
-        lambda m: velocity.effective(m)[0],
-    ),
+    "v_p_walls_phase": ("m/s", "phase velocity wall to wall, L / 5", _of(_first, velocity.walls)),
+    "v_p_walls_group": ("m/s", "group velocity wall to wall, L / 5", _of(_second, velocity.walls)),
+    "v_p_emt_contacts": ("m/s", "V_P of even strains, contacts", _of(_first, velocity.effective)),
     "v_p_emt_means": (
         *("m/s", "V_P of even strains, means of e and Z"),
-        lambda m: velocity.effective(m)[1],
+        _of(_second, velocity.effective),
     ),
     "v_p_theory": ("m/s", "V_P of the lattice", _of(_of_lattice, "velocity")),
     "f_max": ("Hz", "highest natural frequency, of a list where there is one", _f_max),

@@ -8,8 +8,8 @@
         wave_friction: friction + 0.1
 
 Each combination of factors is a case. A setting is a value; a text with a factor's name in it,
-which is computed; or a mapping with `by`, which a factor's value picks from. `cases` names
-exceptions.
+which is computed; or a mapping with `by`, which a factor's value picks from. Whole numbers in a row
+may be written as `seed: 1 to 8`. `cases` names exceptions.
 """
 
 from __future__ import annotations
