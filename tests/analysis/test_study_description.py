@@ -18,7 +18,8 @@ SWEEP = """
 name: sweep
 groups:
   - kind: random
-    factors: {friction: [0, 0.4], width: [4, 5], seed: [1, 2, 3]}
+    factors: {friction: [0, 0.4], width: [4, 5], seed: 1 to 3}
+    width: 9                 # a factor comes before what the group says for all
     stress: 1e5
     wave_friction: friction + 0.1
     input_frequency: {by: friction, 0.4: 2e5, else: 1e5}
@@ -31,6 +32,7 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     path.write_text(SWEEP)
     cases = Study(path).cases
     assert len(cases) == 12 and cases.index[-1] == "friction0.4_width5_seed3"
+    assert cases["width"].tolist() == [4, 4, 4, 5, 5, 5] * 2
     assert cases["mu_wave"].tolist() == [0.1] * 6 + [0.5] * 6
     assert cases["input_frequency"].tolist() == [1e5] * 6 + [2e5] * 6
     frame = frame_of([_of_sweep(k, row) for k, row in cases.iterrows()], cases)
