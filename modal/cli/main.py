@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from modal import __version__
 from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say, say_error
@@ -79,20 +80,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         if getattr(options, "skip_current", False) and is_current(
             options.output, options.made, say, command.read_product
         ):
-            result = {"current": options.output}
-            if hasattr(command, "kept"):
-                result |= command.kept(options)
+            kept: Any = getattr(command, "kept", lambda _: {})
+            result = {"current": options.output} | kept(options)
         else:
             result = command.run(options)
         for remark in options.remarks:  # with an error its one line is enough
             say(remark)
         result["seconds"] = time.perf_counter() - start
         result["peak_memory_bytes"] = peak_memory()
-        if options.json:
-            text = json_text(result)
-        else:
-            text = page(result, command.shown(result) if hasattr(command, "shown") else None)
-        put(text)
+        shown = getattr(command, "shown", lambda _: None)
+        put(json_text(result) if options.json else page(result, shown(result)))
     except InputError as error:
         say_error(error)
         return 2

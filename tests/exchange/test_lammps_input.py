@@ -167,10 +167,9 @@ def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(types):
 
 
 def test_a_wall_for_a_group_needs_the_contacts(walled):
-    files = walled
-    files.spoil("log", "fix w all", "fix w few")
-    files.imported()
-    files.refused("fix w pushes the group few alone; give the contacts", contacts=None)
+    walled.spoil("log", "fix w all", "fix w few")
+    walled.imported()
+    walled.refused("fix w pushes the group few alone; give the contacts", contacts=None)
 
 
 def test_radii_of_few_digits_blur_overlaps_as_positions_do(given):
@@ -195,12 +194,11 @@ def test_a_law_that_changed_after_the_step_of_the_dump_is_remarked_on(types, ste
 
 def test_contacts_that_are_not_listed_are_counted(walled):
     """Three rows less, as of a compute for a group: the spheres still overlap there."""
-    files = walled
-    assert not any("not listed" in line for line in files.imported()["remarks"])
-    count = int(files.contacts.read_text().splitlines()[3])
-    files.respell("contacts", 4, 0, str(count - 3))
-    files.spoil("contacts", r"(.*\n){3}\Z", "")
-    remarks = files.imported()["remarks"]
+    assert not any("not listed" in line for line in walled.imported()["remarks"])
+    count = int(walled.contacts.read_text().splitlines()[3])
+    walled.respell("contacts", 4, 0, str(count - 3))
+    walled.spoil("contacts", r"(.*\n){3}\Z", "")
+    remarks = walled.imported()["remarks"]
     assert any(line.startswith("3 contacts that overlap are not") for line in remarks)
 
 
