@@ -23,8 +23,8 @@ from modal.waves.signals import read_signals
 from modal.waves.source import Pulse, step
 from modal.waves.sources import Plane, Point, Wall
 
-DURATION = 8e-4
-"""In which a wave crosses the column of forty spheres, s, and comes back."""
+DURATION = 4e-4
+"""In which a wave crosses the column of forty spheres, s."""
 
 
 @pytest.fixture(scope="module")
