@@ -51,7 +51,7 @@ def steady_motion(
     solver = solver or ("pardiso" if _worth_a_factor(system) else "gradients")
     if solver not in SOLVERS:
         raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
-    root, operator = system.root, system.renumbered()
+    root, operator = system.root, system.renumbered
     inward, outward = operator.inward, operator.outward
     if solver == "pardiso":
         # Spheres that touch but their own images have no stiffness at all: any shift will do.

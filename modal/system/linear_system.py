@@ -167,7 +167,11 @@ class LinearSystem:
     @property
     def top(self) -> float:
         """An upper bound of omega^2 that exceeds it by some 2 %, by Lanczos."""
-        return self.cached("top", lambda: bound_of_spectrum(self.renumbered())[0])
+        return self.end(bound_of_spectrum)[0]
+
+    def end(self, find: Callable[[ContactOperator], tuple[float, int]]) -> tuple[float, int]:
+        """What `find` says of the largest omega^2, and the products with K that it took."""
+        return self.cached(find.__name__, lambda: find(self.renumbered))
 
     def count_uncertainty(self, square: float) -> float:
         """Relative distance from a frequency within which an exact count is uncertain.
@@ -200,6 +204,7 @@ class LinearSystem:
         """
         return self.cached("operator", self._operator, CONTACT * self.network.n_contacts)
 
+    @cached_property
     def renumbered(self) -> ContactOperator:
         """The same with its bodies as the loops meet them (`ContactOperator.renumbered`)."""
         size = CONTACT * self.network.n_contacts

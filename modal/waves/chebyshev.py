@@ -93,7 +93,7 @@ def summed(
     """
     operator, products = driven.springs.operator, 0
     if top is None:
-        top, products = driven.end(top_of_spectrum)
+        top, products = driven.system.end(top_of_spectrum)
     if top == 0:
         raise InputError("the network has no stiffness; no wave goes through it")
     while True:

@@ -18,7 +18,6 @@ and |C - C'| <= `Repeats.difference` omega_bound, whose square bounds all omega^
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -124,7 +123,7 @@ class Driven:
         if source.alike and not whole:
             part = one_part(system, duration, tolerance)
         small = system if part.count == 1 else replace(system, network=part.part)
-        springs = small.renumbered()
+        springs = small.renumbered
         # Where each body of the packing stands among the operator's, or none but the `first` ones.
         order = np.arange(len(part.first)) if springs.order is None else springs.order
         first = np.full(network.n_particles, -1)
@@ -161,13 +160,9 @@ class Driven:
             )
         if system.dashpots is not None:
             damped = system.dashpots
-            viscous = damped.operator if springs.order is None else damped.renumbered()
+            viscous = damped.operator if springs.order is None else damped.renumbered
             dashpots = link(system.dashpots, viscous, 0 * load)
         return cls(by_springs, dashpots, network.area, part, small)
-
-    def end(self, find: Callable[[ContactOperator], tuple[float, int]]) -> tuple[float, int]:
-        """What `find` says of the spectrum's end, omega^2, 1/s^2; kept with the network."""
-        return self.system.cached(find.__name__, lambda: find(self.springs.operator))
 
     @property
     def count(self) -> int:

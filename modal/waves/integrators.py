@@ -97,7 +97,7 @@ class Chebyshev:
         step, found, top = self.time_step, 0, None
         if step is not None:
             every = _steps_between_records(interval, step)
-            top, found = driven.end(bound_of_spectrum)
+            top, found = driven.system.end(bound_of_spectrum)
 
         def series_for(top: float) -> Expansion:
             if step is not None and not step < 2 / np.sqrt(top):
@@ -237,7 +237,7 @@ def _size(state: Floats, top: float) -> float:
 
 def _fastest(driven: Driven) -> float:
     """A bound of the rates of all modes, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
-    stiff, dashpots = driven.end(bound_of_spectrum)[0], driven.dashpots
+    stiff, dashpots = driven.system.top, driven.dashpots
     viscous = bound_of_spectrum(dashpots.operator)[0] if dashpots else 0.0
     if stiff <= 0:
         raise InputError("the network has no stiffness; no wave goes through it")

@@ -30,7 +30,6 @@ from modal.formats.product import Product
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
-from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
@@ -266,7 +265,7 @@ def _damped(
     """
     springs, dashpots = driven.springs, driven.dashpots
     assert dashpots and system.dashpots
-    end = _end(driven.end(bound_of_spectrum)[0], highest, resolution)
+    end = _end(driven.system.top, highest, resolution)
     count = 4 * end / resolution
 
     def refuse(seconds: float) -> None:
