@@ -104,9 +104,9 @@ def frictionless() -> Network:
 
 
 @cache
-def slender() -> Network:
+def slender(seed: int = 3) -> Network:
     """200 such spheres: more than 10 diameters long, so that it has a bulk away from its walls."""
-    return random_network(200, 1e5, seed=3, aspect=4.0)
+    return random_network(200, 1e5, seed=seed, aspect=4.0)
 
 
 @cache

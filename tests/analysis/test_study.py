@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from packings import frictionless
+from packings import slender
 
 pytest.importorskip("pandas")
 
@@ -69,9 +69,9 @@ def made(tmp_path_factory):
             chain = LayerLattice.of_network(network)
             time = np.arange(0, network.length / chain.velocity, 2e-7)
             write_signals(folder / "case02.signals.h5", lattice_signals(chain, time))
-    write_network(folder / "case06.network.h5", frictionless())
+    write_network(folder / "case06.network.h5", slender())
     (folder / "seed_2").mkdir()
-    write_network(folder / "seed_2/case06.network.h5", random_network(150, 1e5, seed=4))
+    write_network(folder / "seed_2/case06.network.h5", slender(4))
     command = ["study", str(PAPER), "--products"]
     for case in ("case02", "case03", "case06"):
         name = ["--measure", case, "-o", str(results / f"{case}.json")]
@@ -118,7 +118,7 @@ def test_another_sample_of_a_case_gives_it_an_error(made):
     """The folder seed_2 holds case 6 alone: two samples of it, one of the crystals."""
     rows = {row["case"]: row for row in read(made / "table1.csv")}
     assert [rows[n]["packings"] for n in ("2", "3", "6")] == ["1", "1", "2"]
-    e = [void_ratio(random_network(150, 1e5, seed=seed)) for seed in (3, 4)]
+    e = [void_ratio(slender(seed)) for seed in (3, 4)]
     found = float(rows["6"]["void_ratio_sample_error"])
     assert found == pytest.approx(abs(e[0] - e[1]) / 2**0.5, rel=0.01)
     assert rows["2"]["void_ratio_sample_error"] == ""
