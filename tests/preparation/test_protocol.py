@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modal.packing.contact_law import GLASS, RADIUS, Material
+from modal.packing.contact_law import RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.cloud import random_places
-from modal.preparation.durations import duration, highest_frequency, inertial_time, steps_of
+from modal.preparation.durations import duration, highest_frequency, steps_of
 from modal.preparation.protocol import PREPARATION, Stage, Study
 from modal.preparation.strain_control import Servo
 from modal.theory.fcc import FccLattice
@@ -49,10 +49,6 @@ def test_highest_frequency_scales_as_the_crystals():
     assert ratio == pytest.approx([ratio[0]] * 4, rel=6e-4)
     # Random against crystal, by the study's own numbers at 100 kPa: 216.1 over 137.6 kHz.
     assert ratio[0] == pytest.approx(216.1 / 137.6, rel=5e-3)
-
-
-def test_own_time():
-    assert inertial_time(1e5) == pytest.approx(2 * RADIUS * math.sqrt(GLASS.density / 1e5))
 
 
 def test_servo_reaches_the_stress_of_a_spring():
