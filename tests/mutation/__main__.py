@@ -39,7 +39,7 @@ TESTS = {
     "packing/columns": "consistency tiling operator bodies",
     "packing/plausibility": "plausibility",
     "exchange/programs/mercury": "mercury",
-    "dem/motion": "dynamics",
+    "dem/motion": "dynamics nonlinear",
     "modes/collective": "edges_of_lists collective_modes zero_modes",
     "modes/dense": "lattice_and_modes mode_lists edges_of_lists",
     "modes/search": "edges_of_lists mode_lists highest_modes lowest_modes",

@@ -300,3 +300,11 @@ def test_shear_that_is_small_beside_the_mean_force_may_point_anywhere(kept):
 
 def test_a_column_without_a_cell_has_no_width():
     assert replace(gallery.column(3), cell_size=np.zeros(3)).n_contacts == 4
+
+
+def test_a_wall_inside_a_sphere_is_too_deep():
+    """The overlap with a wall is measured by the radius of the sphere."""
+    network = gallery.column(2)
+    walls = network.wall_position - [0, 0.5 * network.radius[0]]
+    with pytest.raises(InputError, match="of the smaller radius"):
+        replace(network, wall_position=walls)
