@@ -181,8 +181,8 @@ def test_a_reversed_or_another_motion_is_not_the_same():
 
 NO_SLIP = 10.0
 RUNS = {
-    "run": (2.5e-9, 0.5),
-    "reverse": (-2.5e-9, 0.5),
+    "run": (2.5e-9, 0.6),
+    "reverse": (-2.5e-9, 0.6),
     "small": (2.5e-11, NO_SLIP),
     "small_reverse": (-2.5e-11, NO_SLIP),
     "no_slip": (2.5e-9, NO_SLIP),
