@@ -12,25 +12,25 @@ from modal.tools.loops import (
     compiled_part,
     cross,
     dot,
-    elementwise,
     fingerprint,
+    inlined,
     numba,
     plus,
     prange,
-)  # fmt: skip
+)
 
 
-@elementwise
+@inlined
 def _times(factor, a):
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@elementwise
+@inlined
 def _three(x, i, first, v):
     return x[i, first, v], x[i, first + 1, v], x[i, first + 2, v]
 
 
-@elementwise
+@inlined
 def _add(y, i, first, v, factor, a):
     y[i, first, v] += factor * a[0]
     y[i, first + 1, v] += factor * a[1]
@@ -71,9 +71,9 @@ def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, roll
                 # The normal pre-stress pushes the centres apart sideways and has no torque.
                 push = factor * lateral[c]
                 force = plus(plus(spring, push, w), -push * dot(n, w), n)
-            torque = cross(n, spring)
             _add(y, i, 0, v, -ti, force)
             if rotating:
+                torque = cross(n, spring)
                 _add(y, i, 3, v, -arm_i, torque)
                 if aside is not None:
                     _add(y, i, 3, v, -ri, cross(off_i, spring))

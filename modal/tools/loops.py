@@ -45,6 +45,11 @@ def elementwise(function: Loop) -> Loop:
     return numba.extending.register_jitable(function) if numba else function
 
 
+def inlined(function: Loop) -> Loop:
+    """The same, written into the loop that calls it: a gather or scatter of a few numbers."""
+    return numba.extending.register_jitable(inline="always")(function) if numba else function
+
+
 def fingerprint(*modules: ModuleType) -> str:
     """What tells this file and those of `modules` from their former states.
 
