@@ -10,6 +10,7 @@ and not in the file.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -224,15 +225,15 @@ class Signals:
 
 
 @dataclass(frozen=True, repr=False)
-class Wave:
+class Wave(ABC):
     """What a run gives: its `signals`, and what else it has to tell."""
 
     signals: Signals
 
     @property
+    @abstractmethod
     def told(self) -> str:
         """Beside the signals."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         found = quantity(float(abs(self.signals.receiver_stress).max(initial=0.0)), "Pa")
