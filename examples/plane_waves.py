@@ -158,6 +158,7 @@ for ax, wave in zip(axes, WAVES, strict=True):
             x, share, error = points(of(friction, pulses), wave)
             ax.errorbar(x, share, error, fmt=mark, **(bars | {"mfc": "w", "mec": shade, "mew": 1}))
     ax.axhline(LIMIT, color="k", lw=0.7, ls=":")
+    ax.text(14, 0.25, "Ioffe-Regel limit", ha="right", va="top")
     along = np.array([0.3, 1.0])
     ax.plot(along, LIMIT * along**3, "k--", lw=0.7)
     ax.text(0.42, 0.0105, "width as $f^4$")
@@ -165,11 +166,16 @@ for ax, wave in zip(axes, WAVES, strict=True):
     along = np.array([0.8, 12.0])
     ax.plot(along, along * top / DASHPOTS, "k-.", lw=0.7)
     ax.text(14, 0.019, "dashpots of 1 %, z = 6", ha="right")
-    ax.set(xscale="log", yscale="log", xlabel="f / f*", ylim=(8e-3, 3))
+    ax.set(xscale="log", yscale="log", xlabel="f / f*", xlim=(0.2, 15), ylim=(8e-3, 3))
     ax.set_title(f"{wave}-waves", fontsize=8)
     ax.set_xticks([0.2, 0.5, 1, 2, 5, 10], ["0.2", "0.5", "1", "2", "5", "10"])
     ax.minorticks_off()
 axes[0].set(ylabel="width of the line / frequency")
+ways = [
+    axes[0].plot([], [], "o", color="0.4", mfc=fill, ms=4, label=label)[0]
+    for label, fill in (("plane waves", "0.4"), ("pulse of a wall", "w"))
+]
+axes[0].legend(handles=ways, frameon=False, fontsize=6.5, loc="upper left")
 axes[1].legend(title="z", frameon=False, fontsize=6.5, title_fontsize=7, loc="upper left")
 plt.show()
 
