@@ -2,7 +2,7 @@
 
     python -m benchmarks defaults -o results/benchmarks
 
-prints the table of docs/benchmarks.md from the committed rows; nothing is measured.
+prints the table of defaults from the committed rows; nothing is measured.
 """
 
 from __future__ import annotations
