@@ -15,6 +15,7 @@ from scipy.linalg import eigh_tridiagonal
 from analysis.estimators.source_motion import recorded_motion
 from modal.packing.network import Network
 from modal.theory.fcc import FccLattice
+from modal.waves.oscillator import oscillation
 from modal.waves.signals import Signals, source_pulse
 from modal.waves.source import Motion
 
@@ -132,7 +133,7 @@ class LayerLattice:
         """Exact displacement of each layer, (nt, n) m, for any motion of the wall."""
         omega, shape = self.eigenmodes()
         push = self.wall_stiffness / self.mass * shape[0]
-        return (push * motion.response(omega**2, time).T) @ shape.T
+        return (push * oscillation(motion, omega**2, time).T) @ shape.T
 
 
 def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np.ndarray:

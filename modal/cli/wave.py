@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,12 +19,13 @@ from modal.cli.options import (
 from modal.cli.reading import network_command, packing_of
 from modal.exchange.programs.own import is_sample
 from modal.formats.hdf5 import sha256
-from modal.packing.sample import read_sample
+from modal.packing.network import Network
+from modal.packing.sample import Sample, read_sample
 from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
-from modal.waves.nonlinear import ACCURACY
-from modal.waves.propagate import propagate
+from modal.waves.nonlinear import ACCURACY, NonlinearWave
+from modal.waves.propagate import TOLERANCE, LinearWave, propagate
 from modal.waves.signals import COMPONENT, Signals, read_signals, write_signals
 from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
 from modal.waves.sources import Plane, Point, Source, Wall
@@ -42,11 +42,6 @@ USUAL = {
     **{"last_frequency": None, "sweep": None, "motion_file": None},
 }
 """Those options where nothing is said; without a usual value they must be given."""
-LINEAR = {
-    **{"pre_stress": "none", "sliding": "elastic", "damping": None, "tolerance": 1e-9},
-    **{"whole": False},
-}
-"""The same of options that a wave has none of whose contacts follow their law."""
 NOISY = 0.01
 """Motion without a wave, over the wave's, from which on it is remarked on."""
 
@@ -69,15 +64,14 @@ def add(commands: Any) -> None:
     add_value(command, "--last-frequency", "HZ", "at the end of a chirp")
     add_value(command, "--sweep", "S", "how long a chirp lasts, or a step rises")
     add_value(command, "--interval", "S", "between records", 1e-6)
-    add_value(command, "--tolerance", "T", "relative error", 1e-9)
+    text = "relative error; of --nonlinear that of the time step"
+    add_value(command, "--tolerance", "T", f"{text} (default {TOLERANCE}, {ACCURACY})")
     add_source(command)
     add_flag(command, "--particles", "record every sphere: to watch it, or for ParaView")
     text = "in steps as DEM programs, by leapfrog (default: exact in time)"
     add_value(command, "--time-step", "S", text)
     text = "contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3"
     add_flag(command, "--nonlinear", text)
-    text = "of --nonlinear: error of the time step over the largest motion"
-    add_value(command, "--accuracy", "T", f"{text} (default {ACCURACY})")
     text = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
     add_value(command, "--friction", "MU", text)
     text = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
@@ -122,34 +116,39 @@ def _motion(options: argparse.Namespace) -> Motion:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """The wave that the source sends, and how exact it is."""
+    if options.nonlinear and not is_sample(options.network):
+        raise InputError(
+            f"{options.network}: --nonlinear takes a *.sample.h5, which has the law and the "
+            "friction of its contacts"
+        )
     if options.nonlinear:
-        return _nonlinear(options)
-    nonlinear = dict.fromkeys(("accuracy", "friction"))
-    refuse_given(options, nonlinear, " is of --nonlinear, where contacts slide; leave it out")
-    network = packing_of(options, waves=True)
-    wave = propagate(
-        network,
+        packing: Sample | Network = read_sample(options.network)
+    else:
+        packing = packing_of(options, waves=True)
+    wave: LinearWave | NonlinearWave = propagate(
+        packing,
         motion=_motion(options),
         network_sha256=sha256(options.network),
         **asked_of(options),
         **chosen(options, "duration", "interval", "particles", "time_step", "tolerance", "whole"),
+        **chosen(options, "nonlinear", "friction", "sliding"),
     )
-    signals, accuracy = wave.signals, {"truncation": wave.truncation}
-    if options.time_step is not None:
-        accuracy = {"time_step_s": options.time_step}
-    if wave.repeats > 1:
-        accuracy["computed_one_of_equal_parts"] = wave.repeats
     if options.output:
-        write_signals(options.output, signals, options.made)
-        if signals.from_wall_to_wall:
+        write_signals(options.output, wave.signals, options.made)
+        if isinstance(wave, LinearWave) and wave.signals.from_wall_to_wall:
             say(
                 "velocities, low-pass frequency, attenuation: python -m analysis measure "
                 f"{options.network} {options.output}"
             )
-    return _recorded(signals, 6 * network.n_particles) | {
-        "products_with_k": wave.products,
-        **accuracy,
-    }
+    freedom = 6 * len(packing.position)
+    if isinstance(wave, NonlinearWave):
+        return _recorded(wave.signals, freedom) | _of_nonlinear(wave, options)
+    exact = {"truncation": wave.truncation}
+    if options.time_step is not None:
+        exact = {"time_step_s": options.time_step}
+    if wave.repeats > 1:
+        exact["computed_one_of_equal_parts"] = wave.repeats
+    return _recorded(wave.signals, freedom) | {"products_with_k": wave.products, **exact}
 
 
 def _recorded(signals: Signals, freedom: int) -> dict[str, Any]:
@@ -165,42 +164,20 @@ def _recorded(signals: Signals, freedom: int) -> dict[str, Any]:
     }
 
 
-def _nonlinear(options: argparse.Namespace) -> dict[str, Any]:
-    """The wave of a sample whose contacts follow their law; InputError for linear options."""
-    if not is_sample(options.network):
-        raise InputError(
-            f"{options.network}: --nonlinear takes a *.sample.h5, which has the law and the "
-            "friction of its contacts"
-        )
-    refuse_given(options, LINEAR, " with --nonlinear: take one of them")
-    sample = read_sample(options.network)
-    if options.friction is not None:
-        if not 0 < options.friction < math.inf:
-            raise InputError(f"--friction {options.friction:g}: must be positive")
-        sample = replace(sample, friction=options.friction)
-    wave = propagate(
-        sample,
-        nonlinear=True,
-        source=asked_of(options)["source"],
-        motion=_motion(options),
-        accuracy=ACCURACY if options.accuracy is None else options.accuracy,
-        network_sha256=sha256(options.network),
-        **chosen(options, "duration", "interval", "time_step", "particles", "direction"),
-    )
+def _of_nonlinear(wave: NonlinearWave, options: argparse.Namespace) -> dict[str, Any]:
+    """What the wave of contacts that follow their law tells of its steps and its energy."""
     signals, balance = wave.signals, wave.signals.balance
-    if options.output:
-        write_signals(options.output, signals, options.made)
     if balance and not balance.kept:
         options.remarks.append(
             f"the energy does not add up: gap {balance.gap:.1e}, drift {balance.drift:.1e} of the "
-            "wave; take a smaller --accuracy"
+            "wave; take a smaller --tolerance"
         )
     if wave.noise > NOISY:
         options.remarks.append(
             f"without a wave the sample moves by {wave.noise:.1g} of the wave's motion; bring it "
             "to rest (modal relax)"
         )
-    return _recorded(signals, 6 * len(sample.position)) | {
+    return {
         "steps": wave.steps,
         "time_step_s": signals.time_step,
         "time_step_error": wave.error,

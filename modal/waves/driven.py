@@ -13,7 +13,7 @@ are replaced by equal ones, which changes a wave little: with C the contacts' st
 roots of their stiffnesses, in mass-scaled motions, A = C^T C, and y = (C v, v') follows
 (C v)' = C v', v'' = -C^T (C v) + the push. Both right-hand sides conserve |y|, the root of twice
 the energy, so that after a time t the two waves differ by |C - C'| t of the largest |y| at most;
-and |C - C'| <= `Repeats.difference` omega_bound, whose square bounds all omega^2.
+and |C - C'| <= `Repeats.difference` omega_max.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from modal.packing.network import RECEIVER_WALL, Network
+from modal.packing.network import RECEIVER_WALL
 from modal.packing.repeats import Repeats, lateral_repeats, undivided
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
@@ -36,39 +36,23 @@ from modal.waves.signals import COMPONENT
 from modal.waves.sources import Source
 
 
-def one_part(system: LinearSystem, duration: float, tolerance: float) -> Repeats:
+def one_part(
+    system: LinearSystem, duration: float, tolerance: float
+) -> tuple[LinearSystem, Repeats]:
     """The smallest part that will do for the time `duration`, s, within the relative `tolerance`.
 
     All of it where contacts have dashpots. The motion differs from that of the whole by
     `difference` of the largest at most.
     """
+    network = system.network
     if system.dashpots is None:
-        found = lateral_repeats(system.network, pre_stress=system.pre_stress != "none")
-        difference = found.difference * bound_of_omega(found.part) * duration
-        if found.count > 1 and difference <= tolerance:
-            return replace(found, difference=difference)
-    return undivided(system.network)
-
-
-def bound_of_omega(network: Network) -> float:
-    """A bound of all omega of the springs, 1/s; two to three times the highest.
-
-    A contact stores at most twice what it would for the motion of either sphere alone; and what a
-    sphere's contacts store is at most the sum over its six unit motions, of mass-scaled length 1.
-    """
-    kn, kt = network.stiffness_normal, network.stiffness_tangential
-    share = np.zeros(network.n_particles)
-    for end, lever, chosen in (
-        (network.particle_i, network.lever_i, slice(None)),
-        (network.particle_j, network.lever_j, ~network.with_wall),
-    ):
-        at, across = end[chosen], np.cross(lever, network.normal)[chosen]
-        turning = 2 * kt[chosen] * (lever[chosen] ** 2).sum(axis=1)
-        turning += (kn - kt)[chosen] * (across**2).sum(axis=1)
-        pushing = (kn + 2 * kt)[chosen]
-        own = pushing / network.mass[at] + turning / network.inertia[at]
-        share += np.bincount(at, own, len(share))
-    return float(np.sqrt(2 * share.max()))
+        found = lateral_repeats(network, pre_stress=system.pre_stress != "none")
+        if found.count > 1:
+            part = replace(system, network=found.part)
+            difference = found.difference * float(np.sqrt(part.top)) * duration
+            if difference <= tolerance:
+                return part, replace(found, difference=difference)
+    return system, undivided(network)
 
 
 @dataclass(frozen=True)
@@ -90,14 +74,14 @@ class Link:
 class Driven:
     """Source, system and receivers in the numbering of the operators' bodies.
 
-    The first force on a wall is that which holds the source, of one that moves; the last that on
-    the receiver wall, where there is one; N, or N m. `area`, m^2, is what stresses refer to; `part`
-    says which bodies of the packing these are, `system` is of it.
+    `stresses` names the forces that are recorded first, N, or N m: that which holds the source, of
+    one that moves, and that on the receiver wall, where there is one. `part` says which bodies of
+    the packing these are, `system` is of it.
     """
 
     springs: Link
     dashpots: Link | None
-    area: float
+    stresses: tuple[str, ...]
     part: Repeats
     system: LinearSystem
 
@@ -118,38 +102,38 @@ class Driven:
         the largest (`modal.waves.driven`). InputError where the source moves nothing.
         """
         direction, network = receivers.direction, system.network
-        own = source.imposed(network, direction)
-        part = undivided(network)
+        moved = source.imposed(network, direction)
+        small, part = system, undivided(network)
         if source.alike and not whole:
-            part = one_part(system, duration, tolerance)
-        small = system if part.count == 1 else replace(system, network=part.part)
-        springs = small.renumbered
-        # Where each body of the packing stands among the operator's, or none but the `first` ones.
-        order = np.arange(len(part.first)) if springs.order is None else springs.order
+            small, part = one_part(system, duration, tolerance)
+        springs, count = small.renumbered, len(part.first)
+        order = np.arange(count) if springs.order is None else springs.order
+        # Which body of the operator moves as each of the packing does; and which are its first.
+        place = np.argsort(order)[part.member]
         first = np.full(network.n_particles, -1)
-        first[part.first[order]] = np.arange(len(order))
-        member = first[part.first][part.member]
+        first[part.first] = place[part.first]
         beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None
         # What holds the source against the bodies, and what these do to the wall beyond.
-        walls = [(wall, way) for wall, way in ((own, -1.0), (beyond, 1.0)) if wall is not None]
+        ends = ("source_stress", moved, -1.0), ("receiver_stress", beyond, 1.0)
+        walls = [(name, wall, way) for name, wall, way in ends if wall is not None]
 
         def inside(rows: sp.csr_matrix, place: Ints) -> sp.csr_matrix:
             found = system.root.under(rows).tocoo()
             column = 6 * place[found.col // 6] + found.col % 6
             kept = column >= 0
             entries = found.data[kept], (found.row[kept], column[kept])
-            return sp.csr_matrix(entries, (found.shape[0], springs.shape[0]))
+            return sp.csr_matrix(entries, (found.shape[0], 6 * count))
 
         def link(by: LinearSystem, operator: ContactOperator, load: Floats, *more: Any) -> Link:
             push, held = sp.csr_matrix(load), np.zeros(len(walls))
             rows = [sp.csr_matrix((0, by.size))]
-            for k, (wall, way) in enumerate(walls):
+            for k, (_, wall, way) in enumerate(walls):
                 coupling = by.put_on(wall)
                 rows.append(way * coupling.pull.T)
-                if wall is own:
+                if wall is moved:
                     push, held[k] = coupling.push.T, coupling.held[0, 0]
-            reading = sp.vstack([*rows, *more], format="csr")
-            return Link(operator, inside(push.tocsr(), first), inside(reading, member), held)
+            push, reading = push.tocsr(), sp.vstack([*rows, *more], format="csr")
+            return Link(operator, inside(push, first), inside(reading, place), held)
 
         load, dashpots = source.load(network, direction), None
         by_springs = link(system, springs, load, receivers.rows)
@@ -161,8 +145,8 @@ class Driven:
         if system.dashpots is not None:
             damped = system.dashpots
             viscous = damped.operator if springs.order is None else damped.renumbered
-            dashpots = link(system.dashpots, viscous, 0 * load)
-        return cls(by_springs, dashpots, network.area, part, small)
+            dashpots = link(damped, viscous, 0 * load)
+        return cls(by_springs, dashpots, tuple(name for name, _, _ in walls), part, small)
 
     @property
     def count(self) -> int:
@@ -172,7 +156,7 @@ class Driven:
     @property
     def walls(self) -> int:
         """How many of them are forces."""
-        return len(self.springs.held)
+        return len(self.stresses)
 
     def blank(self, moved: Array) -> Array:
         """Shape (k, count): a record of bodies at rest, while the source has `moved` by (k,), m."""
@@ -194,9 +178,3 @@ class Driven:
     def _each(self, sizes: Floats) -> Floats:
         forces = sizes[:, : self.walls].max(axis=0)
         return np.append(forces, sizes[:, self.walls :].max())
-
-    def stresses(self, record: Array) -> dict[str, Any]:
-        """Forces of a record (k, count) over the area, where there are any."""
-        own, forces = bool(self.springs.held.any()), record[:, : self.walls] / self.area
-        found = {"source_stress": forces[:, 0]} if own else {}
-        return found | ({"receiver_stress": forces[:, -1]} if self.walls > own else {})

@@ -1,8 +1,8 @@
 """What carries a wave through a `Driven` system: exactly in time, in a DEM's steps, in long ones.
 
 The source's motion d(t) drives v'' + A v = c d(t). Hence v(t) = y(A, t) c, where y(omega^2, t)
-answers y'' + omega^2 y = d(t) from rest (`modal.waves.source`). As a function of x = 2 omega^2 /
-omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster than any
+answers y'' + omega^2 y = d(t) from rest (`modal.waves.oscillator`). As a function of x = 2 omega^2
+/ omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster than any
 power beyond order omega_max t / 2. One pass of T_k(X) c serves all times, and of every T_k(X) c
 only the recorded rows are kept. The expansion holds in the complex plane too, so a tangent that is
 not quite symmetric needs nothing else.
@@ -26,10 +26,10 @@ power of ten (`docs/damping.md`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.polynomial.polynomial import polyder, polyval
 
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.tools.arrays import Array, Floats
@@ -38,6 +38,7 @@ from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.chebyshev import Expansion, orders_of, summed
 from modal.waves.driven import Driven
+from modal.waves.oscillator import leapfrog, oscillation, steps
 from modal.waves.signals import record_times
 from modal.waves.source import Motion
 
@@ -58,86 +59,56 @@ class Seen:
     error: float
 
 
-@runtime_checkable
-class Integrator(Protocol):
-    """Carries a wave through a driven system."""
-
-    @property
-    def time_step(self) -> float | None:
-        """Of its own, s; None of one that has none."""
-
-    def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
-        """What is recorded from 0 on at every `interval`, s, of the `duration`, s.
-
-        InputError where it cannot: for dashpots, for an unstable packing, for an endless run.
-        """
-
-
-@dataclass(frozen=True)
-class Chebyshev:
+def by_polynomials(
+    driven: Driven,
+    motion: Motion,
+    duration: float,
+    interval: float,
+    tolerance: float,
+    time_step: float | None = None,
+) -> Seen:
     """Exact in time to the `tolerance`, relative; or, with a `time_step`, s, what leapfrog gives.
 
-    It knows no dashpots. Records of a leapfrog are whole numbers of its steps apart.
+    Records are an `interval`, s, apart, of a leapfrog a whole number of its steps. GrowthError
+    where K has negative directions, InputError for dashpots, for an endless run, and where the time
+    step exceeds the stability limit 2 / omega_max.
     """
+    if driven.dashpots is not None:
+        raise InputError(
+            "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
+            "contacts; leave it out, or give no time step"
+        )
+    found, top = 0, None
+    if time_step is not None:
+        every = _steps_between_records(interval, time_step)
+        top, found = driven.system.end(bound_of_spectrum)
 
-    tolerance: float = 1e-9
-    time_step: float | None = None
-
-    def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
-        """The record, by one recurrence.
-
-        GrowthError where K has negative directions, InputError where the time step exceeds the
-        stability limit 2 / omega_max.
-        """
-        if driven.dashpots is not None:
+    def series_for(top: float) -> Expansion:
+        if time_step is not None and not time_step < 2 / np.sqrt(top):
             raise InputError(
-                "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
-                "contacts; leave it out, or give no time step"
+                f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
+                f"{2 / np.sqrt(top):.4g} s; take a smaller one"
             )
-        step, found, top = self.time_step, 0, None
-        if step is not None:
-            every = _steps_between_records(interval, step)
-            top, found = driven.system.end(bound_of_spectrum)
+        orders, times = orders_of(top, duration), duration / interval + 1
+        numbers = EXPANSION_COPIES * orders * times + (orders + times) * driven.count
+        refuse_endless(
+            f"a wave of {duration:g} s, recorded every {interval:g} s,",
+            driven.springs.operator,
+            products=orders / 1.1,
+            bytes_needed=8 * numbers,
+            remedy="take a shorter duration or a longer interval",
+        )
+        time = record_times(duration, interval)
 
-        def series_for(top: float) -> Expansion:
-            if step is not None and not step < 2 / np.sqrt(top):
-                raise InputError(
-                    f"time step {step:g} s: the scheme is stable up to 2 / omega_max = "
-                    f"{2 / np.sqrt(top):.4g} s; take a smaller one"
-                )
-            orders, times = orders_of(top, duration), duration / interval + 1
-            numbers = EXPANSION_COPIES * orders * times + (orders + times) * driven.count
-            refuse_endless(
-                f"a wave of {duration:g} s, recorded every {interval:g} s,",
-                driven.springs.operator,
-                products=orders / 1.1,
-                bytes_needed=8 * numbers,
-                remedy="take a shorter duration or a longer interval",
-            )
-            time = record_times(duration, interval)
+        def response(square: Floats) -> Floats:
+            if time_step is None:
+                return oscillation(motion, square, time)
+            return leapfrog(motion, square, len(time), every, time_step)
 
-            def response(square: Floats) -> Floats:
-                if step is None:
-                    return motion.response(square, time)
-                return leapfrog(motion, square, len(time), every, step)
+        return Expansion(response, time, motion.displacement(time), top)
 
-            return Expansion(response, time, motion.displacement(time), top)
-
-        series, record, products, error = summed(driven, series_for, self.tolerance, top)
-        return Seen(series.time, record, products + found, error)
-
-
-def leapfrog(motion: Motion, square: Floats, count: int, every: int, step: float) -> Floats:
-    """Shape (nw, count): y of omega^2 (nw,), 1/s^2, at each `every`-th of a DEM's steps, s."""
-    moved = motion.displacement(step * np.arange(every * (count - 1), dtype=float))
-    y, speed = np.zeros((2, len(square)))
-    response = np.zeros((len(square), count))
-    for k, d in enumerate(moved, 1):
-        speed += step * (d - square * y)
-        y += step * speed
-        if k % every == 0:
-            response[:, k // every] = y
-    return response
+    series, record, products, error = summed(driven, series_for, tolerance, top)
+    return Seen(series.time, record, products + found, error)
 
 
 def _steps_between_records(interval: float, time_step: float) -> int:
@@ -156,78 +127,70 @@ def _steps_between_records(interval: float, time_step: float) -> int:
 RADIANS = 8.0
 """Of the fastest mode in a step. The terms of the series rise to exp(8) before they fall: round-off
 is then 7e-13; longer steps would take fewer products, and lose more digits."""
+SLOW = 2.0
+"""Of the motion in a step, for which the polynomial stands that is its series."""
 DEGREE = 14
-"""Of the polynomial that stands for the source's motion in a step."""
+"""Of that polynomial."""
 MOST_TERMS = 200
 
 
-@dataclass(frozen=True)
-class Taylor:
-    """Long steps, each a series in time, with dashpots or without.
+def by_series(
+    driven: Driven, motion: Motion, duration: float, interval: float, tolerance: float
+) -> Seen:
+    """Of a system with dashpots: long steps, each a series in time.
 
-    `tolerance` bounds the terms that a step leaves out, relative to the largest state.
+    `tolerance` bounds the terms that a step leaves out, relative to the largest state. InputError
+    where a series does not end.
     """
-
-    tolerance: float = 1e-9
-    time_step = None
-
-    def carry(self, driven: Driven, motion: Motion, duration: float, interval: float) -> Seen:
-        """The record; InputError where a series does not end."""
-        springs, dashpots, walls = driven.springs, driven.dashpots, driven.walls
-        top = _fastest(driven)
-        refuse_endless(
-            f"a damped wave of {duration:g} s",
-            springs.operator,
-            products=8 * top * duration,
-            bytes_needed=8.0 * (duration / interval + 1) * driven.count,
-            remedy="take a shorter duration",
-        )
-        times = record_times(duration, interval)
-        end = float(times[-1])
-        # The polynomial of the source holds for a few radians of its own.
-        step = min(RADIANS / top, 2 / (2 * np.pi * max(motion.frequency, 1 / end)))
-        edges = _steps(motion.corners, end, step)
-        at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
-        record = driven.blank(motion.displacement(times))
-        push, drag = (link.push.toarray()[0] if link else 0.0 for link in (springs, dashpots))
-        state, products = np.zeros((2, springs.operator.shape[0])), 0
-        for k in progress(len(edges) - 1, "wave"):
-            start, length = edges[k], edges[k + 1] - edges[k]
-            source, speed = _polynomial(motion, start, length)
-            inside = np.flatnonzero(at == k)
-            share = (times[inside] - start) / length
-            power = np.ones(len(inside))
-            if dashpots:
-                moving = np.polynomial.polynomial.polyval(share, speed)
-                record[inside, :walls] += moving[:, None] * dashpots.held
-            following, term = state.copy(), state
-            for order in range(MOST_TERMS):
-                if len(inside):
-                    seen = springs.rows @ term[0]
-                    if dashpots:
-                        seen[:walls] += dashpots.rows @ term[1]
-                    record[inside] += power[:, None] * seen
-                    power = power * share
-                ahead = np.empty_like(state)
-                ahead[0] = term[1]
-                springs.operator.combine(term[0], ahead[1], -1.0)
-                if dashpots:
-                    dashpots.operator.combine(term[1], ahead[1], -1.0, gamma=1.0)
-                if order < len(source):
-                    ahead[1] += push * source[order]
-                if order < len(speed):
-                    ahead[1] += drag * speed[order]
-                ahead *= length / (order + 1)
-                products += 1
-                following += ahead
-                term = ahead
-                small = _size(term, top) <= self.tolerance * 1e-2 * _size(following, top)
-                if small and order >= len(source):
-                    break
-            else:
-                raise InputError("the series of the wave did not end; take a larger tolerance")
-            state = following
-        return Seen(times, record, products, self.tolerance)
+    springs, dashpots, walls = driven.springs, driven.dashpots, driven.walls
+    assert dashpots is not None
+    top = _fastest(driven)
+    refuse_endless(
+        f"a damped wave of {duration:g} s",
+        springs.operator,
+        products=8 * top * duration,
+        bytes_needed=8.0 * (duration / interval + 1) * driven.count,
+        remedy="take a shorter duration",
+    )
+    times = record_times(duration, interval)
+    edges = steps(motion, times[[0, -1]], top, RADIANS, SLOW)
+    at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
+    record = driven.blank(motion.displacement(times))
+    push, drag = (link.push.toarray()[0] for link in (springs, dashpots))
+    state, products = np.zeros((2, springs.operator.shape[0])), 0
+    for k in progress(len(edges) - 1, "wave"):
+        start, length = edges[k], edges[k + 1] - edges[k]
+        source, speed = _polynomial(motion, start, length)
+        inside = np.flatnonzero(at == k)
+        share = (times[inside] - start) / length
+        power = np.ones(len(inside))
+        record[inside, :walls] += polyval(share, speed)[:, None] * dashpots.held
+        following, term = state.copy(), state
+        for order in range(MOST_TERMS):
+            if len(inside):
+                seen = springs.rows @ term[0]
+                seen[:walls] += dashpots.rows @ term[1]
+                record[inside] += power[:, None] * seen
+                power = power * share
+            ahead = np.empty_like(state)
+            ahead[0] = term[1]
+            springs.operator.combine(term[0], ahead[1], -1.0)
+            dashpots.operator.combine(term[1], ahead[1], -1.0, gamma=1.0)
+            if order < len(source):
+                ahead[1] += push * source[order]
+            if order < len(speed):
+                ahead[1] += drag * speed[order]
+            ahead *= length / (order + 1)
+            products += 1
+            following += ahead
+            term = ahead
+            small = _size(term, top) <= tolerance * 1e-2 * _size(following, top)
+            if small and order >= len(source):
+                break
+        else:
+            raise InputError("the series of the wave did not end; take a larger tolerance")
+        state = following
+    return Seen(times, record, products, tolerance)
 
 
 def _size(state: Floats, top: float) -> float:
@@ -244,17 +207,6 @@ def _fastest(driven: Driven) -> float:
     return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))
 
 
-def _steps(corners: Floats, end: float, longest: float) -> Floats:
-    """Times, s, of the steps' ends: at each corner of the source's motion, evenly in between."""
-    inside = corners[(corners > 0) & (corners < end)]
-    marks = np.concatenate([[0.0], inside, [end]])
-    parts = [
-        np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1)[:-1]
-        for a, b in zip(marks[:-1], marks[1:], strict=True)
-    ]
-    return np.concatenate([*parts, [end]])
-
-
 def _polynomial(motion: Motion, start: float, length: float) -> tuple[Floats, Array]:
     """Coefficients (q,) of the motion, m, and of its velocity, m/s, in powers of a step's share."""
     at = chebyshev.chebpts1(DEGREE + 1)
@@ -263,4 +215,4 @@ def _polynomial(motion: Motion, start: float, length: float) -> tuple[Floats, Ar
         return np.zeros(1), np.zeros(1)
     series = chebyshev.Chebyshev(chebyshev.chebfit(at, values, DEGREE), domain=[0, 1])
     moved = np.array(series.convert(kind=np.polynomial.Polynomial).coef, float)
-    return moved, np.polynomial.polynomial.polyder(moved) / length
+    return moved, polyder(moved) / length

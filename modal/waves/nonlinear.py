@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,15 +29,15 @@ from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.operator import ContactOperator
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.receivers import Receivers
-from modal.waves.signals import COMPONENT, TORSION, Signals, Wave, record_times
+from modal.waves.signals import COMPONENT, TORSION, Wave, record_times
 from modal.waves.source import Motion
-from modal.waves.sources import Plane, Source, Wall
+from modal.waves.sources import Source
 
 ACCURACY = 1e-3
 """Error of the time step, over the largest displacement recorded, where no other is asked for."""
@@ -78,27 +78,19 @@ class NonlinearWave(Wave):
         """How many contacts slid and opened."""
         return f"{int((self.dissipated > 0).sum())} contacts slid, {int(self.opened.sum())} opened"
 
-
-@dataclass
-class _Run:
-    """What one run has recorded.
-
-    Displacements (nt, count), m, of the chain, of layers and, where asked, of all; what holds the
-    source and what pushes the receiver wall (nt, 2), N; ends and energies of all contacts that
-    slid; and the rest as in `NonlinearWave`.
-    """
-
-    moved: Floats
-    on_walls: Floats
-    energy: Floats
-    dissipated: Floats
-    opened: Bools
-    slips: tuple[Ints, Floats]
-    seconds: float
+    @property
+    def moved(self) -> Floats:
+        """Shape (nt, k): all displacements that are recorded, of chain, layers and spheres."""
+        signals, nt = self.signals, len(self.energy)
+        records = (signals.chain_displacement, signals.layer_displacement)
+        every = signals.particle_displacement
+        return np.hstack([*records, np.empty((nt, 0)) if every is None else every])
 
 
 def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
     """The sample to start from; InputError for one in motion, or of a law that is not known."""
+    if friction is not None and not 0 < friction < math.inf:
+        raise InputError(f"friction {friction:g}: must be positive")
     if isinstance(sample, Network):
         if friction is None:
             raise InputError(
@@ -107,9 +99,7 @@ def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
         return sample_of_network(sample, friction)
     if sample.velocity is not None and sample.velocity.any():
         raise InputError("the sample is on its way; bring it to rest first (modal relax)")
-    if friction is not None:
-        raise InputError("a sample has its own friction: leave friction out")
-    return sample
+    return sample if friction is None else replace(sample, friction=friction)
 
 
 @dataclass
@@ -134,10 +124,6 @@ class NonlinearRuns:
         self.time = record_times(self.duration, self.interval)
         self.receivers = Receivers(self.network, direction, particles=self.particles)
         self.moves = self.source.imposed(self.network, direction) is not None
-        if self.moves and not isinstance(self.source, Wall | Plane):
-            raise InputError(
-                f"the non-linear wave does not know how a {self.source.name} moves contacts"
-            )
         if self.moves and direction == TORSION and self.sample.periodic_z:
             raise InputError(
                 "a period along z does not turn: take a cell between walls, a sphere as the "
@@ -155,31 +141,22 @@ class NonlinearRuns:
         The noise of a sample that is not quite at rest is told, not taken off.
         """
         if time_step is None:
-            every, run, error = self.run_to(accuracy)
+            wave = self.run_to(accuracy)
         elif 0 < time_step < self.limit:
-            every = math.ceil(self.interval / time_step * (1 - 1e-9))
-            run, error = self.run(every), math.nan
+            wave = self.run(math.ceil(self.interval / time_step * (1 - 1e-9)))
         else:
             raise InputError(
                 f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
                 f"{self.limit:.4g} s; take a smaller one"
             )
-        quiet = self.run(self.first, driven=False)
-        largest = abs(run.moved).max(initial=0.0)
-        return NonlinearWave(
-            self.signals(run, self.interval / every),
-            every * (len(self.time) - 1),
-            error,
-            float(abs(quiet.moved).max(initial=0.0) / largest) if largest else math.inf,
-            run.energy,
-            run.dissipated,
-            run.opened,
-        )
+        quiet = abs(self.run(self.first, driven=False).moved).max(initial=0.0)
+        largest = abs(wave.moved).max(initial=0.0)
+        return replace(wave, noise=float(quiet / largest) if largest else math.inf)
 
-    def run_to(self, accuracy: float) -> tuple[int, _Run, float]:
-        """Steps from record to record, the run with them, and its error, over the largest motion.
+    def run_to(self, accuracy: float) -> NonlinearWave:
+        """The run in steps so short that their error, over the largest motion, is the `accuracy`.
 
-        InputError where the accuracy is not reached.
+        InputError where that is not reached.
         """
         every, finer, coarse = self.first, 2 * self.first, self.run(self.first)
         for _ in range(MOST_RUNS):
@@ -188,17 +165,17 @@ class NonlinearRuns:
             apart = abs(fine.moved - coarse.moved).max(initial=0.0)
             error = float(apart / largest / ((finer / every) ** 2 - 1)) if largest else 0.0
             if error <= accuracy:
-                return finer, fine, error
+                return replace(fine, error=error)
             growth = math.sqrt(error / (SURE * accuracy))
             every, coarse = finer, fine
             finer = math.ceil(every * min(max(growth, 1.2), 4.0))
         raise InputError(
             f"the error of the time step is still {error:.1e} of the motion at "
             f"{self.interval / every:.3g} s: spheres fly about, whose ways no step repeats; ask "
-            "for a larger accuracy, a smaller amplitude or a shorter duration, or give a time step"
+            "for a larger tolerance, a smaller amplitude or a shorter duration, or give a time step"
         )
 
-    def run(self, every: int, *, driven: bool = True) -> _Run:
+    def run(self, every: int, *, driven: bool = True) -> NonlinearWave:
         """One run of `every` steps from record to record; at rest the source where not `driven`."""
         started, nt, along = clock.perf_counter(), len(self.time), COMPONENT[self.direction]
         dt, steps = self.interval / every, every * (nt - 1)
@@ -209,13 +186,12 @@ class NonlinearRuns:
             self.operator,
             products=PRODUCTS * steps,
             bytes_needed=8 * (3 * nt * reading.shape[0] + steps),
-            remedy="take a shorter duration or a larger accuracy",
+            remedy="take a shorter duration or a larger tolerance",
         )
         moving = Dynamics(self.sample, books=True)
         moving.axis = self.network.cell_size[:2] / 2
         contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
-        if isinstance(self.source, Plane):
-            moving.carried = np.flatnonzero(self.sample.position[:, 2] < self.source.height)
+        moving.carried = self.source.carried(self.sample.position)
         given = driven * self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
         moved, on_walls, energy = (np.empty((nt, count)) for count in (reading.shape[0], 2, 4))
         turned, opened = np.zeros(len(inertia)), np.zeros(self.network.n_contacts, bool)
@@ -252,37 +228,33 @@ class NonlinearRuns:
         ends, lost, rows = contacts.slips()
         dissipated = np.zeros(len(opened))
         dissipated[rows[rows >= 0]] = lost[rows >= 0]
-        seconds = clock.perf_counter() - started
-        return _Run(moved, on_walls, energy, dissipated, opened, (ends, lost), seconds)
-
-    def signals(self, run: _Run, dt: float) -> Signals:
-        """The run, of steps of `dt`, s, in the form of the linear wave."""
-        stress = (run.on_walls - run.on_walls[0]) / self.network.area
-        stresses = {"source_stress": stress[:, 0]} if self.moves else {}
-        stresses |= {"receiver_stress": stress[:, 1]} if self.receivers.walls else {}
-        return self.receivers.signals(
+        kinds = {"source_stress": self.moves, "receiver_stress": self.receivers.walls}
+        there = [name for name, known in kinds.items() if known]
+        signals = self.receivers.signals(
             self.time,
-            run.moved,
+            np.hstack([(on_walls - on_walls[0])[:, list(kinds.values())], moved]),
             self.motion,
             self.source,
-            **stresses,
+            there,
             producer="nonlinear",
             time_step=dt,
-            run_time=run.seconds,
+            run_time=clock.perf_counter() - started,
             network_sha256=self.network_sha256,
-            balance=self._balance(run, dt),
-            slip_ends=run.slips[0],
-            slip_energy=run.slips[1],
+            balance=self._balance(energy, dt, int((dissipated > 0).sum()), opened)
+            if driven
+            else None,
+            slip_ends=ends,
+            slip_energy=lost,
         )
+        return NonlinearWave(signals, steps, math.nan, math.nan, energy, dissipated, opened)
 
-    def _balance(self, run: _Run, dt: float) -> EnergyBalance | None:
+    def _balance(self, energy: Floats, dt: float, slid: int, opened: Bools) -> EnergyBalance | None:
         """The books from the end of the wall's motion on; None where the record ends before it."""
         quiet = int(np.searchsorted(self.time, self.motion.corners[-1]))
         if quiet >= len(self.time) - 1:
             return None
-        work, kinetic, stored, lost = run.energy.T
+        work, kinetic, stored, lost = energy.T
         held = kinetic + stored
-        slid = int((run.dissipated > 0).sum())
         # A force bends contacts by what nobody knows beforehand: any share of them.
         size = self.motion.amplitude if self.moves else math.inf
         bound = drift_limit(self.network, dt / self.limit, size, held[quiet])
@@ -290,8 +262,8 @@ class NonlinearRuns:
             energy=float(held[quiet]),
             drift=float(held[-1] / held[quiet] - 1),
             friction=float((lost[-1] - lost[quiet]) / held[quiet]),
-            contacts=len(run.opened),
-            opened=int(run.opened.sum()),
+            contacts=len(opened),
+            opened=int(opened.sum()),
             slid=slid,
             limit=math.nan if slid else float(bound),
             work=float(work[-1]),

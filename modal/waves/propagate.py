@@ -15,12 +15,15 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 from modal.waves.driven import Driven
-from modal.waves.integrators import Chebyshev, Integrator, Taylor
+from modal.waves.integrators import by_polynomials, by_series
 from modal.waves.nonlinear import ACCURACY, NonlinearRuns, NonlinearWave, at_rest
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Wave
 from modal.waves.source import Motion, Pulse
 from modal.waves.sources import Source, Wall
+
+TOLERANCE = 1e-9
+"""Of a linear wave where no other is asked for."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,15 +42,6 @@ class LinearWave(Wave):
     def told(self) -> str:
         """What it took."""
         return f"{self.products} products with K"
-
-
-LINEAR = {
-    **{"tolerance": 1e-9, "pre_stress": "none", "sliding": "elastic", "damping": None},
-    **{"integrator": None, "whole": False},
-}
-"""Options, and their usual values, of a wave alone whose contacts are springs."""
-NONLINEAR = {"accuracy": None, "friction": None}
-"""Of one alone whose contacts follow their law."""
 
 
 @overload
@@ -69,17 +63,15 @@ def propagate(
     source: Source | None = None,
     motion: Motion | None = None,
     interval: float = 1e-6,
-    tolerance: float = 1e-9,
+    tolerance: float | None = None,
     pre_stress: str = "none",
     sliding: str = "elastic",
     particles: bool = False,
     direction: str = "z",
     damping: ContactDamping | None = None,
-    integrator: Integrator | None = None,
     whole: bool = False,
     network_sha256: str = "",
     time_step: float | None = None,
-    accuracy: float | None = None,
     friction: float | None = None,
 ) -> LinearWave | NonlinearWave:
     """The wave that a small motion of a source sends through a packing.
@@ -104,9 +96,10 @@ def propagate(
         Of the source, m (N of a force); by default the pulse of the study.
     interval : float, default 1e-6
         Between recorded times, s.
-    tolerance : float, default 1e-9
+    tolerance : float, optional
         Error of displacements, in parts of the largest recorded one, and of stresses, in parts of
-        the largest on either wall.
+        the largest on either wall: 1e-9. Of a non-linear wave that of displacements by the time
+        step: 1e-3.
     pre_stress : str, default "none"
         As of `modal.eigenmodes`.
     sliding : str, default "elastic"
@@ -119,18 +112,14 @@ def propagate(
     damping : ContactDamping, optional
         Dashpots of the contacts (`modal.system.damping`); takes some ten times as many products K
         u.
-    integrator : Integrator, optional
-        Exact in time by default, with dashpots and without.
     whole : bool, default False
         Compute all parts of a packing of equal ones.
     network_sha256 : str, default ""
         Checksum of the network's file, noted in the signals.
     time_step : float, optional
         s; goes by leapfrog, with the error of DEM programs.
-    accuracy : float, optional
-        Of the non-linear wave alone: error of displacements, over the largest recorded one; 1e-3.
     friction : float, optional
-        Of the non-linear wave in a network alone; a sample has its own.
+        Of the non-linear wave alone: a network has none, a sample its own.
 
     Returns
     -------
@@ -159,16 +148,18 @@ def propagate(
     >>> shear.signals.layer_displacement.shape
     (21, 28)
     """
-    given = locals()
-    kind, exact = ("linear", "accuracy") if nonlinear else ("non-linear", "tolerance")
-    for name, usual in (LINEAR if nonlinear else NONLINEAR).items():
-        if given[name] != usual:
-            raise InputError(f"{name} is of the {kind} wave: leave it out, or take that")
-    error = tolerance if not nonlinear else ACCURACY if accuracy is None else accuracy
-    if not (0 < interval <= duration < np.inf and 0 < error < 1):
+    of_springs = {"pre_stress": pre_stress != "none", "sliding": sliding != "elastic"}
+    of_springs |= {"damping": damping is not None, "whole": whole}
+    other, foreign = "non-linear", {"friction": friction is not None}
+    if nonlinear:
+        other, foreign = "linear", of_springs
+    for name in (name for name, given in foreign.items() if given):
+        raise InputError(f"{name} is of the {other} wave: leave it out, or take that")
+    error = tolerance or (ACCURACY if nonlinear else TOLERANCE)
+    if not (0 < interval <= duration < np.inf and 0 < error < 1 and tolerance != 0):
         raise InputError(
             "duration and interval must be positive, the interval no longer than the duration, "
-            f"the {exact} between 0 and 1"
+            "the tolerance between 0 and 1"
         )
     source, motion = source or Wall(), motion or Pulse()
     if nonlinear:
@@ -180,19 +171,19 @@ def propagate(
     started = clock.perf_counter()
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     receivers = Receivers(system.network, direction, particles=particles)
-    driven = Driven.of(system, source, receivers, duration, tolerance, whole=whole)
-    if integrator is None and driven.dashpots and time_step is None:
-        integrator = Taylor(tolerance)
-    integrator = integrator or Chebyshev(tolerance, time_step)
-    seen = integrator.carry(driven, motion, duration, interval)
+    driven = Driven.of(system, source, receivers, duration, error, whole=whole)
+    if driven.dashpots and time_step is None:
+        seen = by_series(driven, motion, duration, interval, error)
+    else:
+        seen = by_polynomials(driven, motion, duration, interval, error, time_step)
     signals = receivers.signals(
         seen.time,
-        seen.record[:, driven.walls :],
+        seen.record,
         motion,
         source,
-        **driven.stresses(seen.record),
+        driven.stresses,
         producer="linear",
-        time_step=integrator.time_step or interval,
+        time_step=time_step or interval,
         run_time=clock.perf_counter() - started,
         network_sha256=network_sha256,
     )

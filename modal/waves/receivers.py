@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.signals import COMPONENT, Signals
 from modal.waves.source import Motion
@@ -33,24 +34,24 @@ class Receivers:
         self.chain = wall_to_wall_chain(network) if self.walls else np.empty(0, int)
         self.layers = Layers(network)
         layer, size = self.layers.layer, self.layers.size
-        held, every = np.flatnonzero(layer >= 0), np.arange(len(layer))
+        held, each = np.flatnonzero(layer >= 0), np.arange(len(layer) * particles)
+        nc, nl = len(self.chain), len(size)
+        row = np.concatenate([np.arange(nc), nc + layer[held], nc + nl + each])
+        sphere = np.concatenate([self.chain, held, each])
+        weight = np.ones(len(row))
+        weight[nc : nc + len(held)] /= size[layer[held]]
+        places, shape = 6 * sphere + COMPONENT[direction], (nc + nl + len(each), 6 * len(layer))
+        self.rows = sp.csr_matrix((weight, (row, places)), shape)
 
-        def along(row: Ints, sphere: Ints, weight: Floats) -> sp.csr_matrix:
-            places = row, 6 * sphere + COMPONENT[direction]
-            return sp.csr_matrix((weight, places), (int(row.max(initial=-1)) + 1, 6 * len(layer)))
+    def columns(self, record: Array, stresses: Sequence[str]) -> dict[str, Any]:
+        """Fields of a recording (k, count): first forces, N, so named, then what `rows` have read.
 
-        parts = [
-            along(every[: len(self.chain)], self.chain, np.ones(len(self.chain))),
-            along(layer[held], held, 1 / size[layer[held]]),
-        ]
-        if particles:
-            parts.append(along(every, every, np.ones(len(every))))
-        self.rows: sp.csr_matrix = sp.vstack(parts, format="csr")
-
-    def columns(self, seen: Array) -> dict[str, Any]:
-        """Fields of a recording from what `rows` have read, (k, count)."""
+        Stresses are those forces over the area of the cell.
+        """
+        forces, seen = np.split(record, [len(stresses)], axis=1)
         c, nl = len(self.chain), len(self.layers.position)
         return {
+            **dict(zip(stresses, forces.T / self.network.area, strict=True)),
             "direction": self.direction,
             "chain_particle": self.chain,
             "chain_displacement": seen[:, :c],
@@ -60,11 +61,17 @@ class Receivers:
         }
 
     def signals(
-        self, time: Floats, seen: Array, motion: Motion, source: Source, **settings: Any
+        self,
+        time: Floats,
+        record: Array,
+        motion: Motion,
+        source: Source,
+        stresses: Sequence[str],
+        **settings: Any,
     ) -> Signals:
-        """The signals of what `rows` have read (nt, count) at times (nt,) of a source's motion.
+        """The signals of a record (nt, count) as of `columns`, at times (nt,) of a source's motion.
 
-        `settings`: the further fields of `Signals`, stresses, producer, time step and so on.
+        `settings`: the further fields of `Signals`, producer, time step and so on.
         """
         return Signals(
             time=time,
@@ -75,6 +82,6 @@ class Receivers:
             case=str(self.network.study.get("case", "")),
             amplitude=motion.amplitude,
             input_frequency=motion.frequency,
-            **self.columns(seen),
+            **self.columns(record, stresses),
             **settings,
         )

@@ -18,22 +18,22 @@ slow decays slowest. The format "granular-frequency-response" is defined here, i
 from __future__ import annotations
 
 import time as clock
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.hdf5 import complete
-from modal.formats.product import Product
+from modal.formats.product import Column
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
-from modal.tools.arrays import Complex, Floats, Ints
+from modal.tools.arrays import Complex, Floats
 from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
@@ -41,26 +41,18 @@ from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
-from modal.waves.signals import OF_FREQUENCY, SAID, UNSAID, absent, read_recording, write_recording
 from modal.waves.signals import VERSION as VERSION
+from modal.waves.signals import Recording, along, product_of, read_recording, write_recording
 from modal.waves.sources import Source, Wall
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMA = "granular-frequency-response"
-FORMAT = Product(
-    SCHEMA,
-    OF_FREQUENCY,
-    SAID | {"resolution": float, "damping": np.ravel},
-    UNSAID | {"damping": np.empty(0)},
-    versions=VERSION,
-)
 REMEDY = "take fewer frequencies, or a smaller packing"
 
 
 @dataclass(repr=False, kw_only=True)
-class Response:
+class Response(Recording):
     """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
     frequency (nf,) Hz; source_stress, receiver_stress (nf,) complex, Pa/m, compression positive;
@@ -71,18 +63,9 @@ class Response:
     `resolution` is 0 and there are no products.
     """
 
-    frequency: Floats
-    source_stress: Complex = absent()
-    receiver_stress: Complex = absent()
-    chain_particle: Ints = absent(int)
-    chain_displacement: Complex
-    layer_position: Floats
-    layer_displacement: Complex
+    frequency: Annotated[Floats, Column("frequency", "f", ("n",), "Hz")]
     resolution: float
     products: int
-    direction: str = "z"
-    source: str = "wall"
-    source_height: Floats | None = None
     damping: ContactDamping | None = None
 
     def __repr__(self) -> str:
@@ -130,6 +113,19 @@ class Response:
         bend = g[k - 1] - 2 * g[k] + g[k + 1]
         shift = 0.5 * (g[k - 1] - g[k + 1]) / bend
         return self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])
+
+
+SCHEMA = "granular-frequency-response"
+_TABLE = product_of(SCHEMA, Response)
+FORMAT = replace(
+    _TABLE,
+    columns={
+        **{name: along(c, kind="c", unit=f"{c.unit}/m") for name, c in _TABLE.columns.items()},
+        "gain": Column("gain", "f", ("n",), "1", optional=True),
+    },
+    attributes={**_TABLE.attributes, "damping": np.ravel},
+    defaults={**_TABLE.defaults, "damping": np.empty(0)},
+)
 
 
 @checked
@@ -201,15 +197,12 @@ def frequency_response(
     source, receivers = source or Wall(), Receivers(system.network, direction)
     # The window leaves of a wave what comes within 1 / gamma.
     driven = Driven.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
-    if driven.dashpots:
-        (frequency, record), products = _damped(system, driven, highest, resolution), 0
-    else:
-        frequency, record, products = _windowed(driven, highest, resolution, tolerance)
-    columns = receivers.columns(record[:, driven.walls :])
+    record_of = _damped if driven.dashpots else _windowed
+    frequency, record, products = record_of(driven, highest, resolution, tolerance)
+    columns = receivers.columns(record, driven.stresses)
     del columns["particle_displacement"]
     return Response(
         frequency=frequency,
-        **driven.stresses(record),
         **columns,
         resolution=0.0 if driven.dashpots else resolution,
         products=products,
@@ -257,15 +250,15 @@ def _windowed(
 
 
 def _damped(
-    system: LinearSystem, driven: Driven, highest: float | None, resolution: float
-) -> tuple[Floats, Complex]:
-    """Frequencies (nf,), Hz, and what is recorded at them (nf, count), by a factorisation each.
+    driven: Driven, highest: float | None, resolution: float, _: float
+) -> tuple[Floats, Complex, int]:
+    """The same of dashpots, by a factorisation for each frequency, which takes no products.
 
     InputError where these would take more than the memory or more than a day.
     """
-    springs, dashpots = driven.springs, driven.dashpots
+    system, springs, dashpots = driven.system, driven.springs, driven.dashpots
     assert dashpots and system.dashpots
-    end = _end(driven.system.top, highest, resolution)
+    end = _end(system.top, highest, resolution)
     count = 4 * end / resolution
 
     def refuse(seconds: float) -> None:
@@ -280,9 +273,8 @@ def _damped(
     started = clock.perf_counter()
     for k in progress(len(frequency), "response"):
         s = -2j * np.pi * frequency[k]
-        factor = factorise(
-            (A + s * C + s**2 * identity).tocsr(), symmetric=system.symmetric, remedy=REMEDY
-        )
+        matrix = (A + s * C + s**2 * identity).tocsr()
+        factor = factorise(matrix, symmetric=system.symmetric, remedy=REMEDY)
         load = springs.operator.outward((springs.push + s * dashpots.push).toarray()[0])
         v = springs.operator.inward(factor.solve(load))
         factor.release()
@@ -292,7 +284,7 @@ def _damped(
             refuse(clock.perf_counter() - started)
     if not np.isfinite(record).all():
         raise InputError(f"the damped response is not finite at a frequency of its own; {REMEDY}")
-    return frequency, record
+    return frequency, record, 0
 
 
 def write_response(
@@ -317,6 +309,5 @@ def read_response(path: str | Path) -> Response:
     with complete(path):
         ratios = tuple(map(float, said["damping"]))
         said["damping"] = ContactDamping(*ratios) if ratios else None
-    for name in ("gain", "network_sha256"):
-        said.pop(name, None)
+    said.pop("gain", None)
     return Response(products=0, **said)

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import numpy as np
 
@@ -35,55 +35,72 @@ DIRECTIONS = ("x", "y", "z")
 """Along which a source may move: z sends P-waves, x and y send S-waves."""
 COMPONENT = {"x": 0, "y": 1, "z": 2, TORSION: 5}
 """Of the six motions of a sphere the one that is recorded: along the direction, or about z."""
-_RECORDED = {
-    "source_stress": Column("source/stress", "f", ("n",), "Pa", optional=True),
-    "receiver_stress": Column("receiver/stress", "f", ("n",), "Pa", optional=True),
-    "chain_displacement": Column("chain/displacement", "f", ("n", "nc"), "m", optional=True),
-    "layer_displacement": Column("layers/displacement", "f", ("n", "nl"), "m", optional=True),
-}
-_PLACES = {
-    "chain_particle": Column("chain/particle", "i", ("nc",), "1", optional=True),
-    "layer_position": Column("layers/position", "f", ("nl",), "m", optional=True),
-    "source_height": Column("source/height", "f", (1,), "m", optional=True, since=2),
-}
-OF_TIME = {
-    "time": Column("time", "f", ("n",), "s"),
-    "source_displacement": Column("source/displacement", "f", ("n",), "m"),
-    "particle_displacement": Column("particles/displacement", "f", ("n", "np"), "m", optional=True),
-    "chain_position": Column("chain/position", "f", ("nc",), "m", optional=True),
-    "slip_ends": Column("slip/ends", "i", ("ns", 2), "1", optional=True),
-    "slip_energy": Column("slip/energy", "f", ("ns",), "J", optional=True),
-    **(_PLACES | _RECORDED),
-}
-"""Of a recording over time."""
-OF_FREQUENCY = {
-    "frequency": Column("frequency", "f", ("n",), "Hz"),
-    "gain": Column("gain", "f", ("n",), "1", optional=True),
-    **_PLACES,
-    **{
-        name: column._replace(
-            kind="c", unit=f"{column.unit}/m", optional=name != "layer_displacement"
-        )
-        for name, column in _RECORDED.items()
-    },
-}
-"""Over frequency, per metre of the source; means over layers are always there."""
 VERSION = (1, 2)
 """Of the files."""
+MOVED = ("displacement", "stress")
+"""Names of columns along the direction of the source."""
 TWISTED = {"m": "rad", "Pa": "N/m"}
 """Units in torsion, of what moves and of what resists."""
-SAID = {"direction": str, "source": str, "network_sha256": str}
-"""Attributes of both, with what files of before mean that do not say so."""
-UNSAID = {"direction": "z", "source": "wall", "network_sha256": ""}
+
+
+def absent(kind: type = float) -> Any:
+    """A column of a recording that an empty array stands for where it is not there."""
+    return field(default_factory=lambda: np.empty(0, kind))
+
+
+@dataclass(repr=False, kw_only=True)
+class Recording:
+    """What is recorded over time or over frequency, n of them, as its file has it.
+
+    What a source or a packing does not have is empty, or None. Stresses are along `direction`, in
+    which the source moves, as the walls push: for z compression is positive.
+    """
+
+    chain_particle: Annotated[Ints, Column("chain/particle", "i", ("nc",), "1")] = absent(int)
+    chain_displacement: Annotated[Any, Column("chain/displacement", "f", ("n", "nc"), "m")] = (
+        absent()
+    )
+    layer_position: Annotated[Any, Column("layers/position", "f", ("nl",), "m")] = None
+    layer_displacement: Annotated[Any, Column("layers/displacement", "f", ("n", "nl"), "m")] = None
+    source_stress: Annotated[Any, Column("source/stress", "f", ("n",), "Pa")] = absent()
+    receiver_stress: Annotated[Any, Column("receiver/stress", "f", ("n",), "Pa")] = absent()
+    source_height: Annotated[Any, Column("source/height", "f", (1,), "m", since=2)] = None
+    direction: str = "z"
+    source: str = "wall"
+    network_sha256: str = ""
+
+
+def product_of(schema: str, table: type[Recording], groups: tuple[str, ...] = ()) -> Product:
+    """The format of a recording: its annotated columns, its texts and numbers as attributes.
+
+    What has a default may be absent.
+    """
+    kinds = get_type_hints(table, include_extras=True)
+    columns, attributes, defaults = dict[str, Column](), dict[str, Any](), dict[str, Any]()
+    for one in fields(table):
+        kind, always = kinds[one.name], one.default is one.default_factory is MISSING
+        for column in getattr(kind, "__metadata__", ()):
+            columns[one.name] = column._replace(optional=not always)
+        if kind in (str, float):
+            attributes[one.name] = kind
+            defaults |= {} if always else {one.name: one.default}
+    return Product(schema, columns, attributes, defaults, groups, versions=VERSION)
+
+
+def along(column: Column, **changed: Any) -> Column:
+    """The column, changed where it is along the direction of the source."""
+    return column._replace(**changed) if column.dataset.rpartition("/")[2] in MOVED else column
 
 
 def write_recording(
     product: Product, path: str | Path, values: Mapping[str, Any], made: Provenance | None
 ) -> None:
     """Write what is there, torsion in its own units; what is empty is left out."""
-    columns = product.columns
+    columns = dict(product.columns)
     if values["direction"] == TORSION:
-        columns = {name: _twisted(column) for name, column in columns.items()}
+        for name, column in columns.items():
+            unit, *per = column.unit.split("/")
+            columns[name] = along(column, unit="/".join([TWISTED.get(unit, unit), *per]))
     there = {
         name: None if name in columns and np.size(value) == 0 else value
         for name, value in values.items()
@@ -102,45 +119,8 @@ def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
     return {"chain_displacement": np.empty((length, 0))} | there
 
 
-def absent(kind: type = float) -> Any:
-    """A column of a recording that an empty array stands for where it is not there."""
-    return field(default_factory=lambda: np.empty(0, kind))
-
-
-def _twisted(column: Column) -> Column:
-    """The column in torsion's units, of what is recorded along its direction."""
-    if column.dataset.rpartition("/")[2] not in ("displacement", "stress"):
-        return column
-    unit, *per = column.unit.split("/")
-    return column._replace(unit="/".join([TWISTED[unit], *per]))
-
-
-SCHEMA = "granular-wave-signals"
-PLANE = "granular-plane-wave"
-"""The schema, version 1, of a wave from a plane in files of before."""
-FORMAT = Product(
-    SCHEMA,
-    OF_TIME,
-    SAID
-    | {"producer": str, "case": str}
-    | dict.fromkeys(("amplitude", "input_frequency", "time_step", "run_time"), float),
-    UNSAID,
-    groups=("balance",),
-    versions=VERSION,
-)
-_OF_PLANE = (
-    *("time", "source_displacement", "particle_displacement"),
-    *("layer_position", "layer_displacement"),
-)
-PLANE_FORMAT = Product(
-    PLANE,
-    {name: OF_TIME[name] for name in _OF_PLANE},
-    {"height": float, "direction": str, "network_sha256": str},
-)
-
-
 @dataclass(repr=False, kw_only=True)
-class Signals:
+class Signals(Recording):
     """Recorded signals of one wave run; nt times, nc particles of the chain.
 
     time (nt,) s; chain_particle (nc,) index into the network; chain_position (nc,) z of the
@@ -160,29 +140,21 @@ class Signals:
     slip_energy (ns,), J, what its slip dissipated: their sum is all that slip dissipated.
     """
 
-    time: Floats
-    chain_particle: Ints = absent(int)
-    chain_position: Floats = absent()
-    chain_displacement: Floats
-    source_displacement: Floats
-    source_stress: Floats = absent()
-    receiver_stress: Floats = absent()
+    time: Annotated[Floats, Column("time", "f", ("n",), "s")]
+    source_displacement: Annotated[Floats, Column("source/displacement", "f", ("n",), "m")]
+    chain_position: Annotated[Floats, Column("chain/position", "f", ("nc",), "m")] = absent()
+    particle_displacement: Annotated[
+        Floats | None, Column("particles/displacement", "f", ("n", "np"), "m")
+    ] = None
+    slip_ends: Annotated[Ints | None, Column("slip/ends", "i", ("ns", 2), "1")] = None
+    slip_energy: Annotated[Floats | None, Column("slip/energy", "f", ("ns",), "J")] = None
     producer: str
     case: str
     amplitude: float
     input_frequency: float
     time_step: float
     run_time: float
-    network_sha256: str
-    direction: str = "z"
-    source: str = "wall"
-    source_height: Floats | None = None
-    layer_position: Floats | None = None
-    layer_displacement: Floats | None = None
-    particle_displacement: Floats | None = None
     balance: EnergyBalance | None = None
-    slip_ends: Ints | None = None
-    slip_energy: Floats | None = None
 
     def __repr__(self) -> str:
         return (
@@ -222,6 +194,12 @@ class Signals:
         ax.figure.colorbar(image, ax=ax, label=label)
         ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
         return ax
+
+
+SCHEMA = "granular-wave-signals"
+FORMAT = product_of(SCHEMA, Signals, ("balance",))
+PLANE = "granular-plane-wave"
+"""The schema, version 1, of a wave from a plane in files of before."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -277,34 +255,35 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
     """
     with open_h5(path) as file:
         plane = of_any_source and file.attrs.get("schema") == PLANE
-    signals = _of_plane(PLANE_FORMAT.read(path)) if plane else Signals(**_read(path))
+    signals = Signals(**(_of_plane if plane else _said)(path))
     if not (signals.from_wall_to_wall or of_any_source):
         raise InputError(f"{path}: not of a wave from wall to wall; only `export` shows it")
     _validate(signals, str(path))
     return signals
 
 
-def _read(path: str | Path) -> dict[str, Any]:
+def _said(path: str | Path) -> dict[str, Any]:
     said = read_recording(FORMAT, path)
     with complete(path):
         said["balance"] = EnergyBalance.of_attributes(said["balance"])
     return said
 
 
-def _of_plane(said: dict[str, Any]) -> Signals:
+def _of_plane(path: str | Path) -> dict[str, Any]:
     """What a file of before says of a wave from a plane; the rest is taken from its columns."""
+    attributes = {"height": float, "direction": str, "network_sha256": str}
+    said = read_recording(Product(PLANE, FORMAT.columns, attributes), path)
     height, time = said.pop("height"), said["time"]
-    return Signals(
-        **said,
-        chain_displacement=np.empty((len(time), 0)),
-        source=f"plane at {height:g} m",
-        source_height=np.array([height]),
-        producer="linear",
-        case="",
-        amplitude=float(np.ptp(said["source_displacement"])) / 2,
-        input_frequency=1 / float(time[-1]),
-        time_step=float(time[-1]) / (len(time) - 1),
-        run_time=0.0,
+    return (
+        {"producer": "linear", "case": "", "run_time": 0.0}
+        | said
+        | {
+            "source": f"plane at {height:g} m",
+            "source_height": np.array([height]),
+            "amplitude": float(np.ptp(said["source_displacement"])) / 2,
+            "input_frequency": 1 / float(time[-1]),
+            "time_step": float(time[1]),
+        }
     )
 
 

@@ -1,14 +1,9 @@
-"""Motions of the source wall, and what an oscillator does when such a motion drives it.
-
-A linear wave needs of its source only y(omega^2, t), the solution of y'' + omega^2 y = d(t) from
-rest. It is known in closed form for the pulse of the study and for a motion given by samples.
-"""
+"""Motions of the source: the pulse of the study, chirps, steps, and those given by samples."""
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from math import isqrt
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -47,50 +42,6 @@ class Motion(Protocol):
     def displacement(self, time: Floats) -> Floats:
         """Shape (nt,), m: displacement d of the wall at the times (nt,), s."""
 
-    def response(self, square: Floats, time: Floats) -> Floats:
-        """Shape (nw, nt), m s^2: y(omega^2, t) for omega^2 (nw,) 1/s^2, ascending times (nt,) s."""
-
-
-def _driven_from_rest(square: Floats, time: Floats, frequency: float) -> Floats:
-    """Shape (nw, nt): response to 1 - cos(Omega t) switched on at t = 0, unit A.
-
-    P(w) - (cos Omega t - cos wt)/(w^2 - Omega^2) with P(w) = (1 - cos wt)/w^2, written with
-    sin(x)/x, which is smooth where w = 0 or w = Omega; far above Omega, where the two cancel, the
-    same is Omega^2 (P(Omega) - P(w))/(w^2 - Omega^2).
-    """
-    omega = np.sqrt(np.maximum(square, 0))[:, None]
-    drive = 2 * np.pi * frequency
-    t = np.maximum(time, 0)[None, :]
-
-    def half_product(a: Floats | float, b: Floats | float) -> Floats:
-        # 2 sin(a t) sin(b t) / (4 a b) with a or b allowed to vanish.
-        half: Floats = 0.5 * t**2 * np.sinc(a * t / np.pi) * np.sinc(b * t / np.pi)
-        return half
-
-    constant = half_product(omega / 2, omega / 2)
-    # cos(Omega t) - cos(w t) = 2 sin((w + Omega) t / 2) sin((w - Omega) t / 2).
-    near = constant - half_product((omega + drive) / 2, (omega - drive) / 2)
-    above = omega > 2 * drive
-    far = (drive / np.where(above, omega, np.inf)) ** 2
-    return np.where(above, (half_product(drive / 2, drive / 2) - constant) * far / (1 - far), near)
-
-
-def sines(omega: Floats, time: Floats) -> Floats:
-    """Shape (nw, nt): sin(omega t) of frequencies (nw,), 1/s, at times (nt,), s.
-
-    Of evenly spaced times by the theorem of addition, from the sines and cosines of some sqrt(nt)
-    times and of as many differences: a third of the work, and no further off than the rounding of
-    omega t is anyway.
-    """
-    span = isqrt(len(time))
-    even = np.diff(time)
-    if span < 2 or even.max() - even.min() > 4 * np.spacing(abs(time).max()):
-        return np.sin(omega[:, None] * time)
-    first, further = omega[:, None] * time[::span], omega[:, None] * (time[:span] - time[0])
-    both = np.sin(first)[:, :, None] * np.cos(further)[:, None, :]
-    both += np.cos(first)[:, :, None] * np.sin(further)[:, None, :]
-    return both.reshape(len(omega), -1)[:, : len(time)]
-
 
 def _squares(number: float) -> bool:
     """Whether a number and its square are neither 0 nor infinite."""
@@ -123,34 +74,6 @@ class Pulse:
     def displacement(self, time: Floats) -> Floats:
         """d (nt,), m."""
         return source_pulse(time, self.amplitude, self.frequency, self.cycles)
-
-    def response(self, square: Floats, time: Floats) -> Floats:
-        """Shape (nw, nt), m s^2: y in closed form, during the pulse and after it.
-
-        What the pulse leaves behind is a free oscillation. With the duration T, Omega T = 2 pi n,
-        y = 2 Omega^2 / (Omega^2 - w^2) sin(w T / 2) / w sin(w (t - T / 2)) / w.
-        """
-        period, drive = self.cycles / self.frequency, 2 * np.pi * self.frequency
-        omega = np.sqrt(np.maximum(square, 0))
-        result = np.empty((len(square), len(time)))
-        over = int(np.searchsorted(time, period))
-        result[:, :over] = _driven_from_rest(square, time[:over], self.frequency)
-        # Two forms of sin(w T / 2) / (w (Omega^2 - w^2)), each smooth on its side of Omega / 2: as
-        # Omega T / 2 is n pi, sin(w T / 2) = (-1)^n sin((w - Omega) T / 2).
-        low, high = np.minimum(omega, drive / 2), np.maximum(omega, drive / 2)
-        below = np.sinc(low * period / (2 * np.pi)) / (drive**2 - low**2)
-        above = (
-            (-1) ** (self.cycles + 1)
-            * np.sinc((high - drive) * period / (2 * np.pi))
-            / ((high + drive) * high)
-        )
-        left = drive**2 * period * np.where(omega < drive / 2, below, above)
-        late, swings = time[over:] - period / 2, omega > 0
-        swing = sines(omega, late)
-        np.multiply(swing, (left / np.where(swings, omega, 1.0))[:, None], out=result[:, over:])
-        result[~swings, over:] = left[~swings, None] * late
-        result *= self.amplitude
-        return result
 
 
 @dataclass(frozen=True)
@@ -210,43 +133,6 @@ class SampledMotion:
     def displacement(self, time: Floats) -> Floats:
         """d (nt,), m."""
         return np.interp(time, self.time, self.value)
-
-    def response(self, square: Floats, time: Floats) -> Floats:
-        """Shape (nw, nt), m s^2: y, exact for a displacement of straight lines.
-
-        It is computed from one corner of d, or one of the times asked for, to the next, in closed
-        form for the straight line between them.
-        """
-        nodes = np.union1d(self.time[self.time < time[-1]], time)
-        d = self.displacement(nodes)
-        omega = np.sqrt(np.maximum(square, 0))
-        y, rate = np.zeros(len(omega)), np.zeros(len(omega))
-        result = np.zeros((len(omega), len(time)))
-        wanted = np.searchsorted(nodes, time)
-        column = {int(node): k for k, node in enumerate(wanted)}
-        for k in range(1, len(nodes)):
-            h = nodes[k] - nodes[k - 1]
-            slope = (d[k] - d[k - 1]) / h
-            x = omega * h
-            sine = h * np.sinc(x / np.pi)  # sin(w h) / w
-            versine = h**2 / 2 * np.sinc(x / (2 * np.pi)) ** 2  # (1 - cos(w h)) / w^2
-            cosine = np.cos(x)
-            lag = h**3 * _lag(x)  # (h - sin(w h) / w) / w^2
-            y, rate = (
-                y * cosine + rate * sine + d[k - 1] * versine + slope * lag,
-                rate * cosine - y * omega**2 * sine + d[k - 1] * sine + slope * versine,
-            )
-            if k in column:
-                result[:, column[k]] = y
-        return result
-
-
-def _lag(x: Floats) -> Floats:
-    """(x - sin x) / x^3, by its series where the difference would cancel."""
-    small = np.where(abs(x) < 0.5, x, 0.0) ** 2
-    series = 1 / 6 - small / 120 + small**2 / 5040 - small**3 / 362880 + small**4 / 39916800
-    large = np.where(abs(x) < 0.5, 1.0, x)
-    return np.where(abs(x) < 0.5, series, (large - np.sin(large)) / large**3)
 
 
 FINE = 100

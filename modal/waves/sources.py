@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.packing.network import SOURCE_WALL, Network
 from modal.system.imposed import Imposed, PlaneOpens, WallMoves
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 from modal.waves.signals import COMPONENT, TORSION
 
@@ -43,6 +43,10 @@ class Source:
     def load(self, network: Network, direction: str) -> Floats:
         """Shape (6n,): the unit force, N, or torque, N m, of a source that pushes."""
         return np.zeros(6 * network.n_particles)
+
+    def carried(self, position: Floats) -> Ints:
+        """The spheres, by number, that go with the source wall: those that no contact opens to."""
+        return np.empty(0, int)
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,10 @@ class Plane(Source):
             )
         _refuse_torsion_of_periods(network, direction)
         return PlaneOpens(self.height, COMPONENT[direction])
+
+    def carried(self, position: Floats) -> Ints:
+        """All that lie below, of places (n, 3), m."""
+        return np.flatnonzero(position[:, 2] < self.height)
 
 
 @dataclass(frozen=True)

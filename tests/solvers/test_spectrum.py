@@ -58,7 +58,7 @@ def everything(operator: Known) -> Driven:
     link = Link(
         operator, sp.csr_matrix(np.ones(size)), sp.identity(size, format="csr"), np.empty(0)
     )
-    return Driven(link, None, 1.0, None, LinearSystem(gallery.column(2)))
+    return Driven(link, None, (), None, LinearSystem(gallery.column(2)))
 
 
 SPECTRA = {

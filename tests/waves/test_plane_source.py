@@ -16,6 +16,7 @@ from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
+from modal.waves.oscillator import oscillation
 from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
 from modal.waves.sources import Plane
@@ -73,7 +74,7 @@ def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
         push[j] += [*force, *np.cross(cell.lever_j[c], force)]
     square, shape = eigh(stiffness_matrix(cell).toarray(), np.diag(mass_diagonal(cell)))
     found = from_plane(cell, 2e-5, height, direction=direction).signals
-    motion = (shape.T @ push.ravel())[:, None] * Pulse().response(square.clip(0), found.time)
+    motion = (shape.T @ push.ravel())[:, None] * oscillation(Pulse(), square.clip(0), found.time)
     wanted = (shape[axis::6] @ motion).T
     assert found.particle_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
 

@@ -21,7 +21,6 @@ from modal.system.assembly import block, stiffness_matrix
 from modal.system.contacts import SHEAR, Contacts, terms_of
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
-from modal.waves.integrators import Taylor
 from modal.waves.response import read_response, write_response
 from modal.waves.signals import read_signals, write_signals
 from modal.waves.source import Pulse, SampledMotion
@@ -210,19 +209,6 @@ def test_wave_against_a_matrix_exponential(name, source, direction, pre_stress, 
         far = far / network.area
         scale = 1e-8 * max(abs(far).max(), abs(signals.source_stress).max(initial=0.0))
         assert signals.receiver_stress == pytest.approx(far, abs=scale)
-    if damping is None:
-        series = modal.propagate(network, EVERY * RECORDS, integrator=Taylor(), **settings)
-        other = series.signals.particle_displacement
-        assert other == pytest.approx(moved, abs=1e-8 * abs(moved).max())
-        slow = [
-            modal.propagate(network, EVERY * RECORDS, time_step=step, **settings).signals
-            for step in (EVERY / 40, EVERY / 80)
-        ]
-        # A time step's error falls with its square; corners of the motion lie on steps.
-        for record in ("particle_displacement", "source_stress", "receiver_stress"):
-            if len(exact := getattr(signals, record)):
-                first, second = (abs(getattr(one, record) - exact).max() for one in slow)
-                assert first / second == pytest.approx(4, rel=0.1), record
 
 
 @pytest.mark.parametrize(
@@ -314,7 +300,7 @@ def test_recordings_over_time_and_frequency_are_one_table(tmp_path):
         read_signals(signals)
     for one, other in ((wave, read), (response, again)):
         for name, value in vars(one).items():
-            if name != "products":
+            if name not in ("products", "network_sha256"):
                 assert np.array_equal(value, getattr(other, name)), name
     with pytest.raises(InputError, match="no stress on both"):
         modal.frequency_response(network, source=Point(1), highest=1e4, resolution=4e3).gain  # noqa: B018

@@ -12,7 +12,8 @@ PACKINGS = {
 }
 WRONG = [
     *(("crystal", f"wave --duration {s}", "must be positive") for s in ("-1", "0")),
-    *(("crystal", f"wave --interval {s}", "must be positive") for s in ("0", "-1")),
+    *(("crystal", f"wave --interval {s}", "must be positive") for s in ("0", "-1", "1e-3")),
+    *(("crystal", f"wave --tolerance {s}", "between 0 and 1") for s in ("0", "1")),
     *(("crystal", f"wave --time-step {s}", "must be positive") for s in ("0", "-1")),
     *(("crystal", f"wave --time-step 5e-8 --interval {s}", "positive") for s in ("0", "-1")),
     *(("crystal", f"wave --{option} nan", "give a number") for option in ("interval", "time-step")),
@@ -35,7 +36,7 @@ WRONG = [
     ("crystal", "wave --plane 99", "outside the cell"),
     ("crystal", "wave --plane nan", "give a number"),
     ("crystal", "wave --point -1", "the packing has 0 to"),
-    ("crystal", "wave --friction 2", "of --nonlinear"),
+    ("crystal", "wave --friction 2", "of the non-linear wave"),
     ("cell", "wave", "--plane"),
     ("cell", "wave --plane 0 --direction torsion", "free sides"),
     ("crystal", "response --resolution 0", "positive number of Hz"),
