@@ -12,10 +12,10 @@ import numpy as np
 import modal
 from modal.dem.contacts import MovingContacts
 from modal.packing.sample import read_sample
-from modal.preparation.elastic_rest import elastic_motion
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud
 from modal.preparation.relax import relax
+from modal.preparation.springs_rest import elastic_motion
 from modal.solvers.same_bits import same_bits_product
 from modal.system.operator import ContactOperator
 from modal.tools import loops, slabs

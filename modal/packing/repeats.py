@@ -94,14 +94,8 @@ def _common(network: Network) -> int:
 
 def _primes(number: int) -> list[int]:
     """The primes that divide a number, ascending; none of 0."""
-    found, trial = [], 2
-    while trial * trial <= number:
-        if number % trial == 0:
-            found.append(trial)
-        while number % trial == 0:
-            number //= trial
-        trial += 1
-    return found + ([number] if number > 1 else [])
+    divisors = [d for d in range(2, number + 1) if number % d == 0]
+    return [d for d in divisors if all(d % other for other in divisors if other < d)]
 
 
 def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> Repeats | None:

@@ -22,7 +22,6 @@ from modal.packing.network import Network
 from modal.packing.spheres import ELASTIC as ELASTIC
 from modal.packing.spheres import Sample as Sample
 from modal.packing.spheres import void_ratio as void_ratio
-from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
@@ -168,14 +167,6 @@ def _faults(sample: Sample) -> Faults:
     outside = ((lateral < -slack) | (lateral > sample.side + slack)).any(axis=1)
     outside |= (z < low) | (z > high)
     yield "sphere", outside, "lies outside the cell or the walls; make the sample again"
-    yield "", _repeated(sample.position), "two spheres lie in one place; make the sample again"
-
-
-def _repeated(position: Floats) -> bool:
-    """Whether two rows of (n, 3) are equal; millions are sorted by one number each."""
-    bits = np.ascontiguousarray(position + 0.0).view(np.uint64)  # -0.0 is 0.0
-    number = bits @ np.array([1, 0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
-    order = np.argsort(number)
-    alike = np.flatnonzero(np.diff(number[order]) == 0)
-    rows = np.union1d(order[alike], order[alike + 1])
-    return len(np.unique(position[rows], axis=0)) < len(rows)
+    ordered = sample.position[np.lexsort(sample.position.T)]
+    repeated = ~np.diff(ordered, axis=0).any(axis=1)
+    yield "", repeated, "two spheres lie in one place; make the sample again"

@@ -2,9 +2,9 @@
 
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
 Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do; then the
-springs say how far the packing has to go (`elastic_rest`), and the few spheres that they leave out
-go their way among neighbours that stand still (`loose_rest`). What has been gained is seen after
-some more steps of all. A packing that rests holds by itself.
+springs say how far the packing has to go, and the few spheres that they leave out go their way
+among neighbours that stand still (`springs_rest`). What has been gained is seen after some more
+steps of all. A packing that rests holds by itself.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, net_forces
-from modal.preparation.elastic_rest import elastic_motion
-from modal.preparation.loose_rest import loose_rest, size_of
+from modal.preparation.springs_rest import elastic_motion, loose_rest, size_of
 from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10

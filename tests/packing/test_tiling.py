@@ -121,7 +121,7 @@ def test_one_large_sphere_among_many_counts_in_the_memory(monkeypatch):
 
 
 def test_two_spheres_in_one_place_are_found_among_many(tmp_path):
-    """The sum of bits that sorts them is one number for equal rows; here others share it not."""
+    """Wherever they stand in the list."""
     rng = np.random.default_rng(3)
     position = rng.random((2000, 3)) * 0.01
     sample = Sample(position, np.array([0.01, 0.01]), np.array([0.0, 0.01]), 0.1)

@@ -8,10 +8,9 @@ import pytest
 from modal.dem.contacts import MovingContacts
 from modal.packing.state import net_forces, stress_tensor
 from modal.preparation import relax as relaxation
-from modal.preparation.elastic_rest import STRIDE, elastic_motion
-from modal.preparation.loose_rest import loose_rest
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import RESERVE, equilibrium_of, relax
+from modal.preparation.springs_rest import STRIDE, elastic_motion, loose_rest
 
 
 @pytest.fixture(scope="module")
