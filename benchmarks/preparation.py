@@ -24,12 +24,12 @@ from benchmarks.harness.report import Page, Rows
 from modal.dem.motion import Dynamics
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation import protocol
-from modal.preparation.compress import in_motion
 from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.frictionless import minimise
 from modal.preparation.random_packing import cloud, random_sample
 from modal.preparation.relax import equilibrium_of
 from modal.preparation.strain_control import Servo
+from modal.preparation.unequal_stress import in_motion
 
 TITLE = "Sample preparation: error of the state against seconds, in motion and by the minimiser"
 SPHERES = {True: 120, False: 500}

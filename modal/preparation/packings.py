@@ -14,8 +14,14 @@ from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import read_sample
-from modal.preparation.compress import compress
-from modal.preparation.protocol import NOMINAL_FRACTION, STRESSES, Study
+from modal.preparation.compression import compress_to_stresses
+from modal.preparation.protocol import (
+    JAMMING_STRESS,
+    NOMINAL_FRACTION,
+    STRESSES,
+    Study,
+    by_tens,
+)
 from modal.preparation.random_packing import (
     ASPECT,
     PEAK,
@@ -26,7 +32,7 @@ from modal.preparation.random_packing import (
     unload,
 )
 from modal.preparation.sizes import NO_WALLS, Mixture, solid_of, words
-from modal.preparation.unequal_stress import check_ratio, load_further
+from modal.preparation.unequal_stress import check_ratio, in_motion, load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
@@ -112,9 +118,9 @@ def pack(
             say(_shape(spheres, aspect))
         targets = list(stresses or STRESSES)
         if oedometric:
-            first = compress(folder, study, [targets[0] / 10], COMMAND, say)
+            first = _compressed(folder, study, [targets[0] / 10], say)
             return load_further(folder, study, first, targets, math.nan, COMMAND, say)
-        files = compress(folder, study, targets, COMMAND, say)
+        files = _compressed(folder, study, targets, say)
         if stress_ratio is None:
             return files
         return load_further(folder, study, files, targets, stress_ratio, COMMAND, say)
@@ -128,6 +134,21 @@ def pack(
     if shape is None:
         say(_shape(spheres, aspect))
     return unload(folder, start, stresses or PRESSURES, tolerance, say, peak or usual)
+
+
+def _compressed(
+    folder: Path, study: Study, stresses: Sequence[float], say: Callable[[str], None]
+) -> list[tuple[float, Path]]:
+    """Compress to each stress, Pa, in modal's own motion, as `compress_to_stresses` says.
+
+    Stresses on the way, so that no two are more than ten times apart, have their states as well.
+    """
+    way = [JAMMING_STRESS * study.mixture.hardness]
+    for stress in stresses:
+        way += by_tens(way[-1], stress)
+    made = study.provenance(COMMAND)
+    files = compress_to_stresses(folder, study, way[1:], made, in_motion, say)
+    return [(stress, path) for stress, path in files if stress in stresses]
 
 
 def _shape(spheres: int, aspect: float) -> str:

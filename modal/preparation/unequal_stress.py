@@ -3,7 +3,7 @@
 Either the lateral stresses go to a share of the axial one, which stays ("triaxial"), or the walls
 approach while nothing moves sideways ("oedometric", one-dimensional compression): the ratio of
 lateral to axial stress that then comes about is K0, the earth pressure at rest. Both begin where
-`modal.preparation.compress` ends, with the friction of the compression.
+a compression ends (`modal.preparation.compression`), with its friction.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ import numpy as np
 from modal.dem.motion import Dynamics
 from modal.formats.provenance import STATE, Provenance, Source, is_current
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation.compress import in_motion
 from modal.preparation.compression import reach, reached
 from modal.preparation.protocol import ABOVE, Stage, Study
-from modal.preparation.strain_control import Servo
+from modal.preparation.strain_control import ConstantRate, Servo
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
@@ -33,6 +32,11 @@ FAILED = 0.15
 fail at some per cent, loose ones come near their final strength at 0.1."""
 RATIOS = 0.05, 20.0
 """Ratios of lateral to axial stress that are tried at all."""
+
+
+def in_motion(sample: Sample, control: ConstantRate | Servo, damping: float) -> Dynamics:
+    """A sample in modal's own motion, whose strain rates a control sets."""
+    return Dynamics(sample, damping, control=control.follow)
 
 
 def check_ratio(ratio: float) -> None:

@@ -12,8 +12,6 @@ from modal.packing.contact_law import GLASS, RADIUS, Elasticity, Material
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
-from modal.preparation.compress import in_motion
-from modal.preparation.compression import compacted
 from modal.preparation.durations import inertial_time
 from modal.preparation.protocol import Study
 from modal.preparation.random_packing import random_sample
@@ -116,15 +114,6 @@ def test_time_step_goes_by_the_lightest_sphere_and_the_stiffest_contact():
     rigid = Study(walls="1e14 0.2").time_step(1e5)
     assert rigid == pytest.approx(plain.time_step(1e5) / 2 ** (1 / 3), rel=1e-3)
     assert inertial_time(1e5, RADIUS, GLASS) == inertial_time(1e5)
-
-
-def test_compacted_cloud_keeps_its_materials():
-    words = {"sizes": "two 2 0.5", "densities": "2500 7800", "walls": "2.1e11 0.3"}
-    study = Study(spheres=100, width=4.5, **words)
-    sample = compacted(study, in_motion)
-    large = sample.radii > sample.radius
-    assert np.array_equal(sample.densities, np.where(large, 7800.0, 2500.0))
-    assert sample.wall_material == Elasticity(*STEEL) and sample.study["walls"] == words["walls"]
 
 
 @pytest.mark.parametrize(
