@@ -129,7 +129,8 @@ def low_pass(m: Measuring) -> Value:
     band, caveats = passband(m, "wave"), m.of_waves
     edge = band.low_pass[0]
     if not edge.flat and np.isfinite(edge.value):
-        caveats += (f"no plateau: it changes by {100 * edge.change:.0f} % to either side",)
+        by = f" by {100 * edge.change:.0f} %" if np.isfinite(edge.change) else ""
+        caveats += (f"no plateau: it changes{by} with the place along the packing",)
     length = m.network.length / m.diameter
     if not m.crystal and length < SHORTEST:
         text = f"too short: {length:.1f} D long, the rule needs {SHORTEST:g} D and reads too high"

@@ -270,8 +270,8 @@ def excess_peak(m: Measuring) -> Value:
     first, count = np.interp([2.5 * line, found.peak_frequency], frequency, below)
     if count - first < FEWEST:
         text = (
-            f"resolution: {count - first:.0f} modes lie below the largest value at "
-            f"{hertz(found.peak_frequency)}, the packing is too small to tell a peak from them"
+            f"resolution: fewer than {FEWEST:g} modes lie below the largest value, at "
+            f"{hertz(found.peak_frequency)}: the packing is too small to tell a peak"
         )
         return unknown("Hz", text, *m.of_one_sample)
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)

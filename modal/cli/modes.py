@@ -67,6 +67,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     shift = shift_by_law(network, modes) if options.pre_stress == "none" else None
     return {
         "frequency_hz": modes.frequency.tolist(),
+        "chi_z": modes.chi_z.tolist(),
         "residual": modes.residual.tolist(),
         "floppy_modes": modes.floppy_modes,
         "floppy_modes_by_kind": by_structure(system).kinds
