@@ -53,8 +53,8 @@ def summary_of(found: ImportResult) -> dict[str, Any]:
     told["law"] = [law_in_words(law) for law in laws]
     if any(law.shear_grows for law in laws):
         remarks.append(
-            "this contact model keeps a shear displacement: a shear force Ft grows with the contact "
-            "radius, a stiffness Ft / (2 overlap) that springs lack; --pre-stress law has it"
+            "this contact model keeps a shear displacement: a shear force Ft grows with the "
+            "contact radius, by Ft / (2 overlap), which springs lack; --pre-stress law has it"
         )
     if any(law.keeps == ONE_SIDED for law in laws):
         remarks.append("its shear shrinks on unloading alone: no linear law has both directions")
