@@ -145,7 +145,7 @@ def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarra
     >>> float(radii.max() / radii.min()), len(np.unique(radii))
     (2.0, 2)
     """
-    kind, numbers = (str(sizes[0]) if sizes else ""), _numbers(sizes)
+    kind, numbers = (str(sizes[0]) if sizes else ""), _numbers(sizes[1:])
     if kind == "lognormal" and len(numbers) == 1 and 0 < numbers[0] <= 0.7:
         from scipy.special import ndtri  # the inverse of the normal distribution
 
@@ -184,7 +184,7 @@ def densities_of(
     >>> densities_of(3, (2500, 7800), np.array([large, small, large]), seed=1).tolist()
     [7800.0, 2500.0, 7800.0]
     """
-    given = _numbers(["", *densities])
+    given = _numbers(densities)
     if not given or not all(DENSE[0] <= one <= DENSE[1] for one in given):
         raise InputError(
             f"--densities {' '.join(map(str, densities))}: give {DENSITIES}; from {DENSE[0]:g} to "
@@ -199,7 +199,7 @@ def densities_of(
 
 def wall_material(words: Sequence[str | float]) -> Elasticity:
     """What walls are made of, from Young's modulus, Pa, and Poisson's ratio; else InputError."""
-    given = _numbers(["", *words])
+    given = _numbers(words)
     if len(given) != 2 or not (YOUNG[0] <= given[0] <= YOUNG[1] and -1 < given[1] < 0.5):
         raise InputError(
             f"--walls {' '.join(map(str, words))}: give {WALLS}, as 2.1e11 0.3; from {YOUNG[0]:g} "
@@ -210,7 +210,7 @@ def wall_material(words: Sequence[str | float]) -> Elasticity:
 
 def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
     """What spheres are made of and their (mean) radius, m: `SOLID`; else InputError."""
-    given, model = _numbers(["", *words[:4]]), " ".join(map(str, words[4:])) or HERTZ_MINDLIN
+    given, model = _numbers(words[:4]), " ".join(map(str, words[4:])) or HERTZ_MINDLIN
     if len(given) == 4:
         young, poisson, density, radius = given
         sound = YOUNG[0] <= young <= YOUNG[1] and -1 < poisson < 0.5
@@ -224,8 +224,9 @@ def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
     )
 
 
-def _numbers(sizes: Sequence[str | float]) -> list[float]:
+def _numbers(words: Sequence[str | float]) -> list[float]:
+    """What the words say; none where one of them is no number."""
     try:
-        return [float(number) for number in sizes[1:]]
+        return [float(word) for word in words]
     except ValueError:
         return []

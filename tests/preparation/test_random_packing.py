@@ -112,7 +112,10 @@ def test_packings_are_isostatic_or_denser_and_uncrystallised():
     assert touching[held].mean() > 5.8
     assert held.mean() > 0.9
     # Random close packing has e 0.56; walls a few diameters apart add some hundredths.
-    assert 0.48 < network.study["void_ratio"] < 0.64
+    found = summary(network)
+    assert 0.48 < found["void_ratio"] < 0.64
+    # Isotropic: a third along each axis; 900 normals scatter by 0.3 / sqrt(900).
+    assert found["fabric_diagonal"] == pytest.approx([1 / 3] * 3, abs=0.03)
 
 
 def _pack(folder, *more):
