@@ -30,17 +30,13 @@ TURN = 5
 
 
 class Imposed(Protocol):
-    """A motion put on the contacts from outside, or several at once."""
-
-    @property
-    def count(self) -> int:
-        """How many."""
+    """A motion put on the contacts from outside, or several at once, s of them."""
 
     def touches(self, network: Network) -> Bools:
         """Shape (m,) bool: contacts that it moves."""
 
     def on(self, network: Network) -> Floats:
-        """Shape (count, m, 9): the motion of these contacts, m and rad per unit."""
+        """Shape (s, m, 9): the motion of these contacts, m and rad per unit."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,6 @@ class WallMoves:
 
     wall: int
     axis: int = 2
-    count: int = 1
 
     def touches(self, network: Network) -> Bools:
         """Contacts at that wall."""
@@ -79,7 +74,6 @@ class PlaneOpens:
 
     height: float
     axis: int = 2
-    count: int = 1
 
     def touches(self, network: Network) -> Bools:
         """Contacts that cross the plane, or an image of it, and those that turn with it."""
@@ -127,11 +121,6 @@ class Gradients:
 
     gradient: Floats
 
-    @property
-    def count(self) -> int:
-        """Number of gradients."""
-        return len(self.gradient)
-
     def touches(self, network: Network) -> Bools:
         """Every contact."""
         return np.ones(network.n_contacts, bool)
@@ -139,7 +128,7 @@ class Gradients:
     def on(self, network: Network) -> Floats:
         """Shape (s, m, 9)."""
         branch = network.branch
-        motion = np.zeros((self.count, network.n_contacts, 9))
+        motion = np.zeros((len(self.gradient), network.n_contacts, 9))
         for one, gradient in zip(motion, self.gradient, strict=True):
             one[:, :3] = branch @ gradient.T
             one[:, 3:6] = one[:, 6:] = turn(gradient)
@@ -171,7 +160,8 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
 
     Part by part of the contacts that it moves, whose tangents then take little memory.
     """
-    s, touched = imposed.count, network.some(imposed.touches(network))
+    touched = network.some(imposed.touches(network))
+    s = len(imposed.on(touched.some(slice(0))))
     held, bodies = np.zeros((s, s)), gathered(touched.particle_i, touched.particle_j)[0]
     push, pull, squares = np.zeros((3, len(bodies), 6, s))
     for part in touched.parts():

@@ -14,11 +14,10 @@ from scipy.sparse.linalg import LinearOperator
 
 from modal.packing.network import Network
 from modal.system.assembly import stiffness_matrix
-from modal.system.contacts import SYMMETRIC, terms_of
+from modal.system.contacts import terms_of
 from modal.system.packed import PackedContacts
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
-from modal.tools.errors import InputError
 
 
 class ContactOperator(LinearOperator):
@@ -27,8 +26,7 @@ class ContactOperator(LinearOperator):
     Six entries a particle, u (m) then theta; three with `translations_only`. `mass_scaled` gives
     the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
     Equal to the matrix of `modal.system.assembly` up to round-off, and symmetric unless
-    `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix. Real
-    numbers are what it is made for; complex ones take two products.
+    `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix.
     """
 
     def __init__(
@@ -105,18 +103,14 @@ class ContactOperator(LinearOperator):
     ) -> Array:
         """out = alpha K u + beta u + gamma out in place; u and out of shape (6n,) or (6n, k).
 
-        Both real, or `out` complex. Arrays in C order need no copies. Into `sums` (2, 6) are
+        Arrays in C order need no copies. Into `sums` (2, 6) are
         written, for each component, the sums over the particles of out out and of out u, `out` as
         it came: single real vectors (6n,) alone.
         """
         if u.shape != out.shape or len(u) != self.shape[0]:
             raise ValueError(f"u and out have shapes {u.shape}, {out.shape}; take {self.shape[0]}")
-        if np.iscomplexobj(out):
-            self.combine(u.real, out.real, alpha, beta, gamma)
-            self.combine(u.imag, out.imag, alpha, beta, gamma)
-            return out
-        if np.iscomplexobj(u):
-            raise ValueError("out is real and u complex; the result needs a complex array")
+        if np.iscomplexobj(u) or np.iscomplexobj(out):
+            raise ValueError("motions are real: give real and imaginary parts as two columns")
         unturning = self._unturning
         if self._matrix is None and unturning is None:
             source = np.ascontiguousarray(u, dtype=float)
@@ -167,21 +161,11 @@ class ContactOperator(LinearOperator):
         """out += alpha K u in place; arguments as for `combine`."""
         return self.combine(u, out, alpha, gamma=1.0)
 
-    def apply(self, u: Array, out: Array | None = None) -> Array:
-        """K u for u of shape (6n,) or (6n, k); written into `out` where it is given."""
-        if out is None:
-            out = np.empty(u.shape, complex if np.iscomplexobj(u) else float)
-        return self.combine(u, out, 1.0)
+    def apply(self, u: Array) -> Array:
+        """K u for u of shape (6n,) or (6n, k)."""
+        return self.combine(u, np.empty(u.shape), 1.0)
 
     _matvec = _matmat = apply
-
-    def _adjoint(self) -> ContactOperator:
-        if self.pre_stress not in SYMMETRIC:
-            raise InputError(
-                f"the tangent {self.pre_stress!r} is not symmetric: for its transpose take the "
-                "matrix"
-            )
-        return self
 
 
 def component_sums(a: Floats, b: Floats, dof: int = 6) -> Floats:

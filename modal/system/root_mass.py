@@ -63,7 +63,7 @@ class RootMass:
 
     def around_own(self, blocks: Floats) -> Floats:
         """Shape (n, 6, 6): M^-1/2 K M^-1/2 of each body's own block of K (n, 6, 6)."""
-        sides = self.over(np.eye(6)[None].repeat(len(blocks), 0).reshape(-1, 6)).reshape(-1, 6, 6)
+        sides = self._own_inverses()
         return sides @ blocks @ sides
 
     def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
@@ -73,21 +73,26 @@ class RootMass:
             K.data *= scale[K.indices]
             K.data *= np.repeat(scale, np.diff(K.indptr))
             return K
-        inverse = self._inverse(self.unturning)
+        inverse = self._inverse()
         return (inverse @ K @ inverse).tocsr()
 
     def under(self, rows: sp.csr_matrix) -> sp.csr_matrix:
         """Of rows that read u, those that read M^1/2 u."""
         if self.unturning is not None:
-            return (rows @ self._inverse(self.unturning)).tocsr()
+            return (rows @ self._inverse()).tocsr()
         return sp.csr_matrix(
             (rows.data / self.diagonal[rows.indices], rows.indices, rows.indptr), rows.shape
         )
 
-    def _inverse(self, unturning: Floats) -> sp.csr_matrix:
+    def _own_inverses(self) -> Floats:
+        """Shape (n, 6, 6): M^-1/2 of each body."""
+        blocks = (1 / self.diagonal.reshape(-1, 6))[:, :, None] * np.eye(6)
+        if self.unturning is not None:
+            blocks[:, 3:, 3:] = self.unturning
+        return blocks
+
+    def _inverse(self) -> sp.csr_matrix:
         """M^-1/2, sparse."""
-        blocks = np.zeros((len(unturning), 6, 6))
-        np.einsum("naa->na", blocks)[:] = 1 / self.diagonal.reshape(-1, 6)
-        blocks[:, 3:, 3:] = unturning
+        blocks = self._own_inverses()
         number, size = np.arange(len(blocks) + 1), 6 * len(blocks)
         return sp.bsr_matrix((blocks, number[:-1], number), (size, size)).tocsr()

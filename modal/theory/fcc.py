@@ -112,25 +112,17 @@ class FccLattice(FccPacking):
         between = [(a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-half, half)]
         return np.array(in_layer + between)
 
-    def _halves(self, normals: Floats) -> tuple[Floats, Floats, Floats]:
-        k = (self.kn - self.kt) * normals[:, :, None] * normals[:, None, :] + self.kt * np.eye(3)
-        # Matrices that multiply by the lever from the left, column by column.
-        turn = np.cross(self.spacing / 2 * normals[:, None], np.eye(3)).transpose(0, 2, 1)
-        identity = np.broadcast_to(np.eye(3), turn.shape)
-        own = np.concatenate([-identity, turn], axis=2)
-        other = np.concatenate([identity, turn], axis=2)
-        return k, own, other
-
     def bloch_matrix(self, wavevector: Floats) -> Complex:
         """Shape (6, 6), complex Hermitian, 1/s^2: M^-1/2 K(k) M^-1/2 for `wavevector` (3,) 1/m."""
         n = self.neighbours()
-        k, own, other = self._halves(n)
+        k = (self.kn - self.kt) * n[:, :, None] * n[:, None, :] + self.kt * np.eye(3)
+        # Matrices that multiply by the lever from the left, column by column.
+        turn = np.cross(self.spacing / 2 * n[:, None], np.eye(3)).transpose(0, 2, 1)
+        identity = np.broadcast_to(np.eye(3), turn.shape)
+        own, other = (np.concatenate([sign * identity, turn], axis=2) for sign in (-1, 1))
         phase = np.exp(1j * self.spacing * n @ np.asarray(wavevector, float))
         matrix = np.einsum("cai,cab,cbj->ij", own, k, own).astype(complex)
         matrix += np.einsum("cai,cab,cbj,c->ij", own, k, other, phase)
-        return self._mass_normalised(matrix)
-
-    def _mass_normalised(self, matrix: Complex) -> Complex:
         scale = 1 / np.sqrt(np.repeat([self.mass, 0.4 * self.mass * self.radius**2], 3))
         return matrix * scale[:, None] * scale
 
@@ -138,23 +130,3 @@ class FccLattice(FccPacking):
         """Branches at one wavevector: frequencies (6,) Hz ascending, vectors (6, 6) in columns."""
         square, vectors = np.linalg.eigh(self.bloch_matrix(wavevector))
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors
-
-    def group_velocity(self, wavevector: Floats) -> Floats:
-        """Shape (6, 3), m/s: d omega / d k of each branch, from the eigenvectors.
-
-        Hellmann-Feynman: d(omega^2)/dk = v^H (dD/dk) v, valid for simple branches. Branches of
-        zero frequency give NaN.
-        """
-        n = self.neighbours()
-        k, own, other = self._halves(n)
-        step = self.spacing * n
-        phase = np.exp(1j * step @ np.asarray(wavevector, float))
-        frequency, v = self.bloch(wavevector)
-        omega = 2 * np.pi * frequency
-        omega = np.where(omega > 1e-6 * omega.max(), omega, np.nan)
-        velocity = np.empty((6, 3))
-        for axis in range(3):
-            slope = np.einsum("cai,cab,cbj,c->ij", own, k, other, 1j * step[:, axis] * phase)
-            slope = self._mass_normalised(slope)
-            velocity[:, axis] = np.einsum("ia,ij,ja->a", v.conj(), slope, v).real / (2 * omega)
-        return velocity

@@ -20,7 +20,7 @@ step is known without any table: (k + 1) a_(k+1) = L a_k + g_k, where g_k are th
 the source's motion in the step. A step is some radians of the highest mode long, and takes as many
 products with K and C as the tolerance asks; what is recorded inside a step are values of
 polynomials. Against schemes of fixed order the work rises with the number of digits, not with a
-power of ten (`docs/damping.md`).
+power of ten (`docs/attenuation.md`).
 """
 
 from __future__ import annotations

@@ -58,22 +58,6 @@ def test_bloch_equals_periodic_supercell():
     assert np.sort(squares) == pytest.approx(supercell, abs=1e-12 * supercell.max())
 
 
-def test_group_velocity_is_the_slope_of_the_branches():
-    crystal = FccLattice(1e5)
-    q = np.array([150.0, 70.0, 600.0])
-    exact = crystal.group_velocity(q)
-    errors = []
-    for step in (2.0, 1.0):
-        slope = np.empty((6, 3))
-        for axis in range(3):
-            shift = step * np.eye(3)[axis]
-            difference = crystal.bloch(q + shift)[0] - crystal.bloch(q - shift)[0]
-            slope[:, axis] = 2 * np.pi * difference / (2 * step)
-        errors.append(abs(slope - exact).max())
-    assert errors[1] < 1e-4 * abs(exact).max()
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
-
-
 @pytest.mark.parametrize(
     ("layers", "stress", "radius"), [(6, 1e5, 1.27e-3), (11, 1e4, 1e-3), (16, 1e7, 5e-3)]
 )

@@ -51,6 +51,7 @@ TESTS = {
     "solvers/lanczos": "krylov highest_modes lowest_modes mode_lists edges lattice_and_modes",
     "solvers/spectrum": "spectrum linear_wave density response mode_lists edges",
     "waves/chebyshev": "told_errors linear_wave response spectrum",
+    "waves/oscillator": "motions linear_wave told_errors damped_waves",
     "waves/propagate": "spectrum linear_wave response edges",
     "modes/density": "density spectrum edges files_and_commands",
 }

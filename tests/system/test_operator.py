@@ -12,7 +12,6 @@ from modal.system import packed as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
 from modal.system.operator import ContactOperator
 from modal.tools import loops
-from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
@@ -106,23 +105,18 @@ def test_accumulate_and_out():
     applied = ContactOperator(network)
     x = np.random.default_rng(2).standard_normal(applied.shape[0])
     once = applied.apply(x)
-    given_array = np.full(len(x), 7.0)
-    assert applied.apply(x, out=given_array) is given_array
-    assert np.array_equal(given_array, once)
     total = applied.accumulate(x, np.ones(len(x)), -2.0)
     assert total == pytest.approx(1 - 2 * once, rel=1e-12, abs=1e-12)
-    for wrong, out in ((x[:-1], None), (x, once[:-1]), (x[:, None], once)):
-        with pytest.raises(ValueError, match="shape"):
-            applied.apply(wrong, out)
-    with pytest.raises(ValueError, match="complex"):
-        applied.accumulate(x.astype(complex), once.copy())
-    with pytest.raises(InputError, match="not symmetric"):
-        _ = ContactOperator(gallery.fcc(cells=(1, 1, 2)), pre_stress="full").H
+    for wrong, words in ((x[:-1], "shape"), (x[:, None], "shape"), (x.astype(complex), "real")):
+        with pytest.raises(ValueError, match=words):
+            applied.accumulate(wrong, once.copy())
+    with pytest.raises(ValueError, match="real"):
+        applied @ x.astype(complex)
     # Arrays in no order that a compiled loop takes are written to all the same.
     scattered = np.zeros((len(x), 2))[:, 0]
     assert np.array_equal(applied.accumulate(x, scattered), applied.accumulate(x, np.zeros(len(x))))
     spoilt = np.full(len(x), np.nan)
-    assert np.array_equal(applied.apply(x, out=spoilt), once)
+    assert np.array_equal(applied.combine(x, spoilt, 1.0), once)
     mixed = applied.combine(x, once.copy(), 2.0, -3.0, 0.5)
     assert mixed == pytest.approx(2.5 * once - 3 * x, rel=1e-12, abs=1e-12)
 
@@ -130,23 +124,17 @@ def test_accumulate_and_out():
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @pytest.mark.parametrize("width", [None, 1, 3])
-@pytest.mark.parametrize("kind", [float, complex])
-def test_real_and_complex_vectors(kind, width, pre_stress, compiled, monkeypatch):
+def test_one_and_several_vectors_by_both_ways(width, pre_stress, compiled, monkeypatch):
     if not compiled:
         monkeypatch.setattr(loops, "numba", None)
     elif loops.numba is None:
         pytest.skip("numba is not installed")
     network, rng = random_springs(5), np.random.default_rng(6)
     K = stiffness_matrix(network, pre_stress=pre_stress)
-    shape = (K.shape[0],) if width is None else (K.shape[0], width)
-    x = rng.standard_normal(shape).astype(kind)
-    if kind is complex:
-        x += 1j * rng.standard_normal(shape)
+    x = rng.standard_normal((K.shape[0],) if width is None else (K.shape[0], width))
     applied = ContactOperator(network, pre_stress=pre_stress)
-    found = applied @ x
-    assert found.dtype == kind
-    bound = 2 * round_off(network, pre_stress, x.reshape(len(x), -1)).reshape(shape)
-    assert (abs(found - K @ x) <= bound).all()
+    bound = round_off(network, pre_stress, x.reshape(len(x), -1)).reshape(x.shape)
+    assert (abs(applied @ x - K @ x) <= bound).all()
     total = applied.accumulate(x, x.copy(), 2.0)
     assert (abs(total - (x + 2 * (K @ x))) <= 3 * bound + EPS * abs(x)).all()
 
