@@ -33,7 +33,7 @@ from modal.packing.rattlers import force_bearing
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
-from modal.tools.display import axes_of, quantity, table
+from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
 
 if TYPE_CHECKING:
@@ -184,20 +184,6 @@ class ElasticModuli:
         return (
             f"<ElasticModuli of the {self.region}: K {quantity(self.bulk_modulus, 'Pa')}, G "
             f"{quantity(self.shear_modulus, 'Pa')}, V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s>"
-        )
-
-    def __str__(self) -> str:
-        moduli = (quantity(value, "Pa") for value in (self.bulk_modulus, self.shear_modulus))
-        rows = (" ".join(f"{value:11.4g}" for value in row) for row in self.stiffness)
-        return table(
-            [
-                ("stiffness of the " + self.region, "Pa, " + ", ".join(STRAINS)),
-                *zip(STRAINS, rows, strict=True),
-                ("bulk, shear modulus", ", ".join(moduli)),
-                ("Poisson's ratio", f"{self.poisson:.4f}"),
-                ("anisotropy", f"{self.anisotropy:.4f}"),
-                ("V_P, V_S, m/s", f"{self.v_p:.5g}, {self.v_s:.5g}"),
-            ]
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:

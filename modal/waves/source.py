@@ -9,7 +9,6 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from modal.formats.hdf5 import write_text
 from modal.tools.arguments import refuse_other_kinds
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
@@ -167,12 +166,6 @@ def step(amplitude: float, rise: float) -> SampledMotion:
         raise InputError(f"a step that rises in {rise:g} s: give a time above 0")
     time = np.linspace(0, rise, FINE + 1)
     return SampledMotion(time, amplitude * (1 - np.cos(np.pi * time / rise)))
-
-
-def write_motion(path: str | Path, motion: SampledMotion) -> None:
-    """The motion as a text of two columns, time in s and displacement in m; see `read_motion`."""
-    rows = zip(motion.time.tolist(), motion.value.tolist(), strict=True)
-    write_text(path, "".join(f"{time!r} {value!r}\n" for time, value in rows))
 
 
 def read_motion(path: str | Path) -> SampledMotion:

@@ -296,6 +296,5 @@ def test_command_prints_what_the_function_finds(tmp_path, capsys, cell):
     assert "stiffness" in shown and f"{found.stiffness[0, 0] / 1e9:.3f}"[:4] in shown
     write_moduli(product, found)
     assert read_moduli(product).region == "cell"
-    text, drawn = str(found), found.plot()
-    assert "Poisson" in text and len(drawn.get_lines()) == 3
+    assert len(found.plot().get_lines()) == 3
     assert "cell" in repr(found) and np.asarray(found).shape == (6, 6)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from packings import random_springs
 from scipy.linalg import eigh
 
 import modal
 from modal.modes.zero_modes import by_structure
-from modal.packing import crystal as gallery
 from modal.packing.columns import OF_BONDS, UNKNOWN
 from modal.packing.network import Network, read_network, write_network
 from modal.system.assembly import stiffness_matrix
@@ -81,29 +81,16 @@ def test_a_chain_of_bonded_spheres_is_a_beam(periods):
 
 def random_bodies(seed: int, n: int = 6, m: int = 40) -> Network:
     """Bodies held by contacts that no packing has, some of them at walls, which roll and twist."""
-    rng = np.random.default_rng(seed)
-    i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
+    network, rng = random_springs(seed, n, m), np.random.default_rng(seed)
+    i, j = network.particle_i, network.particle_j
     # A contact of the two bodies that will be one, whose levers do not meet, would resist its turn.
     j = np.where((i == j) | (np.maximum(i, j) < 2), -1, j)
-    normal = rng.standard_normal((m, 3))
-    return gallery.column(2).unchecked(
-        position=rng.random((n, 3)),
-        radius=np.ones(n),
-        mass=rng.uniform(0.5, 2, n),
-        inertia=rng.uniform(0.1, 0.4, n),
-        particle_i=i,
+    return network.unchecked(
         particle_j=j,
-        normal=normal / np.linalg.norm(normal, axis=1)[:, None],
-        lever_i=rng.standard_normal((m, 3)),
-        lever_j=np.where(j[:, None] < 0, 0, rng.standard_normal((m, 3))),
-        stiffness_normal=rng.uniform(1, 3, m),
-        stiffness_tangential=rng.uniform(0, 3, m),
+        lever_j=np.where(j[:, None] < 0, 0, network.lever_j),
         stiffness_rolling=rng.uniform(0, 1, m),
         stiffness_twisting=rng.uniform(0, 1, m),
         **dict.fromkeys(UNKNOWN),
-        cell_size=np.ones(3),
-        cell_periodic=np.array([True, True, False]),
-        wall_position=np.array([0.0, 1.0]),
     )
 
 

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from packings import PRE_STRESS, contact_matrices
+from packings import PRE_STRESS, contact_matrices, random_springs
 
-from modal.packing import crystal as gallery
-from modal.packing.network import Network
 from modal.system import packed as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
 from modal.system.operator import ContactOperator
@@ -16,36 +14,6 @@ from modal.tools import loops
 pytestmark = pytest.mark.two_ways
 
 EPS = np.finfo(float).eps
-
-
-def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Network:
-    """Contacts that no packing has: any levers, repeated pairs, spheres touching themselves."""
-    rng = np.random.default_rng(seed)
-    n, m = particles, contacts
-    i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
-    normal = rng.standard_normal((m, 3))
-    wall = j < 0
-    return gallery.column(2).unchecked(
-        position=rng.random((n, 3)),
-        radius=rng.uniform(0.5, 2, n),
-        mass=rng.uniform(0.5, 2, n),
-        inertia=rng.uniform(0.1, 0.4, n),
-        particle_i=i,
-        particle_j=j,
-        normal=normal / np.linalg.norm(normal, axis=1)[:, None],
-        lever_i=rng.standard_normal((m, 3)),
-        lever_j=np.where(wall[:, None], 0, rng.standard_normal((m, 3))),
-        stiffness_normal=rng.uniform(0, 3, m),
-        stiffness_tangential=rng.uniform(0, 3, m),
-        force_normal=rng.uniform(0, 0.1, m),
-        force_tangential=0.1 * rng.standard_normal((m, 3)),
-        overlap=rng.uniform(0, 0.1, m),
-        sliding=np.zeros(m, bool),
-        cell_shift=np.where(wall[:, None], 0, [[1, 0, 0]]),
-        cell_size=np.ones(3),
-        cell_periodic=np.array([True, True, False]),
-        wall_position=np.array([0.0, 1.0]),
-    )
 
 
 def round_off(network, pre_stress, x) -> np.ndarray:

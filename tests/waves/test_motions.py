@@ -18,7 +18,6 @@ from modal.waves.source import (
     chirp,
     read_motion,
     step,
-    write_motion,
 )
 
 
@@ -89,7 +88,7 @@ def test_a_chirp_sweeps_its_band():
 
 def test_file_and_back(tmp_path):
     motion = chirp(1e-9, 2e4, 8e4, 1e-4)
-    write_motion(tmp_path / "chirp.txt", motion)
+    np.savetxt(tmp_path / "chirp.txt", np.column_stack([motion.time, motion.value]))
     again = read_motion(tmp_path / "chirp.txt")
     assert (again.time == motion.time).all() and (again.value == motion.value).all()
     path = tmp_path / "wall.txt"
@@ -149,6 +148,9 @@ def test_what_is_no_motion_or_damping_is_refused():
         lambda: Pulse(amplitude=0.0),
         lambda: Pulse(amplitude="1 nm"),
         lambda: ContactDamping(1e300, 0.0),
+        lambda: ContactDamping(-0.1, 0.0),
+        lambda: ContactDamping(0.0, -1e-9),
+        lambda: ContactDamping(np.nan, 0.0),
         lambda: ContactDamping(0.0, "much"),
     ):
         with pytest.raises(InputError):

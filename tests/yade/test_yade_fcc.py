@@ -16,7 +16,7 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, source_pulse
-from modal.waves.source import Pulse, chirp, write_motion
+from modal.waves.source import Pulse, chirp
 
 WIDTH, LAYERS, STRESS = 3, 30, 1e5
 TABLE = {"case": 2, "mu_comp": 0, "mu_wave": 0.1, "stress": STRESS, "input_frequency": 1e5}
@@ -203,7 +203,7 @@ def test_waves_follow_the_linear_operator(settings, own, off, products, tmp_path
     """Along x, with dashpots of both directions, of any motion from a file (recorded with it)."""
     beside(products, tmp_path)
     file = tmp_path / "chirp.txt"
-    write_motion(file, CHIRP)
+    np.savetxt(file, np.column_stack([CHIRP.time, CHIRP.value]))
     settings = {name: str(file) if name == "WAVE_MOTION" else of for name, of in settings.items()}
     batch("wave", tmp_path, WAVE_DURATION="1e-4", **settings)
     signals = read_signals(tmp_path / "case02.signals.h5")
