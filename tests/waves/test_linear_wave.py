@@ -14,7 +14,6 @@ from modal.elasticity.moduli import elastic_moduli
 from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL, Network, write_network
 from modal.packing.sample import read_sample
-from modal.packing.tiling import repeat
 from modal.solvers import spectrum
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.damping import ContactDamping
@@ -211,19 +210,3 @@ def test_a_record_ends_within_its_duration(duration, interval, count, damping):
     times = {"duration": duration, "interval": interval, "damping": damping}
     time = propagate(gallery.fcc(cells=(1, 1, 3)), **times).signals.time
     assert time == pytest.approx(interval * np.arange(count)) and time[-1] <= duration * (1 + 1e-9)
-
-
-class StartedError(Exception):
-    """The recurrence was about to run."""
-
-
-def test_wave_of_the_study_is_not_refused(monkeypatch):
-    """0.6 ms of 35,280 spheres, up to its first product; 3 GB of free memory are enough."""
-
-    def start(*_: object) -> None:
-        raise StartedError
-
-    monkeypatch.setattr(chebyshev, "Recurrence", start)
-    monkeypatch.setattr(workload, "memory_at_hand", lambda: 3e9)
-    with pytest.raises(StartedError):
-        propagate(repeat(gallery.fcc(cells=(2, 2, 180)), 7, 7), 6e-4, whole=True)

@@ -13,7 +13,6 @@ from modal.__main__ import main
 from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.response import read_response, write_response
 from modal.waves.signals import read_signals, write_signals
 
 CRYSTAL = FccLattice(1e5)
@@ -99,8 +98,6 @@ def test_commands_and_files(tmp_path, capsys, crystal):
     # Receiver over source stress peaks where the source is free of stress: a quarter of a wave.
     quarter = EXACT.velocity / (4 * crystal.length)
     assert found.gain_maxima()[0] == pytest.approx(quarter, rel=0.1)
-    write_response(tmp_path / "x.response.h5", found)
-    assert read_response(tmp_path / "x.response.h5").direction == "y"
     write_signals(product, replace(signals, direction="u"))
     with pytest.raises(InputError, match="none of x, y, z"):
         read_signals(product)
