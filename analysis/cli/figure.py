@@ -12,7 +12,7 @@ from analysis.figures import FIGURES, draw
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
 from analysis.measuring import Measuring
-from modal.cli.options import NewFolder
+from modal.cli.table import NewFolder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 

@@ -11,7 +11,8 @@ from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
-from modal.cli.options import add_output, json_text, say
+from modal.cli.options import json_text, say
+from modal.cli.table import add_options, output
 from modal.cli.terminal import put
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
@@ -35,7 +36,7 @@ def add(commands: Any) -> None:
         help=f"of pulses through a sample, m: {', '.join(AMPLITUDE)}",
     )  # fmt: skip
     command.add_argument("--keep", metavar="DIR", help="folder that keeps costly spectra")
-    add_output(command, "result file of one packing, *.json; or table of several, *.md")
+    add_options(command, [output("result file of one packing, *.json; or table of several, *.md")])
     command.epilog = "\n".join(
         f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
         for q in QUANTITIES.values()

@@ -14,7 +14,7 @@ from analysis.study.description import Study
 from analysis.study.measuring import of_case, of_quantities, of_seed, of_state
 from analysis.study.targets import Rules
 from analysis.study.whole import case_of, write_study
-from modal.cli.options import NewFile, NewFolder
+from modal.cli.table import NewFile, NewFolder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 

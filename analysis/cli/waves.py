@@ -12,7 +12,7 @@ import numpy as np
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from analysis.cli.options import add_command
 from analysis.watch import watch_page
-from modal.cli.options import add_output
+from modal.cli.table import add_options, output
 from modal.cli.terminal import put
 from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import write_text
@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
     for name, what in OTHER_RUNS.items():
         agree.add_argument(f"--{name.replace('_', '-')}", metavar="FILE", help=what)
     agree.add_argument("--first", type=int, metavar="N", help="up to the chain's N-th particle")
-    add_output(agree, "write the tables, *.md")
+    add_options(agree, [output("write the tables, *.md")])
     text = "a wave or modes in three dimensions: one HTML page that opens without a network"
     example = "watch mine.signals.h5 mine.network.h5 -o wave.html"
     watched = add_command(commands, "watch", text, example, _watch)
@@ -39,7 +39,7 @@ def add(commands: Any) -> None:
     watched.add_argument("packing", nargs="?", help="what it was made from; the one beside it")
     watched.add_argument("--frames", type=int, metavar="N", help="times of a wave; 100 or more")
     watched.add_argument("--modes", type=int, nargs="+", metavar="K", help="which, from 1; all")
-    add_output(watched, "*.html", required=True)
+    add_options(watched, [output("*.html", required=True)])
 
 
 def _agreement(options: argparse.Namespace) -> None:

@@ -1,15 +1,11 @@
-"""The command `export`: packing, modes or wave for ParaView (VTK) and OVITO (extended XYZ)."""
+"""Packing, modes or wave for ParaView (*.vtu) and OVITO (*.xyz)."""
 
-from __future__ import annotations
-
-import argparse
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from modal.cli.options import add_output, add_value
-from modal.cli.reading import network_command
+from modal.cli.reading import NETWORK
+from modal.cli.table import ANY_NUMBER, Given, Option, Result, output
 from modal.exchange.picture import (
     WRITERS,
     Frames,
@@ -28,52 +24,50 @@ from modal.tools.errors import InputError
 from modal.waves.signals import DIRECTIONS, PLANE, TORSION, read_signals
 from modal.waves.signals import SCHEMA as WAVE
 
-
-def add(commands: Any) -> None:
-    """The options of `export`."""
-    text = "packing, modes or wave for ParaView (*.vtu) and OVITO (*.xyz)"
-    example = "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
-    command = network_command(commands, "export", text, example)
-    command.add_argument("product", nargs="?", help="*.modes.h5 or *.signals.h5")
-    text = "which modes, from 1 (default all)"
-    add_value(command, "--modes", "K", text, kind=int, nargs="+")
-    text = "of an animation: a mode's period, a wave's times"
-    add_value(command, "--frames", "N", text, kind=int)
-    text = "factor on displacements (default: the largest is half a radius)"
-    add_value(command, "--scale", "X", text)
-    add_output(command, "*.vtu or *.xyz", required=True)
+EXAMPLE = "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
+SCALE = "factor on displacements (default: the largest is half a radius)"
+OPTIONS = (
+    NETWORK,
+    Option("product", "", "*.modes.h5 or *.signals.h5", kind=str, more={"nargs": "?"}),
+    Option("--modes", "K", "which modes, from 1 (default all)", kind=int, more=ANY_NUMBER),
+    Option("--frames", "N", "of an animation: a mode's period, a wave's times", kind=int),
+    Option("--scale", "X", SCALE),
+    output("*.vtu or *.xyz", required=True),
+)
 
 
-def run(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: Given) -> Result:
     """Write the files; their names."""
-    path = Path(options.output)
+    path, count, scale = Path(options.output), options.frames, options.scale
     if path.suffix not in WRITERS:
         raise InputError(f"-o {path}: give a name that ends in .vtu (ParaView) or .xyz (OVITO)")
-    if options.frames is not None and not 1 <= options.frames <= 10_000:
-        raise InputError(f"--frames {options.frames}: give 1 to 10000")
-    if options.scale is not None and not np.isfinite(options.scale):
-        raise InputError(f"--scale {options.scale}: give a number")
+    if count is not None and not 1 <= count <= 10_000:
+        raise InputError(f"--frames {count}: give 1 to 10000")
+    if scale is not None and not np.isfinite(scale):
+        raise InputError(f"--scale {scale}: give a number")
     network = read_remarked(options.network, options.remarks.append)
     fields, motion = sphere_fields(network), Motion()
     if options.product:
         note = require_same_packing(options.product, packing_of(options.network))
-        if note:
-            options.remarks.append(note)
+        options.remarks += [note] if note else []
         with open_h5(options.product) as file:
             of_wave = file.attrs.get("schema") in (WAVE, PLANE)
-        more, motion = ({}, _of_wave(options)) if of_wave else _of_modes(options)
-        fields |= more
-    elif options.modes or options.frames or options.scale is not None:
+        if of_wave:
+            motion = _of_wave(options)
+        else:
+            more, motion = _of_modes(options)
+            fields |= more
+    elif options.modes or count or scale is not None:
         raise InputError("--modes, --frames and --scale need a file of modes or signals")
     path.parent.mkdir(parents=True, exist_ok=True)
     frames: Frames = [(0.0, network.position, fields)]
     if motion:
-        frames = frames_of(network, fields, motion, options.scale)
+        frames = frames_of(network, fields, motion, scale)
     written = WRITERS[path.suffix](path, network, frames, series=bool(motion))
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 
 
-def _of_wave(options: argparse.Namespace) -> Motion:
+def _of_wave(options: Given) -> Motion:
     """The motion of a wave that was recorded of every sphere."""
     if options.modes:
         raise InputError("--modes: the file has a wave; give *.modes.h5")
@@ -90,13 +84,12 @@ def _of_wave(options: argparse.Namespace) -> Motion:
     return motion_of_wave(signals.time, moved, axis, options.frames or 50)
 
 
-def _of_modes(options: argparse.Namespace) -> tuple[dict[str, Array], Motion]:
+def _of_modes(options: Given) -> tuple[dict[str, Array], Motion]:
     """Fields of the modes that are chosen, and the motion of the one that is to be animated."""
     modes = read_modes(options.product)
     if modes.mode_shape is None or not len(modes.frequency):
         raise InputError(f"{options.product}: without mode shapes; make it again with modes -o")
-    chosen = options.modes or range(1, len(modes.frequency) + 1)
-    fields: dict[str, Array] = {}
+    chosen, fields = options.modes or range(1, len(modes.frequency) + 1), dict[str, Array]()
     for k in chosen:
         if not 1 <= k <= len(modes.frequency):
             raise InputError(f"--modes {k}: the file has modes 1 to {len(modes.frequency)}")

@@ -1,12 +1,7 @@
-"""The command `info`: what is in a packing."""
+"""What is in a packing: stresses, void ratio, coordination number, rattlers, zero modes."""
 
-from __future__ import annotations
-
-import argparse
-from typing import Any
-
-from modal.cli.options import NewFile, add_value
-from modal.cli.reading import network_command
+from modal.cli.reading import NETWORK
+from modal.cli.table import Given, NewFile, Option, Result
 from modal.cli.terminal import COST, Groups
 from modal.exchange.registry import import_packing
 from modal.modes.collective import summary_at_zero
@@ -32,19 +27,14 @@ GROUPS = {
     ),
 }
 """Titles for people and what stands under them; the rest is about contacts and the file."""
+LAYERS = "write stress, void ratio ... of layers along z, *.csv"
+EXAMPLE = "info mine.network.h5"
+OPTIONS = NETWORK, Option("--layers", "FILE", LAYERS, kind=NewFile)
 OF_STAGES = ("steps_", "seconds_", "contacts_")
 """How notes begin that `pack` leaves of each stage of a loading path: --json has them."""
 
 
-def add(commands: Any) -> None:
-    """The options of `info`."""
-    text = "what is in a packing: stresses, void ratio, coordination number, rattlers, zero modes"
-    command = network_command(commands, "info", text, "info mine.network.h5")
-    text = "write stress, void ratio ... of layers along z, *.csv"
-    add_value(command, "--layers", "FILE", text, kind=NewFile)
-
-
-def run(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: Given) -> Result:
     """Numbers of the packing as a whole, and its layers where they are asked for."""
     found = import_packing(options.network)
     network = found.network
@@ -65,7 +55,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def shown(result: dict[str, Any]) -> Groups:
+def shown(result: Result) -> Groups:
     """The result in titled groups; notes of the file last, as they are, without what is above."""
     groups = {
         title: {name: result[name] for name in names if name in result}

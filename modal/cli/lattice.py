@@ -1,22 +1,13 @@
-"""The command `lattice`: the analytic FCC crystal."""
+"""The face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency."""
 
-from __future__ import annotations
-
-import argparse
-from typing import Any
-
-from modal.cli.options import add_command, add_value
+from modal.cli.table import Given, Option, Result
 from modal.theory.fcc import FccLattice
 
-
-def add(commands: Any) -> None:
-    """The options of `lattice`."""
-    text = "the face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency"
-    command = add_command(commands, "lattice", text, "lattice --stress 1e5")
-    add_value(command, "--stress", "PA", "isotropic", 1e5)
+EXAMPLE = "lattice --stress 1e5"
+OPTIONS = (Option("--stress", "PA", "isotropic", 1e5),)
 
 
-def run(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: Given) -> Result:
     """Stiffnesses, f_low-pass and the velocity of long waves at this stress."""
     crystal = FccLattice(options.stress)
     return {

@@ -1,7 +1,5 @@
 """The parser of all commands, and the run of one."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import sys
@@ -13,6 +11,7 @@ from typing import Any
 
 from modal import __version__
 from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say, say_error
+from modal.cli.table import add_options, flag
 from modal.cli.terminal import page, put
 from modal.formats.provenance import is_current, made_by
 from modal.tools.errors import InputError
@@ -36,10 +35,11 @@ FIRST = """first steps:
 def command_of(name: str) -> ModuleType:
     """The module of a command.
 
-    It has `add(commands)`, its options, and `run(options)`, its result. One that writes a product
-    from sources and settings has `read_product` too, who reads it, or None; one whose product may
-    fall short, or is not the only one, has `kept(options)` for a product that is current; one whose
-    result is long sorts it for people with `shown(result)`.
+    Its docstring's first line says what it does; it has `OPTIONS`, an `EXAMPLE` of what is typed
+    behind `python -m modal`, perhaps an `EPILOG` of its help, and `run(options)`, its result. One
+    that writes a product from sources and settings has `read_product` too, who reads it, or None;
+    one whose product may fall short, or is not the only one, has `kept(options)` for a product that
+    is current; one whose result is long sorts it for people with `shown(result)`.
     """
     return importlib.import_module(f"modal.cli.{MODULES.get(name, name)}")
 
@@ -55,7 +55,12 @@ def parser(called: str = "") -> argparse.ArgumentParser:
         dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
     )
     for name in [called] if called in COMMANDS else COMMANDS:
-        command_of(name).add(commands)
+        module = command_of(name)
+        said = (module.__doc__ or name).split("\n")[0].rstrip(".")
+        said = said[0].lower() + said[1:]
+        more = {"example": module.EXAMPLE, "epilog": getattr(module, "EPILOG", None)}
+        command = commands.add_parser(name, help=said, description=said, **more)
+        add_options(command, [flag("--json", "print one JSON object"), *module.OPTIONS])
     return whole
 
 
@@ -72,14 +77,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         options = parser("".join(arguments[:1])).parse_args(arguments)
         check_files(options)
         command = command_of(options.command)
+        skip = getattr(options, "skip_current", False)
         options.made, options.remarks = None, []
         if hasattr(command, "read_product") and options.output:
             options.made = made_by(options.command, vars(options), arguments)
-        elif getattr(options, "skip_current", False):
+        elif skip:
             raise InputError("--skip-current is about the file of -o; give one")
-        if getattr(options, "skip_current", False) and is_current(
-            options.output, options.made, say, command.read_product
-        ):
+        if skip and is_current(options.output, options.made, say, command.read_product):
             kept: Any = getattr(command, "kept", lambda _: {})
             result = {"current": options.output} | kept(options)
         else:

@@ -1,12 +1,8 @@
-"""The command `moduli`: elastic stiffness tensor, velocities of the longest waves."""
+"""The elastic stiffness tensor, V_P and V_S along any direction."""
 
-from __future__ import annotations
-
-import argparse
-from typing import Any
-
-from modal.cli.options import add_choice, add_flag, add_value, chosen
-from modal.cli.reading import network_command, packing_of
+from modal.cli.options import chosen
+from modal.cli.reading import packing_of, springs
+from modal.cli.table import Given, Group, Option, Result, flag
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
 from modal.elasticity.steady import SOLVERS
@@ -14,26 +10,21 @@ from modal.formats.hdf5 import sha256
 from modal.system.contacts import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+ALONG = "of waves, besides x, y and z; may be repeated"
+SOLVES = "what solves (default: the likely faster)"
+EXAMPLE = "moduli mine.network.h5 --direction 1 1 0"
+OPTIONS = (
+    *springs(TANGENTS, "*.moduli.h5"),
+    Option("--direction", ("X", "Y", "Z"), ALONG, [], more={"action": "append"}),
+    Option("--tolerance", "T", "relative error", TOLERANCE),
+    Group("advanced", [Option("--solver", "", SOLVES, kind=SOLVERS)]),
+    flag("--non-affine", "write how each sphere moves beyond the strain, too"),
+)
 
 read_product = read_moduli
 
 
-def add(commands: Any) -> None:
-    """The options of `moduli`."""
-    text = "the elastic stiffness tensor, V_P and V_S along any direction"
-    example = "moduli mine.network.h5 --direction 1 1 0"
-    command = network_command(commands, "moduli", text, example, "*.moduli.h5", TANGENTS)
-    command.add_argument(
-        "--direction", nargs=3, type=float, action="append", default=[], metavar=("X", "Y", "Z"),
-        help="of waves, besides x, y and z; may be repeated",
-    )  # fmt: skip
-    add_value(command, "--tolerance", "T", "relative error", TOLERANCE)
-    text = "what solves (default: the likely faster)"
-    add_choice(command.add_argument_group("advanced"), "--solver", SOLVERS, text)
-    add_flag(command, "--non-affine", "write how each sphere moves beyond the strain, too")
-
-
-def run(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: Given) -> Result:
     """Moduli in Pa, and velocities along the axes and the directions that are asked for."""
     along = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
     for direction in along.values():
@@ -43,6 +34,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     options.remarks.extend(found.remarks())
     if options.output:
         write_moduli(options.output, found, sha256(options.network), options.made)
+    velocities = {name: found.velocities(way).tolist() for name, way in (AXES | along).items()}
     return {
         "region": found.region,
         "order": "xx yy zz yz zx xy",
@@ -54,9 +46,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "poisson": found.poisson,
         "anisotropy": found.anisotropy,
         "density_kg_per_m3": found.density,
-        "velocity_m_per_s": {
-            name: found.velocities(direction).tolist() for name, direction in (AXES | along).items()
-        },
+        "velocity_m_per_s": velocities,
         "isotropic_velocity_m_per_s": [found.v_p, found.v_s],
         "relative_error": found.error,
         "asymmetry": found.asymmetry,

@@ -1,22 +1,25 @@
-"""What the commands share: a parser whose mistakes are one line, options that several have."""
-
-from __future__ import annotations
+"""What the commands share: a parser whose mistakes are one line, files to write, what is said."""
 
 import argparse
 import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
+from modal.cli.table import Given, NewFile, NewFolder
 from modal.formats.hdf5 import refuse_unwritable
 from modal.tools.errors import InputError
 
 SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample
 that has not come to rest within the tolerance."""
+PACKINGS = ".network.h5", ".sample.h5"
+"""How the names of packings end."""
+MAKE_PACKINGS = "import", "relax", "tile"
+"""Commands that write one under a given name."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -38,75 +41,7 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
 
 
-def add_command(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
-    """A command: its parser, with --json. `example` is what one types behind `python -m modal`."""
-    command: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text, example=example
-    )
-    add_flag(command, "--json", "print one JSON object")
-    return command
-
-
-def add_value(
-    command: argparse._ActionsContainer,
-    name: str,
-    metavar: str | tuple[str, ...],
-    text: str,
-    default: float | None = None,
-    kind: type = float,
-    **more: Any,
-) -> None:
-    """An option that takes a value, or as many as `metavar` names; its help says the default."""
-    told = "" if default is None else f" (default {default:g})"
-    if isinstance(metavar, tuple):
-        more["nargs"] = len(metavar)
-    command.add_argument(
-        name, type=kind, metavar=metavar, default=default, help=text + told, **more
-    )
-
-
-def add_flag(command: argparse._ActionsContainer, name: str, text: str) -> None:
-    """An option that is there or not."""
-    command.add_argument(name, action="store_true", help=text)
-
-
-def add_choice(
-    command: argparse._ActionsContainer,
-    name: str,
-    known: Iterable[str],
-    text: str,
-    default: str | None = None,
-) -> None:
-    """An option that takes one of the `known` words; its help says the default."""
-    told = "" if default is None else f" (default {default})"
-    command.add_argument(name, choices=list(known), default=default, help=text + told)
-
-
-PACKINGS = ".network.h5", ".sample.h5"
-"""How the names of packings end."""
-MAKE_PACKINGS = "import", "relax", "tile"
-"""Commands that write one under a given name."""
-
-
-class NewFile(str):
-    """A name that was given for a file to be written: the type of such an option."""
-
-
-class NewFolder(str):
-    """The name of a folder for files to be written."""
-
-
-def add_output(
-    command: argparse.ArgumentParser, text: str, required: bool = False, *, skip: bool = False
-) -> None:
-    """The option -o of a command that writes one file; `skip` adds --skip-current."""
-    names = ("-o", "--output")
-    command.add_argument(*names, type=NewFile, required=required, metavar="FILE", help=text)
-    if skip:
-        add_flag(command, "--skip-current", "keep FILE if sources and settings are the same")
-
-
-def check_files(options: argparse.Namespace) -> None:
+def check_files(options: Given) -> None:
     """InputError for a file to be written that cannot be, or that is read as well."""
     texts = list[str]()
     for name, value in vars(options).items():
@@ -121,18 +56,12 @@ def check_files(options: argparse.Namespace) -> None:
         if not isinstance(path, NewFile):
             continue
         refuse_unwritable(path)
-        if any(_same_file(path, other) for other in read):
+        if os.path.exists(path) and any(os.path.samefile(path, other) for other in read):
             raise InputError(
                 f"{path}: it is read, and would be written over; give another name to write to"
             )
         if path.endswith(PACKINGS) and options.command not in MAKE_PACKINGS:
             raise InputError(f"{path}: the name of a packing, which this is none; give another")
-
-
-def _same_file(first: str, second: str) -> bool:
-    if os.path.exists(first) and os.path.exists(second):
-        return os.path.samefile(first, second)
-    return os.path.realpath(first) == os.path.realpath(second)
 
 
 def check_text(arguments: Sequence[str]) -> None:
@@ -161,7 +90,7 @@ def json_text(result: Any) -> str:
     return json.dumps(plain(result), allow_nan=False)
 
 
-def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+def chosen(options: Given, *names: str) -> dict[str, Any]:
     """Options of these names, as arguments of a function that calls them the same."""
     return {name: getattr(options, name) for name in names}
 
@@ -171,7 +100,7 @@ def typed(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def refuse_given(options: argparse.Namespace, usual: Mapping[str, Any], why: str) -> None:
+def refuse_given(options: Given, usual: Mapping[str, Any], why: str) -> None:
     """InputError for the first option that is not as `usual`, where it has no meaning."""
     for name, value in usual.items():
         if getattr(options, name) != value:

@@ -1,12 +1,10 @@
-"""The command `relax`: a sample to static equilibrium under its contact model."""
+"""Bring a sample to static equilibrium under its contact model."""
 
-from __future__ import annotations
-
-import argparse
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import add_command, add_output, add_value, say
+from modal.cli.options import say
+from modal.cli.table import SKIP, Given, Option, Result, output
 from modal.formats.provenance import Provenance
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
@@ -14,49 +12,41 @@ from modal.preparation.relax import MAX_STEPS, TOLERANCE, Equilibrium, relax
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 
+EXAMPLE = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
+OPTIONS = (
+    Option("sample", "", "*.sample.h5", kind=str),
+    Option("--friction", "MU", "of the wave that will follow (default: the sample's)"),
+    Option("--tolerance", "T", "mean net force over mean contact force at rest", TOLERANCE),
+    output("the sample at rest, *.sample.h5", required=True),
+    SKIP,
+)
+
 read_product = read_sample
 
 
-def add(commands: Any) -> None:
-    """The options of `relax`."""
-    text = "bring a sample to static equilibrium under its contact model"
-    example = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
-    command = add_command(commands, "relax", text, example)
-    command.add_argument("sample", help="*.sample.h5")
-    text = "of the wave that will follow (default: the sample's)"
-    add_value(command, "--friction", "MU", text)
-    text = "mean net force over mean contact force at rest"
-    add_value(command, "--tolerance", "T", text, TOLERANCE)
-    add_output(command, "the sample at rest, *.sample.h5", required=True, skip=True)
-
-
-def kept(options: argparse.Namespace) -> dict[str, Any]:
+def kept(options: Given) -> Result:
     """What a sample that is kept fell short of: its exit status stays."""
     return {"at_rest": bool(read_sample(options.output).study.get("at_rest", True))}
 
 
-def run(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: Given) -> Result:
     """Bring one sample to rest; its residuals before and after, and its reserve of friction."""
-    sample = read_sample(options.sample)
+    sample, tolerance = read_sample(options.sample), options.tolerance
     if options.friction is not None:
         sample = replace(sample, friction=options.friction)
-    if not options.tolerance > 0:
-        raise InputError(
-            f"--tolerance {options.tolerance:g}: must be positive; {TOLERANCE:g} is usual"
-        )
-    history: list[Equilibrium] = []
-    minute = Minute()
+    if not tolerance > 0:
+        raise InputError(f"--tolerance {tolerance:g}: must be positive; {TOLERANCE:g} is usual")
+    before, minute = list[float](), Minute()
 
     def watch(state: Equilibrium) -> None:
-        history.append(replace(state))
-        if state.steps % 1000 and not minute.passed():
-            return
-        say(
-            f"step {state.steps} of at most {MAX_STEPS}: residual {state.residual:.1e}, at rest at "
-            f"{options.tolerance:.1e}; {state.contacts} contacts, {state.sliding} sliding"
-        )
+        before.append(state.residual)
+        if state.steps % 1000 == 0 or minute.passed():
+            say(
+                f"step {state.steps} of at most {MAX_STEPS}: residual {state.residual:.1e}, at "
+                f"rest at {tolerance:.1e}; {state.contacts} contacts, {state.sliding} sliding"
+            )
 
-    rested, state = relax(sample, tolerance=options.tolerance, watch=watch)
+    rested, state = relax(sample, tolerance=tolerance, watch=watch)
     if not state.at_rest:
         say(
             f"tolerance not reached: residual {state.residual:.1e}, of a single sphere "
@@ -71,13 +61,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
     found |= {name: getattr(state, name) for name in ("tolerance", "attainable", "at_rest")}
     found |= zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)
-    rested = replace(
-        rested,
-        study=sample.study | measured | found,
-        provenance=_with_parent(options.made, sample.provenance),
-    )
-    write_sample(options.output, rested)
-    return {"residual_before": history[0].residual} | asdict(state) | measured
+    made = _with_parent(options.made, sample.provenance)
+    study = sample.study | measured | found
+    write_sample(options.output, replace(rested, study=study, provenance=made))
+    return {"residual_before": before[0]} | asdict(state) | measured
 
 
 def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:

@@ -4,8 +4,6 @@ Nothing is said here about single commands: the end of a result's name tells its
 `stress_pa`. A command whose result is long sorts it into titled groups with its `shown(result)`.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import sys

@@ -1,13 +1,10 @@
-"""The command `tile`: a packing repeated sideways."""
+"""A packing repeated sideways across its periods."""
 
-from __future__ import annotations
-
-import argparse
 from dataclasses import replace
-from typing import Any
 
-from modal.cli.options import PACKINGS, add_output, add_value
-from modal.cli.reading import network_command
+from modal.cli.options import PACKINGS
+from modal.cli.reading import NETWORK
+from modal.cli.table import REQUIRED, Given, Option, Result, output
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_packing
 from modal.packing.network import Network, write_network
@@ -18,21 +15,17 @@ from modal.tools.workload import refuse_above_memory
 
 SAMPLE_BYTES, NETWORK_BYTES = 100.0, 1500.0
 """Memory for each sphere of the result, measured: of a sample without shear, of a network."""
+EXAMPLE = "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
+OPTIONS = (
+    NETWORK,
+    Option("--repeat", ("NX", "NY"), "how often along x and y", kind=int, more=REQUIRED),
+    output("*.network.h5, or of a sample *.sample.h5", required=True),
+)
 
 read_product = read_packing
 
 
-def add(commands: Any) -> None:
-    """The options of `tile`."""
-    text = "a packing repeated sideways across its periods"
-    example = "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
-    command = network_command(commands, "tile", text, example)
-    text = "how often along x and y"
-    add_value(command, "--repeat", ("NX", "NY"), text, kind=int, required=True)
-    add_output(command, "*.network.h5, or of a sample *.sample.h5", required=True)
-
-
-def run(options: argparse.Namespace) -> dict[str, Any]:
+def run(options: Given) -> Result:
     """Write the repeated packing; a sample stays one if the name of FILE says so."""
     times, source, output = options.repeat, options.network, options.output
     if not output.endswith(PACKINGS):
@@ -45,7 +38,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     task = f"repeating {source} {times[0]} by {times[1]} times"
     memory = spheres * (SAMPLE_BYTES if light else NETWORK_BYTES)
     refuse_above_memory(memory, task, "repeat it fewer times")
-    made = options.made.attributes() if options.made else {}
+    made = options.made.attributes()
     if isinstance(packing, Sample):
         write_sample(output, replace(repeat_sample(packing, *times), provenance=made))
     else:
