@@ -1,9 +1,8 @@
 """Arguments of public functions: one of a wrong kind is refused in one line that names it."""
 
-from __future__ import annotations
-
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache, wraps
 from inspect import signature
 from numbers import Real
@@ -16,13 +15,9 @@ from modal.tools.errors import InputError
 P = ParamSpec("P")
 R = TypeVar("R")
 NUMBERS = int, float, np.integer, np.floating
-WORDS = {
-    float: "a number",
-    int: "a number",
-    bool: "True or False",
-    str: "a text",
-    Sequence: "a list",
-    type(None): "None",
+WORDS: dict[Any, str] = {
+    **{float: "a number", int: "a number", bool: "True or False"},
+    **{str: "a text", Sequence: "a list", type(None): "None"},
 }
 """What a kind of argument is called; others by the name of their class."""
 MAKES = {
@@ -70,11 +65,10 @@ def refuse_other_kinds(owner: Callable[..., Any], name: str, given: Mapping[str,
     for argument, value in given.items():
         kind = kinds.get(argument, Any)
         if not _fits(value, kind):
-            wanted = [_words(one) for one in _alternatives(kind)]
-            shown = repr(value)
-            shown = shown if len(shown) < 60 else f"a {type(value).__name__}"
-            help = "".join(text for cls, text in MAKES.items() if f"a {cls}" in wanted)
-            raise InputError(f"{name}: {argument} is {shown}, not {' or '.join(wanted)}{help}")
+            wanted = " or ".join(_words(one) for one in _alternatives(kind))
+            shown = repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"
+            made = "".join(text for cls, text in MAKES.items() if f"a {cls}" in wanted)
+            raise InputError(f"{name}: {argument} is {shown}, not {wanted}{made}")
 
 
 @cache
@@ -105,8 +99,6 @@ def _fits(value: object, kind: Any) -> bool:
         each = float if get_origin(kind) is tuple else get_args(kind)[0]
         text = isinstance(value, str | bytes)
         return isinstance(value, Iterable) and not text and all(_fits(x, each) for x in value)
-    if not isinstance(kind, type):
-        return True
-    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
-        return True
-    return isinstance(value, kind)
+    with suppress(TypeError):  # what is no class, or none that can be asked, allows everything
+        return isinstance(value, kind)
+    return True

@@ -1,7 +1,5 @@
 """What people see of results: numbers with engineering units, and the Axes that a picture is in."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -21,9 +19,7 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
     """
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}"
-    # Rounded first: 999.96 with four digits is 1 k.
-    rounded = float(f"{value:.{digits}g}")
-    power = _power(rounded)
+    rounded, power = _rounded(value, digits)
     return f"{rounded / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
 
 
@@ -48,17 +44,22 @@ def scaled(
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0:
         return [f"{value:g}" for value in values], unit
-    power = _power(float(f"{largest:.{digits}g}")) if prefixed else 0
-    decimals = max(0, digits - 1 - math.floor(math.log10(float(f"{largest:.{digits}g}")) - power))
+    largest, power = _rounded(largest, digits)
+    power = power if prefixed else 0
+    decimals = max(0, digits - 1 - math.floor(math.log10(largest) - power))
     # Added to zero, a number that is rounded to -0 is 0.
     rounded = (round(value / 10.0**power, decimals) + 0.0 for value in values)
     return [f"{value:.{decimals}f}" for value in rounded], PREFIXES[power] + unit
 
 
-def _power(rounded: float) -> int:
-    """The power of ten, a multiple of three, of the prefix of a number that is not zero."""
+def _rounded(value: float, digits: int) -> tuple[float, int]:
+    """A number that is not zero, and the power of ten, a multiple of three, of its prefix.
+
+    Rounded first: 999.96 with four digits is 1 k.
+    """
+    rounded = float(f"{value:.{digits}g}")
     power = 3 * math.floor(math.log10(abs(rounded)) / 3)
-    return min(max(power, min(PREFIXES)), max(PREFIXES))
+    return rounded, min(max(power, min(PREFIXES)), max(PREFIXES))
 
 
 def duration(seconds: float) -> str:
@@ -79,7 +80,7 @@ def table(rows: list[tuple[str, str]]) -> str:
     return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
 
 
-def axes_of(ax: Axes | None) -> Axes:
+def axes_of(ax: "Axes | None") -> "Axes":
     """The Axes that are given, or those of a new figure; matplotlib is loaded here."""
     if ax is not None:
         return ax

@@ -4,8 +4,6 @@ As an exception it would be a traceback while the program's modules are still lo
 where Python cannot hand one on: in what compiled code has called, and as an object is deleted.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 from contextlib import suppress

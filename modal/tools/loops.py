@@ -1,7 +1,5 @@
 """Loops over contacts or spheres, compiled by numba where it is installed: to import loads it."""
 
-from __future__ import annotations
-
 import os
 import zlib
 from collections.abc import Callable, Mapping

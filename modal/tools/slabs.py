@@ -5,8 +5,6 @@ on the packing alone, and the even ones always come before the odd ones: every s
 same order by any number of threads.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.tools.arrays import Ints

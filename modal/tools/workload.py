@@ -1,7 +1,5 @@
 """What a long computation will take, known before it starts; refused where that is too much."""
 
-from __future__ import annotations
-
 import os
 import resource
 import sys
@@ -22,28 +20,21 @@ ANNOUNCED = 20.0
 
 
 def memory_at_hand() -> float:
-    """Physical memory that is free, or what Slurm has granted this job if that is less, bytes."""
-    return min(_free_memory(), _granted_memory())
+    """Physical memory that is free, or what Slurm has granted this job if that is less, bytes.
 
-
-def _free_memory() -> float:
-    """Of the machine, bytes; where only its size is told, that; else infinite."""
-    with suppress(OSError), open("/proc/meminfo") as file:  # Linux
-        for line in file:
-            if line.startswith("MemAvailable:"):
-                return 1024.0 * int(line.split()[1])
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (OSError, ValueError):
-        return np.inf
-
-
-def _granted_memory() -> float:
-    """By Slurm, bytes, which is less than its node has; 0 of a node is all of it."""
-    of_node = float(os.environ.get("SLURM_MEM_PER_NODE", 0))
-    each = float(os.environ.get("SLURM_MEM_PER_CPU", 0))
-    megabytes = of_node or each * float(os.environ.get("SLURM_CPUS_ON_NODE", 1))
-    return megabytes * 2**20 or np.inf
+    Where only the size of the machine's memory is told, that; else infinite. Slurm's 0 a node is
+    all of it.
+    """
+    free = np.inf
+    with suppress(OSError, ValueError):
+        free = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with suppress(OSError, StopIteration), open("/proc/meminfo") as file:  # Linux
+        free = next(1024.0 * int(line.split()[1]) for line in file if "MemAvailable:" in line)
+    of_node, each, cores = (
+        float(os.environ.get(f"SLURM_{name}", usual))
+        for name, usual in (("MEM_PER_NODE", 0), ("MEM_PER_CPU", 0), ("CPUS_ON_NODE", 1))
+    )
+    return min(free, (of_node or each * cores) * 2**20 or np.inf)
 
 
 def peak_memory() -> int:
@@ -51,10 +42,8 @@ def peak_memory() -> int:
 
     Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
     """
-    with suppress(OSError), open("/proc/self/status") as file:  # Linux
-        for line in file:
-            if line.startswith("VmHWM:"):
-                return 1024 * int(line.split()[1])
+    with suppress(OSError, StopIteration), open("/proc/self/status") as file:  # Linux
+        return next(1024 * int(line.split()[1]) for line in file if line.startswith("VmHWM:"))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak * (1 if sys.platform == "darwin" else 1024)
 
@@ -74,9 +63,8 @@ def refuse_endless(
     if seconds > ANNOUNCED and sys.stderr.isatty():
         said = f"about {products:.2g} products with K, {duration(seconds)}"
         print(f"{task}: {said}, {quantity(bytes_needed, 'B', 3)} more", file=sys.stderr, flush=True)
-    refuse_above(
-        seconds, bytes_needed, f"{task} takes about {products:.2g} products with K,", remedy
-    )
+    task = f"{task} takes about {products:.2g} products with K,"
+    refuse_above(seconds, bytes_needed, task, remedy)
 
 
 def refuse_above(
@@ -84,22 +72,18 @@ def refuse_above(
 ) -> None:
     """InputError where an estimate is above the `longest` time (a day), or the free memory.
 
-    The message begins with the `task`, as in "a wave takes", and ends with the `remedy`.
+    The message begins with the `task`, as in "a wave takes", and ends with the `remedy`; without
+    `seconds` memory alone is told.
     """
     at_hand = memory_at_hand()
-    if seconds <= (LONGEST if longest is None else longest) and bytes_needed <= at_hand:
-        return
-    raise InputError(
-        f"{task} {duration(seconds)} here, and {quantity(bytes_needed, 'B', 3)} of memory "
-        f"({quantity(at_hand, 'B', 3)} are free); {remedy}"
-    )
+    if seconds > (LONGEST if longest is None else longest) or bytes_needed > at_hand:
+        task += f" {duration(seconds)} here, and" if seconds else ""
+        raise InputError(
+            f"{task} {quantity(bytes_needed, 'B', 3)} of memory "
+            f"({quantity(at_hand, 'B', 3)} are free); {remedy}"
+        )
 
 
 def refuse_above_memory(bytes_needed: float, task: str, remedy: str) -> None:
     """InputError where a computation needs more than the free memory; words as `refuse_above`."""
-    at_hand = memory_at_hand()
-    if bytes_needed > at_hand:
-        raise InputError(
-            f"{task} takes {quantity(bytes_needed, 'B', 3)} of memory "
-            f"({quantity(at_hand, 'B', 3)} are free); {remedy}"
-        )
+    refuse_above(0.0, bytes_needed, f"{task} takes", remedy)
