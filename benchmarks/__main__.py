@@ -3,13 +3,10 @@
     python -m benchmarks [--quick] [NAME ...] [-o DIR]
 
 Each job prints its page and writes NAME.md, its tables as CSV and its figures to DIR; README.md
-there lists them. Without names all jobs run but `compression`, whole packings, `threads`, whole
-commands on one core and on all, and `questions`, which needs 16 GB: three minutes with --quick, 25
-without. The name `defaults` measures nothing: it prints what the rows in DIR say of the programs'
-defaults.
+there lists them. Without names all jobs run but `other_codes` and `questions`, whole commands on
+one core and on all, which needs 16 GB: three minutes with --quick, 25 without. The name `defaults`
+measures nothing: it prints what the rows in DIR say of the programs' defaults.
 """
-
-from __future__ import annotations
 
 import argparse
 import importlib
@@ -20,11 +17,12 @@ from pathlib import Path
 
 from benchmarks import defaults
 from benchmarks.harness import machine
+from benchmarks.harness.measure import Job
 from modal.tools.errors import InputError
 
 JOBS = ("wave", "modes", "density", "time_step", "preparation", "contact_loop", "scaling")
-NAMED = (*JOBS, "other_codes", "compression", "threads", "questions")
-"""The last three run only when they are named."""
+NAMED = (*JOBS, "other_codes", "questions")
+"""The last two run only when they are named."""
 
 
 def index(folder: Path, quick: bool) -> None:
@@ -50,7 +48,7 @@ def done(name: str, quick: bool, folder: Path) -> bool:
     start = time.perf_counter()
     try:
         with tempfile.TemporaryDirectory() as scratch:
-            page = importlib.import_module(f"benchmarks.{name}").run(quick, Path(scratch))
+            page = importlib.import_module(f"benchmarks.{name}").run(Job(quick, Path(scratch)))
     except Exception as error:  # the others are half an hour's work: none is lost to this one
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         print(f"error: {name}: {kind}{error}", file=sys.stderr, flush=True)

@@ -6,23 +6,19 @@ through the same contacts and only adds at both ends, without springs: what no l
 can do without. What else the machine does meets all of them alike.
 """
 
-from __future__ import annotations
-
-import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from benchmarks.harness import diagram, product
-from benchmarks.harness.measure import measured
+from benchmarks.harness import diagram
+from benchmarks.harness.measure import CORES, Job
 from benchmarks.harness.packing import sample_or_small
-from benchmarks.harness.report import Page, Rows
-from modal.packing.network import Network, read_network, write_network
+from benchmarks.harness.product import bytes_of
+from benchmarks.harness.report import Page
+from modal.packing.network import Network, read_network
 from modal.system.operator import ContactOperator
 from modal.system.packed import PackedContacts
 from modal.tools.arrays import Ints
@@ -31,11 +27,8 @@ from modal.tools.loops import numba, prange, threads_for
 
 TITLE = "One product K u against copying its bytes and against adding at the ends of the contacts"
 ROUNDS = {True: 5, False: 400}
-WIDTH = 0.2
-"""Of a bar, where groups lie 1 apart."""
 HELD = 256_000_000
 """Bytes of each array that is copied in parts: more than a cache holds."""
-CORES = os.cpu_count() or 1
 TIMED = ("product", "first product", "additions", "copy")
 """The second of two products, the first, the second time that only the ends are added to, the copy;
 the ratios are those of the first column."""
@@ -77,40 +70,30 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
     network = read_network(path)
     operator = ContactOperator(network)
     on, threads = PackedContacts.of(network, "none"), threads_for(network.n_particles)
-    starts, needs = on.pieces[on.slabs, 0], product.of_operator(operator)
+    starts, needs = on.pieces[on.slabs, 0], bytes_of(operator)
     add, copy = (numba.njit(f, parallel=True, fastmath=True) for f in (_add_at_both_ends, _copy))
     u = np.random.default_rng(1).standard_normal((network.n_particles, 6))
     out, sums = np.zeros_like(u), np.zeros_like(u)
-    length = int(needs["bytes"]) // 16  # what is copied is read once and written once
+    length = int(needs) // 16  # what is copied is read once and written once
     source, target = np.ones((2, max(HELD // 8, length)))
-    at = 0
 
-    def moved() -> None:
-        nonlocal at
-        at = at + length if at + 2 * length <= len(source) else 0
-        copy(source[at : at + length], target[at : at + length], threads)
-
-    def multiplied() -> None:
-        operator.accumulate(u.ravel(), out.ravel())
-
-    def added() -> None:
-        add(u, sums, on.rows, on.ends, starts, threads)
-
-    def seconds_of(action: Callable[[], None]) -> float:
+    def seconds_of(action: Callable[..., object], *given: Any) -> float:
         start = time.perf_counter()
-        action()
+        action(*given)
         return time.perf_counter() - start
 
-    def turn() -> list[float]:
-        copying, first, again = (seconds_of(act) for act in (moved, multiplied, multiplied))
-        added()
-        return [again, first, seconds_of(added), copying]
+    def turn(k: int) -> list[float]:
+        at = k * length % max(1, len(source) - length)
+        copying = seconds_of(copy, source[at : at + length], target[at : at + length], threads)
+        first, again = (seconds_of(operator.accumulate, u.ravel(), out.ravel()) for _ in range(2))
+        _, added = (seconds_of(add, u, sums, on.rows, on.ends, starts, threads) for _ in range(2))
+        return [again, first, added, copying]
 
-    turn()  # compiles
+    turn(0)  # compiles
 
     def action() -> dict[str, Any]:
-        seconds = np.array([turn() for _ in range(rounds)]).T
-        return {"seconds": seconds.tolist(), "threads": threads, **needs}
+        seconds = np.array([turn(k) for k in range(rounds)]).T
+        return {"seconds": seconds.tolist(), "threads": threads, "bytes": needs}
 
     return action
 
@@ -130,61 +113,35 @@ def row_of(numbering: str, value: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """The spheres as the sample numbers them, along z, and at random; one thread and all."""
-    sample = sample_or_small(500, quick)
-    n = sample.n_particles
+    sample, rounds = sample_or_small(500, job.quick), ROUNDS[job.quick]
+    n, rows = sample.n_particles, list[dict[str, Any]]()
     orders = {
         "as in the sample": np.arange(n),
         "along z": np.argsort(sample.position[:, 2], kind="stable"),
         "at random": np.random.default_rng(1).permutation(n),
     }
-    path, rows = str(folder / "sample.network.h5"), []
     for numbering, old in orders.items():
-        write_network(path, numbered(sample, old))
+        path = job.write(numbered(sample, old))
         for threads in (1, CORES):
-            given = {"path": path, "rounds": ROUNDS[quick]}
-            run = measured("benchmarks.contact_loop:by_turns", threads=threads, **given)
+            run = job.measured(by_turns, threads=threads, path=path, rounds=rounds)
             rows.append(row_of(numbering, run.value))
     task = (
         f"One product K u of {n} spheres with {sample.n_contacts} contacts, by turns with a copy "
         "of as many bytes and with a loop that only adds at both ends of each contact; medians of "
-        f"{ROUNDS[quick]} rounds by the clock, and the quarters below and above. The first product "
+        f"{rounds} rounds by the clock, and the quarters below and above. The first product "
         "comes right after the copy; products and additions are those right after the first."
     )
-    return Page(TITLE, task, {"contact_loop": rows}, notes(rows), {"contact_loop": draw(rows)})
-
-
-def said(threads: int) -> str:
-    """A number of threads in words."""
-    return f"{threads:.0f} thread" + "s" * (threads > 1)
-
-
-def notes(rows: Rows) -> list[str]:
-    """How far each product is from both bounds."""
-    return [
-        f"Spheres numbered {row['numbering']}, {said(row['threads'])}: "
-        f"{row['product, ms']:.2f} ms, {row['times copy']:.1f} times a copy of its "
-        f"{row['mb']:.1f} MB; {row['times additions']:.2f} times the additions alone, which "
-        f"take {row['additions, times copy']:.1f} times the copy."
-        for row in rows
+    names = [f"{row['numbering']}, {row['threads']} threads" for row in rows]
+    said = [
+        f"Spheres numbered {name}: {row['product, ms']:.2f} ms, {row['times copy']:.1f} times a "
+        f"copy of its {row['mb']:.1f} MB; {row['times additions']:.2f} times the additions alone, "
+        f"which take {row['additions, times copy']:.1f} times the copy."
+        for name, row in zip(names, rows, strict=True)
     ]
-
-
-def draw(rows: Rows) -> Figure:
-    """Bars with the quarters as whiskers, a group for each numbering and number of threads."""
-    figure, axes = diagram.panels(1, 1, width=7.0, height=2.9)
-    ax, places = axes[0, 0], np.arange(len(rows))
-    for k, (name, grey) in enumerate(zip(TIMED, ("0.1", "0.45", "0.75", "1"), strict=True)):
-        middle, low, high = (
-            np.array([row[f"{name}, {what}"] for row in rows])
-            for what in ("ms", "quarter below", "quarter above")
-        )
-        reach = {"yerr": [middle - low, high - middle], "capsize": 2, "error_kw": {"lw": 0.8}}
-        bars = {"width": WIDTH, "color": grey, "edgecolor": "k", "lw": 0.6, "label": name}
-        ax.bar(places + WIDTH * (k - 1.5), middle, **bars, **reach)
-    labels = [f"numbered\n{row['numbering']},\n{said(row['threads'])}" for row in rows]
-    ax.set(xticks=places, ylabel="time (ms)", ylim=(0, None))
-    ax.set_xticklabels(labels, fontsize=7)
+    series = {name: [{"ms": row[f"{name}, ms"]} for row in rows] for name in TIMED}
+    figure, ax = diagram.bars(names, series, "ms")
+    ax.set(xlabel="median (ms)")
     diagram.legend_below(figure, ax)
-    return figure
+    return Page(TITLE, task, {"contact_loop": rows}, said, {"contact_loop": figure})

@@ -5,8 +5,6 @@
 prints the table of defaults from the committed rows; nothing is measured.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable, Iterator
@@ -36,24 +34,23 @@ class Default:
         return self.reason if self.agrees else f"NOT what the rule finds: {self.reason}"
 
 
-def assigned(script: str, pattern: str) -> tuple[float, ...]:
-    """Numbers that a script sets which only YADE could import."""
+def assigned(script: str, pattern: str) -> float:
+    """A number that a script sets which only YADE could import."""
     text = (ROOT / "yade_scripts" / script).read_text()
     found = re.search(pattern, text, re.MULTILINE)
     if found is None:
         raise ValueError(f"{script}: nothing like {pattern}")
-    return tuple(float(value) for value in found.groups())
+    return float(found[1])
 
 
-def steps_of_random_cases() -> list[float]:
-    """Setting `fraction` of the study's random cases, each value once, the largest first."""
-    cases = Study(ROOT / "studies/otsubo2017/study.yaml").cases
-    return sorted(cases["fraction"].dropna().unique(), reverse=True)
+def usual(function: Callable[..., object], *names: str) -> list[float]:
+    """Defaults of a function's arguments."""
+    return [inspect.signature(function).parameters[name].default for name in names]
 
 
 def wave_of_crystal(rows: Rows) -> Iterator[Default]:
     """Time step, recording interval and amplitude of YADE's wave; tolerance of the springs'."""
-    (step,) = assigned("wave.py", r"^    fraction=([\d.]+),")
+    step = assigned("wave.py", r"^    fraction=([\d.]+),")
     best, last = dem.step_knee(rows), dem.steps_of(rows)[-1]
     floor = f"the {last['error_velocity']:.1e} of V_P that no step mends"
     yield Default(
@@ -66,7 +63,7 @@ def wave_of_crystal(rows: Rows) -> Iterator[Default]:
         else f"no step tried has a share of the dispersion's error below {floor}",
         best is not None and step == best["time_step_over_limit"],
     )
-    (interval,) = assigned("wave.py", r"^RECORDING_INTERVAL = ([\d.e-]+)")
+    interval = assigned("wave.py", r"^RECORDING_INTERVAL = ([\d.e-]+)")
     longest = dem.interval_knee(rows)["interval_us"]
     yield Default(
         "recording interval",
@@ -80,8 +77,7 @@ def wave_of_crystal(rows: Rows) -> Iterator[Default]:
         f"the paper's; V_P is then off by {last['error_velocity']:.1e}, the signals are off the "
         f"linear wave by {last['apart_from_tangent']:.1e}",
     )
-    tolerance = inspect.signature(propagate).parameters["tolerance"].default
-    linear = wave.knee(rows)
+    (tolerance,), linear = usual(propagate, "tolerance"), wave.knee(rows)
     yield Default(
         "wave of the springs",
         f"Chebyshev, {tolerance:g}",
@@ -93,7 +89,9 @@ def wave_of_crystal(rows: Rows) -> Iterator[Default]:
 
 def packing(rows: Rows) -> Iterator[Default]:
     """Time step of YADE's wave in a random packing."""
-    best, (step, *smaller) = time_step.knee(rows), steps_of_random_cases()
+    cases = Study(ROOT / "studies/otsubo2017/study.yaml").cases
+    step, *smaller = sorted(cases["fraction"].dropna().unique(), reverse=True)
+    best = time_step.knee(rows)
     limit = f"{time_step.NON_LINEAR:g}, about the non-linearity at 5 nm"
     yield Default(
         "time step of YADE, random",
@@ -122,8 +120,7 @@ def lowest_modes(rows: Rows) -> Iterator[Default]:
 
 def states(rows: Rows) -> Iterator[Default]:
     """Resolution and standard error of the density of states."""
-    given = inspect.signature(density_of_states).parameters
-    resolution, tolerance = (given[name].default for name in ("resolution", "tolerance"))
+    resolution, tolerance = usual(density_of_states, "resolution", "tolerance")
     best = density.knee(rows)
     yield Default(
         "density of states",

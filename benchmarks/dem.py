@@ -5,8 +5,6 @@ compared with Eqs. 6, 9 and 10. The signals are compared with the converged wave
 tangent, and with its leapfrog of the same time step, which leaves the contact law's non-linearity.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,16 +6,14 @@ modes. The same number of moments of the exact spectrum, smoothed by the same ke
 kernel's share from the vectors'. What exact counts cost: `python -m benchmarks scaling`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import diagram
-from benchmarks.harness.measure import measured
+from benchmarks.harness.measure import Job
 from benchmarks.harness.packing import KnownPacking
 from benchmarks.harness.report import Page, Rows
 from modal.modes.density import DensityOfStates, density_of_states
@@ -44,13 +42,9 @@ def smoothed(exact: np.ndarray, found: DensityOfStates) -> DensityOfStates:
     Two equal "vectors", so that the formulas for the scatter hold.
     """
     angle = np.arccos(np.clip(exact / found.highest, -1, 1))
-    order = np.arange(found.moments.shape[2])
-    total = np.cos(2 * angle[:, None] * order).sum(axis=0)
-    moments = np.zeros((2, 6, len(order)))
-    moments[:, 0] = total
-    return DensityOfStates(
-        moments, found.highest, found.zero_modes, found.resolution, found.products
-    )
+    moments = np.zeros((2, 6, found.moments.shape[2]))
+    moments[:, 0] = np.cos(2 * angle[:, None] * np.arange(moments.shape[2])).sum(axis=0)
+    return replace(found, moments=moments)
 
 
 def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, float]:
@@ -73,16 +67,19 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
     }
 
 
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """Resolutions at one tolerance, then tolerances at the finest resolution."""
-    packing, times = KnownPacking.of(SPHERES[quick], folder), 1 if quick else 3
-    path, rows = str(packing.path), []
-    sweeps = [("moments", r, TOLERANCE[quick]) for r in RESOLUTIONS[quick]]
-    sweeps += [("vectors", RESOLUTIONS[quick][-1], t) for t in TOLERANCES[quick]]
+    packing, rows, resolutions = (
+        KnownPacking.of(SPHERES[job.quick], job),
+        [],
+        RESOLUTIONS[job.quick],
+    )
+    sweeps = [("moments", r, TOLERANCE[job.quick]) for r in resolutions]
+    sweeps += [("vectors", resolutions[-1], t) for t in TOLERANCES[job.quick]]
     for what, resolution, tolerance in sweeps:
         setting = {"resolution": resolution, "tolerance": tolerance}
-        cost = measured("benchmarks.density:states", times=times, path=path, **setting)
-        found = density_of_states(packing.problem.network, **setting)
+        cost = job.measured(states, path=packing.path, **setting)
+        found = density_of_states(packing.system.network, **setting)
         rows.append(
             {
                 "method": f"random vectors, more {what}",
@@ -114,17 +111,12 @@ def knee(rows: Rows) -> dict[str, Any]:
 
 
 def notes(rows: Rows) -> list[str]:
-    """What limits the error, and how it falls."""
-    moments = [row for row in rows if row["method"].endswith("more moments")]
-    vectors = [row for row in rows if row["method"].endswith("more vectors")]
-    few, many = vectors[0], vectors[-1]
-    coarse, fine = moments[0], moments[-1]
-    return [
-        f"{coarse['moments']:.0f} to {fine['moments']:.0f} moments, {fine['vectors']:.0f} vectors: "
-        f"the kernel's error falls from {coarse['error_of_kernel']:.1e} to "
-        f"{fine['error_of_kernel']:.1e}; that of the vectors is {fine['error_of_vectors']:.1e}.",
-        f"{many['vectors'] / few['vectors']:.3g} times more vectors: their error falls by "
-        f"{few['error_of_vectors'] / many['error_of_vectors']:.2g}; for independent vectors the "
-        f"square root, {np.sqrt(many['vectors'] / few['vectors']):.2g}, is expected of the mean "
-        "over many draws. This is one draw.",
-    ]
+    """How far the error falls with moments and with vectors, of one draw of these."""
+    said = []
+    for what, share in (("moments", "kernel"), ("vectors", "vectors")):
+        own = [row for row in rows if row["method"].endswith(f"more {what}")]
+        (few, first), (many, last) = ((r[what], r[f"error_of_{share}"]) for r in (own[0], own[-1]))
+        said.append(
+            f"{few:.0f} to {many:.0f} {what}: their error goes from {first:.1e} to {last:.1e}."
+        )
+    return said

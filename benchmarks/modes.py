@@ -7,11 +7,8 @@ what that does to a solver that does not know of them is part of the comparison.
 costs at full size: `python -m benchmarks scaling`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +17,7 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 from benchmarks.harness import diagram
-from benchmarks.harness.measure import measured
+from benchmarks.harness.measure import Job
 from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
 from modal.modes.lowest import lowest_modes
@@ -97,52 +94,48 @@ def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> 
     return len(modes), zero, float(abs(modes[:wanted] / elastic[:wanted] - 1).max())
 
 
-def packing_rows(packing: KnownPacking, quick: bool) -> Rows:
+def packing_rows(job: Job, packing: KnownPacking) -> Rows:
     """Every method on one random packing; where a method fails, why."""
     floppy, exact, rows = packing.floppy, packing.exact.copy(), []
     exact[floppy : floppy + LOWEST] = by_energy(packing.system, floppy, LOWEST)
 
-    def add(method: str, setting: str, task: str, times: int = 1, **arguments: Any) -> None:
-        task, path = f"benchmarks.modes:{task}", str(packing.path)
-        cost = measured(task, times=times, must=False, path=path, **arguments)
+    def add(method: str, setting: str, task: Callable[..., Task], **arguments: Any) -> None:
+        cost = job.measured(task, must=False, path=packing.path, **arguments)
         row: dict[str, Any] = {"method": method, "setting": setting}
-        row |= dict.fromkeys(("elastic_modes", "zero_modes", "error", "seconds", "peak_mb"))
-        row["failure"] = cost.failure or None
+        row |= dict.fromkeys(("elastic_modes", "zero_modes", "error")) | cost.cost
         if not cost.failure:
             elastic, zero, error = compare(cost.value, exact, floppy, LOWEST)
             row |= {"elastic_modes": elastic, "zero_modes": zero, "error": error}
-            row |= cost.cost
             if error is None:
-                row["failure"] = f"{elastic} elastic modes, {LOWEST} wanted"
+                row |= {"seconds": None, "failure": f"{elastic} elastic modes, {LOWEST} wanted"}
         rows.append(row)
 
-    times, all_low = 1 if quick else 3, LOWEST + floppy
     for solver in (None, *filter(available, SOLVERS)):
         name = f"{OWN}, {solver}" if solver else OWN
-        add(name, f"{LOWEST} elastic modes", "program", times, solver=solver, count=LOWEST)
+        add(name, f"{LOWEST} elastic modes", program, solver=solver, count=LOWEST)
     for name, sigma in (("eigsh, sigma = 0", 0.0), ("eigsh, sigma < 0", SHIFT)):
-        add(name, f"k = {LOWEST}", "typed", count=LOWEST, sigma=sigma, tolerance=0.0)
-    for tolerance in TOLERANCES[quick]:
-        setting = {"count": all_low, "sigma": SHIFT, "tolerance": tolerance}
-        add(EIGSH, f"tol = {tolerance:g}", "typed", times, **setting)
-    add("eigh, lowest only", "", "dense", count=all_low)
+        add(name, f"k = {LOWEST}", typed, count=LOWEST, sigma=sigma, tolerance=0.0)
+    for tolerance in TOLERANCES[job.quick]:
+        setting = {"count": LOWEST + floppy, "sigma": SHIFT, "tolerance": tolerance}
+        add(EIGSH, f"tol = {tolerance:g}", typed, **setting)
+    add("eigh, lowest only", "", dense, count=LOWEST + floppy)
     return rows
 
 
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """Every method on one random packing."""
-    packing = KnownPacking.of(SPHERES[quick], folder)
-    rows = packing_rows(packing, quick)
+    packing = KnownPacking.of(SPHERES[job.quick], job)
+    rows, first, last = packing_rows(job, packing), packing.exact[packing.floppy], packing.exact[-1]
     # Round-off in K moves omega^2 of the lowest mode by half the unit times the highest.
-    shift = np.finfo(float).eps / 2 * (packing.exact[-1] / packing.exact[packing.floppy]) ** 2
+    shift = np.finfo(float).eps / 2 * (last / first) ** 2
     task = (
         f"The {LOWEST} lowest elastic modes of a {packing}. From the contact network to the "
         "frequencies, assembly included. The error is the largest of the wanted frequencies, "
         "against the energy of the springs; `zero_modes` says how many floppy ones a method lists "
         f"with them (k = {LOWEST} + floppy: it is told how many there are). Only this program "
-        f"counts the modes afterwards, which is in its time. Lowest mode "
-        f"{packing.exact[packing.floppy]:.0f} Hz, highest {packing.exact[-1]:.0f} Hz: round-off in "
-        f"K can shift the lowest by half the unit times their ratio squared, {shift:.1e}."
+        f"counts the modes afterwards, which is in its time. Lowest mode {first:.0f} Hz, highest "
+        f"{last:.0f} Hz: round-off in K can shift the lowest by half the unit times their ratio "
+        f"squared, {shift:.1e}."
     )
     figure = diagram.work_precision(rows, {"error": "relative error of the frequencies (-)"})
     return Page(TITLE, task, {"eigensolvers": rows}, notes(rows), {"eigensolvers": figure})
@@ -156,15 +149,10 @@ def choice(rows: Rows) -> tuple[float, str]:
 
 
 def notes(rows: Rows) -> list[str]:
-    """Where the errors stop, and what the floppy modes do."""
-    known = [row for row in rows if row.get("error") is not None]
-    own = [row["error"] for row in known if row["method"].startswith(OWN)]
-    errors = [row["error"] for row in known if row["method"] == EIGSH]
-    said = [f"{OWN.capitalize()}: errors of {min(own):.1e} to {max(own):.1e} with its back ends."]
-    if errors:
-        said.append(f"{EIGSH}: errors of {min(errors):.1e} to {max(errors):.1e}.")
-    for row in rows:
-        if row.get("failure"):
-            zero = f"lists {row['zero_modes']:.0f} floppy modes; " if row.get("zero_modes") else ""
-            said.append(f"{row['method']}, {row['setting']}: {zero}{row['failure']}.")
+    """The errors of this program and of its fastest peer; what fails is said in the table."""
+    said = []
+    for who in (OWN, EIGSH):
+        errors = [row["error"] for row in rows if row["method"].startswith(who) and row["error"]]
+        if errors:
+            said.append(f"{who.capitalize()}: errors of {min(errors):.1e} to {max(errors):.1e}.")
     return said

@@ -7,8 +7,6 @@ algorithm on its linear form, which is what `polyeig` does in the codes that hav
 compared with this program's answer to its own question: the same springs, the same freedom.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,13 +15,13 @@ import numpy as np
 from scipy.linalg import eig, eigvalsh
 
 from benchmarks.harness import diagram
-from benchmarks.harness.lammps import Lammps, write_atoms
-from benchmarks.harness.measure import measured, run_command
+from benchmarks.harness.lammps import Lammps, run_lammps, write_atoms
+from benchmarks.harness.measure import Job, Measured
 from benchmarks.harness.packing import STRESS
 from benchmarks.harness.report import Page, Rows
 from modal.modes.eigenmodes import eigenmodes
 from modal.packing.contact_law import GLASS
-from modal.packing.network import Network, read_network, write_network
+from modal.packing.network import Network, read_network
 from modal.preparation.packings import random_packing
 from modal.system.linear_system import LinearSystem, frequency_of
 
@@ -77,66 +75,53 @@ def without_shear(network: Network) -> Network:
     return replace(network, stiffness_tangential=1e-12 * network.stiffness_tangential)
 
 
-def lammps(network: Network, folder: Path) -> tuple[list[float], float, float]:
-    """Frequencies, Hz, seconds and peak memory, MB, of LAMMPS' matrix and its eigenvalues."""
-    write_atoms(folder / "scene.data", network)
-    variables = {"data": "scene.data", "young": GLASS.young, "poisson": GLASS.poisson}
-    variables |= {"step": STEP, "out": "matrix.bin"}
-    given = [word for name, value in variables.items() for word in ("-var", name, str(value))]
-    command = ["lmp", "-in", str(SCRIPT), "-log", "none", *given]
-    made = run_command(command, folder, folder / "lammps.log")
-    solved = measured("benchmarks.other_codes:of_matrix", path=str(folder / "matrix.bin"))
-    return solved.value, made.seconds + solved.seconds, max(made.peak_mb, solved.peak_mb)
+def lammps(job: Job, network: Network) -> Measured:
+    """Frequencies, Hz, of LAMMPS' matrix and its eigenvalues, and what both have cost."""
+    write_atoms(job.folder / "scene.data", network)
+    given = {"data": "scene.data", "young": GLASS.young, "poisson": GLASS.poisson, "step": STEP}
+    made = run_lammps(SCRIPT, job.folder, given | {"out": "matrix.bin"})
+    solved = job.measured(of_matrix, path=str(job.folder / "matrix.bin"))
+    most = max(made.peak_mb, solved.peak_mb)
+    return Measured(solved.value, made.seconds + solved.seconds, most)
 
 
-def rows_of(spheres: int, folder: Path) -> Rows:
+def rows_of(job: Job, spheres: int) -> Rows:
     """Each code's way on a packing of so many spheres, beside this program's way there."""
     network = random_packing(spheres, STRESS, seed=1, periodic=True)
-    path, bare = folder / "whole.network.h5", folder / "bare.network.h5"
-    write_network(path, network)
-    write_network(bare, without_shear(network))
+    path, bare = job.write(network, "whole"), job.write(without_shear(network), "bare")
     rows: Rows = []
 
-    def add(method: str, found: list[float], cost: tuple[float, float], exact: list[float]) -> None:
-        error = float(abs(np.array(found) / np.array(exact) - 1).max())
-        row = {"spheres": spheres, "method": method, "seconds": cost[0], "peak_mb": cost[1]}
-        rows.append(row | {"difference": error})
+    def add(method: str, theirs: Measured, mine: Measured) -> None:
+        error = float(abs(np.array(theirs.value) / np.array(mine.value) - 1).max())
+        rows.append({"spheres": spheres, "method": method, **theirs.cost, "difference": error})
 
-    for name, file, stress in (("shear and rotation", path, "none"), ("no shear", bare, "normal")):
-        mine = measured("benchmarks.other_codes:own", path=str(file), pre_stress=stress)
-        add(f"this program, {name}", mine.value, (mine.seconds, mine.peak_mb), mine.value)
-        if stress == "none" and spheres <= QUADRATIC:
-            theirs = measured("benchmarks.other_codes:quadratic", path=str(file))
-            cost = theirs.seconds, theirs.peak_mb
-            add("quadratic problem, dense QZ", theirs.value, cost, mine.value)
-        if stress == "normal" and Lammps.available():
-            found, *cost = lammps(network, folder)
-            add("LAMMPS dynamical_matrix, LAPACK", found, (cost[0], cost[1]), mine.value)
+    mine = job.measured(own, path=path, pre_stress="none")
+    add("this program, shear and rotation", mine, mine)
+    if spheres <= QUADRATIC:
+        add("quadratic problem, dense QZ", job.measured(quadratic, path=path), mine)
+    mine = job.measured(own, path=bare, pre_stress="normal")
+    add("this program, no shear", mine, mine)
+    if Lammps.available():
+        add("LAMMPS dynamical_matrix, LAPACK", lammps(job, network), mine)
     return rows
 
 
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """Every size, every way."""
-    rows = [row for spheres in SPHERES[quick] for row in rows_of(spheres, folder)]
+    rows = [row for spheres in SPHERES[job.quick] for row in rows_of(job, spheres)]
     task = (
         f"The {HIGHEST} highest modes of a periodic random packing without friction at 100 kPa, "
         "from the network to the frequencies. The difference is the largest of a frequency to this "
         "program's of the same springs; without shear these have the forces of the contacts, too."
     )
     figure = diagram.work_precision(rows, {"spheres": "spheres (-)"})
-    return Page(TITLE, task, {"other_codes": rows}, notes(rows), {"other_codes": figure})
-
-
-def notes(rows: Rows) -> list[str]:
-    """Seconds of each way over those of this program, which stands before it."""
     said, mine = [], 1.0
     for row in rows:
         if row["method"].startswith("this program"):
             mine = row["seconds"]
         else:
-            ratio = row["seconds"] / mine
             said.append(
-                f"{row['spheres']} spheres, {row['method']}: {ratio:.3g} times the seconds of this "
-                f"program, frequencies {row['difference']:.1e} apart."
+                f"{row['spheres']} spheres, {row['method']}: {row['seconds'] / mine:.3g} times the "
+                f"seconds of this program, frequencies {row['difference']:.1e} apart."
             )
-    return said
+    return Page(TITLE, task, {"other_codes": rows}, said, {"other_codes": figure})

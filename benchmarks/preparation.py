@@ -1,42 +1,37 @@
-"""What each digit of a sample's state costs: stop criteria of the motion, and the minimiser.
+"""What each digit of a sample's state costs: stop criteria of the motion.
 
 A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
-from the same run; how far the state still moves after it is its error. Without friction the
-minimiser, from the same dense packing, stands beside it. The motion is modal's own, whose steps are
-YADE's (`tests/preparation/test_dynamics.py`).
+from the same run; how far the state still moves after it is its error. The motion is modal's own,
+whose steps are YADE's (`tests/preparation/test_dynamics.py`).
 """
-
-from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import takewhile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import diagram
-from benchmarks.harness.measure import measured
+from benchmarks.harness.measure import Job
 from benchmarks.harness.report import Page, Rows
 from modal.dem.motion import Dynamics
-from modal.packing.sample import Sample, read_sample, write_sample
+from modal.packing.sample import Sample, read_sample
 from modal.preparation import protocol
 from modal.preparation.durations import duration, steps_of, time_step
 from modal.preparation.frictionless import minimise
-from modal.preparation.random_packing import cloud, random_sample
-from modal.preparation.relax import equilibrium_of
+from modal.preparation.random_packing import cloud
 from modal.preparation.strain_control import Servo
 from modal.preparation.unequal_stress import in_motion
 
-TITLE = "Sample preparation: error of the state against seconds, in motion and by the minimiser"
+TITLE = "Sample preparation: error of the state against seconds"
 SPHERES = {True: 120, False: 500}
 ASPECT = 2.5
 """Length over width."""
-STRESS, PEAK = 1e5, 1e6
-"""Pa; the second is where a packing without friction comes from."""
+STRESS = 1e5
+"""Pa."""
 STEPS = {True: 3000, False: 8000}
 """Steps once the packing is jammed: the last state is what the earlier ones are compared with."""
 RUNS = {
@@ -54,8 +49,6 @@ STRESS_ERROR = 3.0
 END = "end of the run"
 DIGIT = 5e-4
 """Half of the last digit to which the paper states void ratios."""
-BY_MINIMISER = "no friction, 1 MPa to 100 kPa by the minimiser"
-IN_MOTION = "no friction, the same by the servo"
 CHECK = 50
 """Steps between two looks."""
 LONGEST = 100_000
@@ -118,83 +111,47 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
     return action
 
 
-def minimiser(path: str) -> Callable[[], dict[str, float]]:
-    """Task: the sample unloaded to the stress by the minimiser; the state that it ends in."""
-    sample = read_sample(path)
-    minimise(sample, STRESS, tolerance=1.0, max_steps=1)  # compiles
-
-    def action() -> dict[str, float]:
-        low, rest = minimise(sample, STRESS, tolerance=1e-5)
-        network = low.network()
-        return {
-            "steps": rest.steps,
-            "e": float(network.study["void_ratio"]),
-            "Z": float(network.study["coordination_number"]),
-            "unbalanced": equilibrium_of(low).residual,
-        }
-
-    return action
-
-
-def compressed(folder: Path, start: Sample, inertial_number: float, steps: int) -> Trace:
+def compressed(job: Job, start: Sample, inertial_number: float) -> Trace:
     """One run of the servo."""
-    path = folder / "start.sample.h5"
-    write_sample(path, start)
-    setting = {"inertial_number": inertial_number, "steps": steps}
-    trace = measured("benchmarks.preparation:servo", path=str(path), **setting).value
+    given = {"path": job.write(start, "start"), "inertial_number": inertial_number}
+    trace = job.measured(servo, steps=STEPS[job.quick], **given).value
     return {name: np.array(column) for name, column in trace.items()}
 
 
 def stop_rows(trace: Trace, what: dict[str, Any]) -> Rows:
     """A row for each stop criterion that the run has met before its end, and one for that."""
-    end = len(trace["steps"]) - 1
-    stops: list[tuple[float | str, int]] = []
+    end, stops = len(trace["steps"]) - 1, dict[float | str, int]()
     for residual in UNBALANCED:
         balanced = trace["unbalanced"] < residual
         met = balanced & (trace["stress_error"] < STRESS_ERROR * residual)
         if met[:end].any():
-            stops.append((residual, int(np.argmax(met))))
+            stops[residual] = int(np.argmax(met))
     rows = []
-    for stop, k in (*stops, (END, end)):
+    for stop, k in (stops | {END: end}).items():
         state = {name: float(column[k]) for name, column in trace.items()}
-        moved = {f"error_{name}": abs(state[name] / trace[name][-1] - 1) for name in ("e", "Z")}
-        errors = moved if k < end else dict.fromkeys(moved)
-        steps = int(trace["steps"][k])
-        rows.append({**what, "stop_unbalanced": stop, **state, "steps": steps, **errors})
+        state["steps"] = int(state["steps"])
+        errors = {
+            f"error_{name}": abs(state[name] / trace[name][-1] - 1) if k < end else None
+            for name in ("e", "Z")
+        }
+        rows.append({**what, "stop_unbalanced": stop, **state, **errors})
     return rows
 
 
-def frictionless_rows(quick: bool, folder: Path) -> Rows:
-    """Unloading from 1 MPa without friction: by the minimiser, and by the servo."""
-    start = random_sample(2 * SPHERES[quick], PEAK, aspect=4.0, tolerance=1e-4)
-    moved = compressed(folder, start, 0.01, STEPS[quick])
-    path = str(folder / "start.sample.h5")
-    low = measured("benchmarks.preparation:minimiser", path=path)
-    end = {name: float(moved[name][-1]) for name in (*low.value, "seconds")}
-    return [
-        {"method": BY_MINIMISER, **low.value, "seconds": low.seconds},
-        {"method": IN_MOTION, **end, "steps": int(end["steps"])},
-    ]
-
-
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """Strain rates, frictions and random starts; then the packing without friction."""
-    rows: Rows = []
-    for number, friction, seed in RUNS[quick]:
+    spheres, rows = SPHERES[job.quick], list[dict[str, Any]]()
+    for number, friction, seed in RUNS[job.quick]:
         name = f"I = {number:g}, friction {friction:g}, start {seed}"
         what = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
-        start = loose_spheres(SPHERES[quick], friction, seed)
-        trace = compressed(folder, start, number, STEPS[quick])
-        rows += stop_rows(trace, what)
+        rows += stop_rows(compressed(job, loose_spheres(spheres, friction, seed), number), what)
     task = (
-        f"{SPHERES[quick]} spheres from a cloud without contacts straight to {STRESS / 1e3:g} kPa. "
+        f"{spheres} spheres from a cloud without contacts straight to {STRESS / 1e3:g} kPa. "
         "Errors of e and Z are relative to the end of the same run; stresses must be met to "
         f"{STRESS_ERROR:g} times the residual. I is the inertial number of the largest strain "
-        f"rate. Then {2 * SPHERES[quick]} spheres without friction from {PEAK / 1e6:g} MPa; "
-        "`unbalanced` is the mean net force over the mean contact force."
+        "rate. `unbalanced` is the mean net force over the mean contact force."
     )
     figures = {"preparation": diagram.work_precision(rows, ERRORS, ["seconds"])}
-    rows += frictionless_rows(quick, folder)
     return Page(TITLE, task, {"preparation": rows}, notes(rows), figures)
 
 
@@ -218,18 +175,11 @@ def knee(rows: Rows) -> float:
 
 
 def notes(rows: Rows) -> list[str]:
-    """What each criterion leaves of the error, and the minimiser against YADE."""
-    low, moved = ([r for r in rows if r["method"] == name] for name in (BY_MINIMISER, IN_MOTION))
-    unloaded = [
-        f"No friction: e {b['e']:.5f} by the servo in {b['seconds']:.3g} s, {a['e']:.5f} by the "
-        f"minimiser in {a['seconds']:.3g} s; Z {b['Z']:.3f} and {a['Z']:.3f}; residuals "
-        f"{b['unbalanced']:.0e} and {a['unbalanced']:.0e}."
-        for a, b in zip(low, moved, strict=True)
-    ]
-    runs = len({row["method"] for row in rows if row.get("stop_unbalanced") == END})
+    """What each criterion leaves of the error."""
+    runs = sum(row.get("stop_unbalanced") == END for row in rows)
     return [
         f"Residual {criterion:g}: met by {len(own)} of {runs} runs; e then moves by at most "
         f"{max(row['error_e'] for row in own):.1e}, Z by {max(row['error_Z'] for row in own):.1e}; "
         f"{np.mean([row['seconds'] for row in own]):.3g} s a run."
         for criterion, own in stops(rows).items()
-    ] + unloaded
+    ]

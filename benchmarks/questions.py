@@ -5,30 +5,23 @@ case 6, 35,201 spheres; a slender one is made by the question before it is asked
 repeat the sample sideways, up to ten million spheres, which need 16 GB.
 """
 
-from __future__ import annotations
-
-import os
 import shutil
-import statistics
-import sys
-from pathlib import Path
 from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
 from benchmarks.harness import diagram
-from benchmarks.harness.measure import LONG_RUN, ROOT, Measured, run_command
+from benchmarks.harness.measure import CORES, Job, Measured, median_of
 from benchmarks.harness.packing import SAMPLE, STRESS
 from benchmarks.harness.report import Page, Rows
-from modal.packing.sample import read_sample, sample_of_network, write_sample
+from modal.packing.sample import read_sample, sample_of_network
 from modal.preparation.random_packing import random_network
-from modal.tools.errors import InputError
 
 TITLE = "Whole questions: seconds and memory from the command to the answer"
 SMALL, PACKING, MADE, WIDE = (f"{name}.sample.h5" for name in ("small", "packing", "made", "wide"))
 """Files that the questions are asked of, in the folder in which they are asked."""
-TIMES = 3
-"""Runs of which the median counts, of answers that take less than `LONG_RUN`."""
+ONCE_MORE = 60.0
+"""Seconds up to which a question is asked with one thread, too."""
 COPIES = ((2, 2), (7, 4), (17, 17))
 """Repetitions of the sample along x and y."""
 
@@ -44,7 +37,7 @@ class Question(NamedTuple):
     goal: float | None = None
 
 
-QUESTIONS = (
+QUESTIONS = [
     Question("what is in a small packing", f"modal info {SMALL}", 0.35),
     Question("V_P, V_S, f_low-pass", f"analysis measure {PACKING} --quick", 15),
     Question("all quantities", f"analysis measure {PACKING}", 50),
@@ -58,69 +51,72 @@ QUESTIONS = (
         "a slender packing", "modal pack --spheres 8800 --aspect 20.4 --stress 1e5 -o made", 60
     ),
     Question("its modes below 30 kHz", f"modal modes {MADE} --below 3e4", 60),
-    *(
-        question
-        for x, y in COPIES
-        for question in (
-            Question(
-                f"repeated {x} x {y} times", f"modal tile {PACKING} --repeat {x} {y} -o {WIDE}"
-            ),
-            Question(f"the wave, {x} x {y} times", f"modal wave {WIDE} --duration 6e-4 --whole"),
-        )
+    Question(
+        "a packing with friction, cloud to 100 kPa",
+        "modal pack --friction 0.4 --spheres 35201 --width 14.65 --stress 1e5 -o made",
     ),
-)
+    Question("its rest", f"modal relax {MADE} --friction 0.5 -o rested.sample.h5"),
+]
+OF_COPIES = {
+    "repeated {x} x {y} times": "modal tile {packing} --repeat {x} {y} -o {wide}",
+    "the wave, {x} x {y} times": "modal wave {wide} --duration 6e-4 --whole",
+}
 
 
-def run(quick: bool, folder: Path) -> Page:
-    """Ask every question; with `quick` of small samples, to see that all are answered."""
+def _with(command: str, others: dict[str, str]) -> str:
+    return " ".join(others.get(word, word) for word in command.split())
+
+
+def questions(quick: bool) -> list[Question]:
+    """All of them; with `quick` a small slender packing and no copies."""
+    if quick:
+        small = {"8800": "1000", "35201": "300", "14.65": "5"}
+        return [q._replace(command=_with(q.command, small)) for q in QUESTIONS]
+    files = {"packing": PACKING, "wide": WIDE}
+    return QUESTIONS + [
+        Question(text.format(x=x, y=y), command.format(x=x, y=y, **files))
+        for x, y in COPIES
+        for text, command in OF_COPIES.items()
+    ]
+
+
+def run(job: Job) -> Page:
+    """Ask every question; of small samples if `quick`, to see that all are answered."""
     small = sample_of_network(random_network(500, STRESS, seed=1), 0.1)
-    write_sample(folder / SMALL, small)
-    write_sample(folder / PACKING, small if quick else read_sample(SAMPLE))
+    job.write(small, "small")
+    job.write(small if job.quick else read_sample(SAMPLE))
+
+    def answered(command: str, threads: int) -> Measured:
+        shutil.rmtree(job.folder / "made", ignore_errors=True)
+        return job.command(*command.split(), threads=threads)
+
     rows: Rows = []
-    for question in QUESTIONS[: -2 * len(COPIES) if quick else None]:
-        command = question.command.replace("8800", "1000") if quick else question.command
-        row = {"question": question.text, "goal_s": question.goal}
-        rows.append(row | answered(command.split(), folder))
-        for state in sorted((folder / "made").glob("*.sample.h5")):  # the last is the one asked for
-            state.replace(folder / MADE)
-    task = "Seconds by the clock on all cores, the start of the command included."
-    return Page(TITLE, task, {"questions": rows}, met(rows), {"questions": draw(rows)})
-
-
-def answered(command: list[str], folder: Path) -> dict[str, float | str | None]:
-    """Seconds by the clock and peak memory, MB, of one command; or why there is no answer."""
-    how = {"environment": {"PYTHONPATH": str(ROOT)}, "threads": os.cpu_count() or 1}
-    found: list[Measured] = []
-    try:
-        while len(found) < TIMES and not (found and found[0].seconds > LONG_RUN):
-            shutil.rmtree(folder / "made", ignore_errors=True)
-            log = folder / "command.log"
-            found.append(run_command([sys.executable, "-m", *command], folder, log, **how))
-    except InputError as error:  # a sample that does not fit into memory is a result
-        return {"seconds": None, "peak_mb": None, "failure": str(error)}
-    seconds = statistics.median(one.seconds for one in found)
-    return {"seconds": seconds, "peak_mb": max(one.peak_mb for one in found)}
-
-
-def met(rows: Rows) -> list[str]:
-    """How far each answer is from the time that was aimed at, in words."""
-    return [
+    for text, command, goal in questions(job.quick):
+        found = median_of(3, lambda asked=command: answered(asked, CORES))
+        row = {"question": text, "goal_s": goal, **found.cost, "one_thread_s": None}
+        if not found.failure and found.seconds < ONCE_MORE:
+            row["one_thread_s"] = answered(command, 1).seconds
+        rows.append(row)
+        for state in sorted((job.folder / "made").glob("*.sample.h5")):  # the last is asked for
+            state.replace(job.folder / MADE)
+    task = (
+        "Seconds by the clock on all cores, the start of the command included; `one_thread_s`: "
+        f"processor time with one thread, of answers that take less than {ONCE_MORE:g} s."
+    )
+    said = [
         f"{row['question']}: {row['seconds']:.3g} s, {row['seconds'] / row['goal_s']:.2g} times "
         f"the {row['goal_s']:g} s aimed at."
         for row in rows
         if row["goal_s"] and row["seconds"]
     ]
+    return Page(TITLE, task, {"questions": rows}, said, {"questions": draw(rows)})
 
 
 def draw(rows: Rows) -> Figure:
     """Seconds of each answer, and those that were aimed at."""
-    figure, axes = diagram.panels(1, 1, width=6.5, height=4.5)
-    ax, shown = axes[0, 0], [row for row in rows if row["seconds"]][::-1]
-    places = range(len(shown))
-    ax.barh(places, [row["seconds"] for row in shown], color="0.7", label="measured")
-    ax.set_yticks(places, [row["question"] for row in shown])
-    goals = [row["goal_s"] for row in shown]
-    ax.plot(goals, places, "k|", markersize=14, label="aimed at")
+    shown = [row for row in rows if row["seconds"]]
+    figure, ax = diagram.bars([row["question"] for row in shown], {"measured": shown}, "seconds")
+    ax.plot([row["goal_s"] for row in shown], range(len(shown)), "k|", ms=14, label="aimed at")
     ax.set(xscale="log", xlabel="seconds")
     diagram.legend_below(figure, ax)
     return figure

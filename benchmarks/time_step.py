@@ -5,16 +5,13 @@ law in the way: single spheres carry waves up to the highest frequencies, means 
 coherent ones, from which velocities are read. The crystal's: `python -m benchmarks wave`.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import diagram
+from benchmarks.harness.measure import Job
 from benchmarks.harness.packing import sample_or_small
 from benchmarks.harness.report import Page, Rows
 from benchmarks.wave import leapfrog_rows
-from modal.packing.network import write_network
 
 TITLE = "Time step of a wave in a random packing"
 SMALL, DURATION = 300, {True: 5e-5, False: 2e-4}
@@ -30,29 +27,22 @@ ERRORS = {
 }
 
 
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """The linear leapfrog at every time step."""
-    duration, path = DURATION[quick], folder / "packing.network.h5"
-    network = sample_or_small(SMALL, quick, aspect=10.05)
-    write_network(path, network)
-    rows = leapfrog_rows(network, path, quick, duration, FRACTIONS[quick])
+    duration, network = DURATION[job.quick], sample_or_small(SMALL, job.quick, aspect=10.05)
+    rows = leapfrog_rows(job, network, duration, FRACTIONS[job.quick])
     task = (
         f"Random packing of {network.n_particles} spheres without friction, {1e3 * duration:g} ms, "
         "springs only: relative L2 errors over all times."
     )
-    figure = diagram.work_precision(rows, ERRORS, ["seconds"])
-    tables = {"random_time_step": rows}
-    return Page(TITLE, task, tables, notes(rows), {"random_time_step": figure})
+    best = knee(rows, "error_of_layers")
+    step = f"{best['time_step_over_limit']:g} of the limit" if best else "no step tried"
+    said = [f"Packing, means over layers: error below {NON_LINEAR:g} with {step}."]
+    figures = {"random_time_step": diagram.work_precision(rows, ERRORS, ["seconds"])}
+    return Page(TITLE, task, {"random_time_step": rows}, said, figures)
 
 
 def knee(rows: Rows, error: str = "error") -> dict[str, Any] | None:
     """The largest step whose error is below the non-linear one, None if there is none."""
     enough = [row for row in rows if row[error] < NON_LINEAR]
     return max(enough, key=lambda row: row["time_step_over_limit"]) if enough else None
-
-
-def notes(rows: Rows) -> list[str]:
-    """The largest step that does for means over layers."""
-    best = knee(rows, "error_of_layers")
-    step = f"{best['time_step_over_limit']:g} of the limit" if best else "no step tried"
-    return [f"Packing, means over layers: error below {NON_LINEAR:g} with {step}."]

@@ -4,23 +4,18 @@ The error is the relative L2 difference of all chain displacements from the conv
 springs or, for YADE and LAMMPS, of their law's tangent.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from benchmarks import dem
 from benchmarks.harness import diagram
 from benchmarks.harness.lammps import Lammps
-from benchmarks.harness.measure import measured
+from benchmarks.harness.measure import Job
 from benchmarks.harness.packing import step_and_records
 from benchmarks.harness.report import Page, Rows
 from benchmarks.harness.yade import Yade
-from modal.packing.network import Network, read_network, write_network
+from modal.packing.network import Network, read_network
 from modal.waves.propagate import propagate
 
 TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
@@ -29,56 +24,43 @@ STEPS = {True: (0.5, 0.1), False: (0.9, 0.5, 0.2, 0.1, 0.05, 0.02)}
 """Time steps of the leapfrog over the limit 2 / omega_max."""
 LITTLE_MORE = 1.1
 """Work over the least at which a tighter tolerance counts as free."""
+CHEBYSHEV, LEAPFROG = "linear, Chebyshev", "linear, leapfrog"
 
 
-def chebyshev_task(path: str, duration: float, tolerance: float) -> Callable[[], int]:
-    """Task: the linear wave; returns its products."""
+def linear(path: str, duration: float, **setting: float) -> Callable[[], int]:
+    """Task: the linear wave, by leapfrog with a `time_step`; returns its products with K."""
     network = read_network(path)
-    propagate(network, 1e-5, interval=dem.INTERVAL)  # compiles the loop
-    return lambda: propagate(network, duration, interval=dem.INTERVAL, tolerance=tolerance).products
-
-
-def leapfrog_task(path: str, duration: float, time_step: float, every: int) -> Callable[[], int]:
-    """Task: the linear leapfrog; returns its products with K."""
-    network = read_network(path)
-    setting = {"interval": every * time_step, "time_step": time_step}
-    propagate(network, setting["interval"], **setting)  # compiles the loop
+    propagate(network, max(1e-5, setting["interval"]), **setting)  # compiles the loop
     return lambda: propagate(network, duration, **setting).products
 
 
-def chebyshev_rows(network: Network, path: Path, quick: bool, duration: float) -> Rows:
+def chebyshev_rows(job: Job, network: Network, duration: float) -> Rows:
     """The wave of the springs at each tolerance, against the tightest."""
-
-    def displacement(tolerance: float) -> np.ndarray:
-        found = propagate(network, duration, interval=dem.INTERVAL, tolerance=tolerance)
-        return found.signals.chain_displacement
-
-    exact, rows = displacement(dem.REFERENCE), []
-    for tolerance in TOLERANCES[quick]:
-        setting = {"path": str(path), "duration": duration, "tolerance": tolerance}
-        spent = measured("benchmarks.wave:chebyshev_task", times=1 if quick else 3, **setting)
-        what = {"method": "linear, Chebyshev", "setting": f"tolerance {tolerance:g}"}
-        error = dem.relative(displacement(tolerance), exact)
-        rows.append({**what, "products": spent.value, "error": error, **spent.cost})
+    path, rows = job.write(network), []
+    how = {"duration": duration, "interval": dem.INTERVAL}
+    exact = propagate(network, **how, tolerance=dem.REFERENCE).signals.chain_displacement
+    for tolerance in TOLERANCES[job.quick]:
+        spent = job.measured(linear, path=path, tolerance=tolerance, **how)
+        found = propagate(network, **how, tolerance=tolerance).signals.chain_displacement
+        what = {"method": CHEBYSHEV, "setting": f"tolerance {tolerance:g}", "products": spent.value}
+        rows.append(what | {"error": dem.relative(found, exact)} | spent.cost)
     return rows
 
 
-def leapfrog_rows(
-    network: Network, path: Path, quick: bool, duration: float, fractions: Sequence[float]
-) -> Rows:
+def leapfrog_rows(job: Job, network: Network, duration: float, fractions: Sequence[float]) -> Rows:
     """The linear leapfrog at each time step, against the wave without one."""
-    rows = []
+    path, rows = job.write(network), []
     for fraction in fractions:
         step, every = step_and_records(network, fraction, dem.INTERVAL)
-        setting = {"duration": duration, "time_step": step, "every": every}
-        times = 1 if quick else 3
-        spent = measured("benchmarks.wave:leapfrog_task", times=times, path=str(path), **setting)
-        interval = step * every
-        found = propagate(network, duration, interval=interval, time_step=step).signals
-        exact = propagate(network, duration, interval=interval, tolerance=dem.REFERENCE).signals
+        how = {"duration": duration, "interval": every * step}
+        spent = job.measured(linear, path=path, time_step=step, **how)
+        found, exact = (
+            propagate(network, **how, **setting).signals
+            for setting in ({"time_step": step}, {"tolerance": dem.REFERENCE})
+        )
         rows.append(
             {
-                "method": "linear, leapfrog",
+                "method": LEAPFROG,
                 "setting": f"{fraction:g} of the limit",
                 "time_step_over_limit": fraction,
                 "products": spent.value,
@@ -90,22 +72,22 @@ def leapfrog_rows(
     return rows
 
 
-def run(quick: bool, folder: Path) -> Page:
+def run(job: Job) -> Page:
     """All programs that are installed, on one crystal."""
-    crystal, path = dem.Crystal(dem.LAYERS[quick]), folder / "crystal.network.h5"
+    layers, steps = dem.LAYERS[job.quick], STEPS[job.quick]
+    crystal = dem.Crystal(layers)
     network, duration = crystal.network, crystal.duration
-    write_network(path, network)
-    linear = chebyshev_rows(network, path, quick, duration)
-    linear += leapfrog_rows(network, path, quick, duration, STEPS[quick])
+    rows = chebyshev_rows(job, network, duration) + leapfrog_rows(job, network, duration, steps)
     programs: Rows = []
-    missing = []
+    said = notes(rows)
     for program in (Yade, Lammps):
         if program.available():
-            programs += crystal.rows(program(folder, network, 1 if quick else 3), quick)
+            programs += crystal.rows(program(job, network), job.quick)
         else:
-            missing.append(f"{program.name}, which is optional, is not installed here.")
+            said.append(f"{program.name}, which is optional, is not installed here.")
+    rows += programs
     task = (
-        f"FCC crystal of {dem.WIDTH} x {dem.WIDTH} x {dem.LAYERS[quick]} spheres at 100 kPa, pulse "
+        f"FCC crystal of {dem.WIDTH} x {dem.WIDTH} x {layers} spheres at 100 kPa, pulse "
         f"of 100 kHz, {1e3 * duration:.3g} ms. The linear wave is computed in one of the columns "
         "of which the crystal consists, where that is exact to the tolerance. Seconds of YADE are "
         "those of its steps, those of LAMMPS include its short start. `apart_from_tangent`: "
@@ -115,38 +97,31 @@ def run(quick: bool, folder: Path) -> Page:
         "`velocity_tangent`: error of V_P with pre-stress. The recording interval varies at "
         f"{dem.FRACTION:g} of the limit, 2A = {2e9 * dem.SMALL:g} nm."
     )
-    rows = linear + programs
     shown = [row for row in rows if row["method"] != dem.RECORDING]
     figures = {
         "wave": diagram.work_precision(shown, {"error": "relative error of the signals (-)"})
     }
     if programs:
         figures["fcc_time_step"] = diagram.work_precision(programs, dem.ERRORS, ["seconds"])
-    return Page(TITLE, task, {"wave": rows}, notes(rows) + missing, figures)
+    return Page(TITLE, task, {"wave": rows}, said + dem.notes(rows), figures)
 
 
 def knee(rows: Rows) -> dict[str, Any]:
     """The tightest tolerance of the linear wave that costs hardly more than the loosest."""
-    tight = [row for row in rows if row["method"] == "linear, Chebyshev"]
+    tight = [row for row in rows if row["method"] == CHEBYSHEV]
     least = min(row["products"] for row in tight)
     free = [row for row in tight if row["products"] <= LITTLE_MORE * least]
     return min(free, key=lambda row: row["error"])
 
 
 def notes(rows: Rows) -> list[str]:
-    """Orders, floors and factors from the rows."""
-    tight, steps = (
-        [row for row in rows if row["method"] == name]
-        for name in ("linear, Chebyshev", "linear, leapfrog")
+    """The order of the leapfrog, and its time over that of the expansion."""
+    steps, best = [row for row in rows if row["method"] == LEAPFROG], knee(rows)
+    (a, b), (x, y) = (
+        (row[name] for row in (steps[0], steps[-1])) for name in ("error", "time_step_over_limit")
     )
-    first, last, best = steps[0], steps[-1], knee(rows)
-    step = "time_step_over_limit"
-    order = math.log(first["error"] / last["error"]) / math.log(first[step] / last[step])
     return [
-        f"Chebyshev: errors of {tight[0]['error']:.1e} to {tight[-1]['error']:.1e} take "
-        f"{tight[0]['products']:.0f} to {tight[-1]['products']:.0f} products.",
-        f"Leapfrog, by the same expansion: order {order:.2f}, {last['error']:.1e} in "
-        f"{last['seconds']:.3g} s, {last['seconds'] / best['seconds']:.2g} times Chebyshev with "
-        f"{best['setting']}.",
-        *dem.notes(rows),
+        f"Leapfrog, by the same expansion: order {math.log(a / b) / math.log(x / y):.2f}, {b:.1e} "
+        f"in {steps[-1]['seconds']:.3g} s, {steps[-1]['seconds'] / best['seconds']:.2g} times "
+        f"Chebyshev with {best['setting']}."
     ]

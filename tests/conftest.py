@@ -5,8 +5,6 @@ programs that it starts, so that code with a second way takes it. With CI=true a
 skipped without being asked to has failed.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import runpy
@@ -74,7 +72,7 @@ def pytest_make_collect_report():
     return refuse_unasked_skip((yield))
 
 
-def slow_stiffness(network: Network) -> np.ndarray:
+def slow_stiffness(network: "Network") -> np.ndarray:
     """Dense K (6n, 6n), column by column from forces: an oracle without the 12x12 matrices.
 
     Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques

@@ -1,7 +1,5 @@
 """Damaged copies of a file, and a watched child process that reads them."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

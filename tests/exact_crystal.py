@@ -1,7 +1,5 @@
 """The exact lattice of the crystal under 100 kPa and its records, which estimators are tried on."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

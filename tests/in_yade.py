@@ -4,8 +4,6 @@ yade-batch itself, which `test_faults_study.py` goes through, starts a second YA
 and looks every half second whether a job has ended.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

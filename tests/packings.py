@@ -1,7 +1,5 @@
 """Sound networks of every kind that a reader must accept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

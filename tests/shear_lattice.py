@@ -7,8 +7,6 @@ one; the neighbours inside a layer add kt d^2 theta^2 / 2. Two coupled branches 
 Mouraille's thesis (Twente, 2009); the modes between walls are those of a banded matrix.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +29,7 @@ class ShearLattice:
     lever: float
 
     @classmethod
-    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> ShearLattice:
+    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> "ShearLattice":
         """That of a crystal between flat walls of its own material."""
         material, radius = crystal.material, crystal.radius
         normal = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)

@@ -1,7 +1,5 @@
 """The rooms of modal and of analysis: each stands on those before it; what runs without scipy."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -45,15 +45,22 @@ def test_points_are_the_table_s(points):
         assert ys[LOW_PASS][k] == pytest.approx(over, rel=1e-4)
 
 
+def fitted(fit, z, y):
+    """The line, which the fit has told to the points' five digits."""
+    line = linregress(z, y)
+    assert int(fit["cases"]) == len(z)
+    for name, value in (("slope", line.slope), ("z_c", -line.intercept / line.slope)):
+        assert float(fit[name]) == pytest.approx(value, rel=1e-3)
+    return line
+
+
 @pytest.mark.parametrize("name", [LOW_PASS, PEAK, IOFFE_REGEL])
 def test_lines_and_powers(name, points, fits):
     """1e-3: the points have five digits, and the zero is far from most of them."""
     z, y = points[0], points[1][name]
     known = np.isfinite(y)
-    line, fit = linregress(z[known], y[known]), fits[name]
-    assert int(fit["cases"]) == known.sum()
-    assert float(fit["slope"]) == pytest.approx(line.slope, rel=1e-3)
-    assert float(fit["z_c"]) == pytest.approx(-line.intercept / line.slope, rel=1e-3)
+    fit = fits[name]
+    line = fitted(fit, z[known], y[known])
     assert float(fit["r_squared"]) == pytest.approx(line.rvalue**2, rel=1e-3)
     power = linregress(np.log(z[known] - 4), np.log(y[known])).slope
     assert float(fit["power_of_z_less_4"]) == pytest.approx(power, rel=1e-3)
@@ -71,10 +78,7 @@ def test_lines_of_the_other_packings(name, quantity, fits):
     known = [one for one in found if one.get(quantity, {}).get("value") is not None]
     z = [one["coordination_of_bearing"]["value"] for one in known]
     y = [one[quantity]["value"] / one["highest_frequency"]["value"] for one in known]
-    line, fit = linregress(z, y), fits[f"{name}, seeds"]
-    assert int(fit["cases"]) == len(known)
-    assert float(fit["z_c"]) == pytest.approx(-line.intercept / line.slope, rel=1e-3)
-    assert float(fit["slope"]) == pytest.approx(line.slope, rel=1e-3)
+    fitted(fits[f"{name}, seeds"], z, y)
 
 
 def test_the_shared_zero(points, fits):

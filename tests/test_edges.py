@@ -4,8 +4,6 @@ Every frequency is compared with a closed form or with the singular values of th
 matrix: those carry an absolute error of eps f_max, where eigenvalues of K lose eps f_max^2 / f.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ What counts is the state left behind: every file whole or absent, and the next r
 very products of an undisturbed one.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Faults of a whole study, `run_cases.sh` on a short crystal: killed, doubled, without YADE."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

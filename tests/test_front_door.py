@@ -1,7 +1,5 @@
 """What `./run_cases.sh` refuses, in one line each."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

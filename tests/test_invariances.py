@@ -5,8 +5,6 @@ size * eps * f_max^2 in f^2 (backward error of the eigensolver and of the change
 within the tolerance of their expansion.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

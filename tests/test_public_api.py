@@ -1,7 +1,5 @@
 """What `import modal` offers: the same digits as the command line, pictures, examples that run."""
 
-from __future__ import annotations
-
 import doctest
 import json
 import re
@@ -150,13 +148,6 @@ def test_a_packing_says_what_it_is(packing, printed):
     shown = dict(re.findall(r"^(\w.+?)  +([\d.]+)", text, re.MULTILINE))
     for line in ("contacts", "void ratio", "coordination number", "rattlers", "floppy modes"):
         assert float(shown[line]) == pytest.approx(said[line.replace(" ", "_")], abs=5e-4), line
-
-
-def test_what_a_network_prints_does_not_depend_on_what_was_asked_before(packing):
-    network = packing[0]
-    before = str(network), modal.describe(network)
-    modal.eigenmodes(network, all=True)
-    assert (str(network), modal.describe(network)) == before
 
 
 def test_products_of_another_packing_are_refused(packing, tmp_path):

@@ -1,7 +1,5 @@
 """results/README.md says of every committed result which command made it."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from fnmatch import fnmatchcase

@@ -4,8 +4,6 @@ tests/slurm_here.sh starts a Slurm of this machine. What counts: the next run en
 twice, and its products are those of a run without Slurm.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import os
@@ -92,8 +90,10 @@ def without(folder: Path, *names: str) -> dict[Path, float]:
     return {path: path.stat().st_mtime for path in (folder / FOLDER).glob("*.h5")}
 
 
-def kept(before: dict[Path, float]) -> bool:
-    return all(path.stat().st_mtime == made for path, made in before.items())
+def mended(local: Path, folder: Path, before: dict[Path, float]) -> None:
+    """What was taken away is there again, the same; nothing else was made twice."""
+    same(local, folder)
+    assert all(path.stat().st_mtime == made for path, made in before.items())
 
 
 def job(rule: str, folder: Path) -> str:
@@ -129,8 +129,7 @@ def test_failing_job(local, whole):
     # The other case's signals were stale with that fraction, and so is what is left of them.
     before = {path: made for path, made in before.items() if "signals" not in path.name}
     assert ended(run(whole, "--slurm")) == 0
-    same(local, whole)
-    assert kept(before)
+    mended(local, whole, before)
 
 
 def test_cancelled_job(local, whole):
@@ -141,8 +140,7 @@ def test_cancelled_job(local, whole):
     subprocess.run(["scancel", job("states", whole)], check=True)
     if ended(study) != 0:
         assert ended(run(whole, "--slurm")) == 0
-    same(local, whole)
-    assert kept(before)
+    mended(local, whole, before)
 
 
 def test_time_limit(local, whole):
@@ -156,8 +154,7 @@ def test_time_limit(local, whole):
         assert ended(run(whole, "--slurm")) == 0
     state = ["squeue", "--noheader", "--states=all", "--format=%T", "--jobs", number]
     assert subprocess.run(state, capture_output=True, text=True).stdout.strip() == "TIMEOUT"
-    same(local, whole)
-    assert kept(before)
+    mended(local, whole, before)
 
 
 def test_killed_driver(local, whole):
@@ -170,8 +167,7 @@ def test_killed_driver(local, whole):
         os.killpg(study.pid, signal.SIGKILL)
     study.wait()
     assert ended(run(whole, "--slurm")) == 0
-    same(local, whole)
-    assert kept(before)
+    mended(local, whole, before)
     # Snakemake's part of a job touches its product when all is over: count jobs, not times.
     assert jobs(whole, "network") == [*networks, "COMPLETED"]
 
@@ -183,5 +179,4 @@ def test_controller_that_restarts(local, whole):
     job("yade_wave", whole)
     subprocess.run([HERE, "restart", "20"], check=True)
     assert ended(study) == 0
-    same(local, whole)
-    assert kept(before)
+    mended(local, whole, before)

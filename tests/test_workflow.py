@@ -1,7 +1,5 @@
 """The rules of any study: what a dry run plans, and one tiny study run from end to end."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import os
@@ -22,7 +20,7 @@ TINY = """
 groups:
   - kind: random
     factors: {friction: [0, 0.4], stress: [1e6]}
-    spheres: 200
+    spheres: 110
     width: 4
     wave_friction: friction + 0.1
 measure: [void_ratio, coordination]
@@ -93,7 +91,6 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study):
     assert [line.split(",")[1] for line in table[1:]] == [f"{value:.4f}" for value in e]
     assert (study / "tiny/study/workflow.html").exists()
     before = {path: path.stat().st_mtime for path in (study / "tiny").glob("*.h5")}
-    assert planned(study, study="studies/tiny.yaml", products="tiny", stage="page") == {}
     own.write_text(TINY.replace("friction + 0.1", "friction + 0.2"))
     again = planned(study, study="studies/tiny.yaml", products="tiny", stage="page")
     assert again == {"sample": 2, "measure": 2, "page": 1}

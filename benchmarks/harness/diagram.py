@@ -1,7 +1,5 @@
 """Work-precision diagrams: error on x, seconds and peak memory on y, one curve a method."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -49,6 +47,20 @@ def curve(ax: Axes, rows: Sequence[Row], x: str, y: str, **style: Any) -> None:
         ax.plot(*zip(*points, strict=True), **style)
     elif known:
         ax.axhline(min(cost for _, cost in known), **style)
+
+
+def bars(names: Sequence[str], series: Mapping[str, Sequence[Row]], column: str) -> tuple:
+    """A figure and its axes: what each row of each series has in a column, the first on top."""
+    figure, axes = panels(1, 1, width=6.5, height=0.3 * len(names) + 0.5)
+    ax, greys = axes[0, 0], ("0.4", "0.75", "1", "0.1")
+    thickness = 0.8 if len(series) < 3 else 0.8 / len(series)
+    for k, (label, rows) in enumerate(series.items()):
+        places = np.arange(len(names)) + (k * thickness if len(series) > 2 else 0)
+        long = [row.get(column) or 0 for row in rows]
+        ax.barh(places, long, thickness, color=greys[k], edgecolor="k", lw=0.6, label=label)
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    return figure, ax
 
 
 def work_precision(

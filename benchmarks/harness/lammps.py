@@ -1,14 +1,13 @@
 """The scene of the YADE wave in LAMMPS, where it is installed (Debian package lammps)."""
 
-from __future__ import annotations
-
 import shutil
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.harness.measure import Measured, median_of, run_command
+from benchmarks.harness.measure import Job, Measured, median_of, run_command
 from benchmarks.harness.packing import step_and_records
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.contact_law import GLASS
@@ -34,14 +33,21 @@ def write_atoms(path: Path, network: Network) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
+def run_lammps(script: Path, folder: Path, variables: Mapping[str, object]) -> Measured:
+    """A script in a folder, with the values of its variables."""
+    given = [word for name, value in variables.items() for word in ("-var", name, str(value))]
+    command = ["lmp", "-in", str(script), "-log", "none", *given]
+    return run_command(command, folder, folder / "scene.log")
+
+
 class Lammps:
     """The script `inside_lammps.in` on one crystal, whose atoms it reads from a folder."""
 
     name = "LAMMPS"
 
-    def __init__(self, folder: Path, network: Network, times: int) -> None:
-        self.folder, self.network, self.times = folder, network, times
-        write_atoms(folder / "scene.data", network)
+    def __init__(self, job: Job, network: Network) -> None:
+        self.job, self.network = job, network
+        write_atoms(job.folder / "scene.data", network)
 
     @staticmethod
     def available() -> bool:
@@ -66,19 +72,11 @@ class Lammps:
             **{"pulse": pulse, "rest": round(duration / step) - pulse, "every": every},
             "chain": " ".join(str(k + 1) for k in chain),
         }
-        command = ["lmp", "-in", str(SCRIPT), "-log", "none"]
-        for name, value in variables.items():
-            command += ["-var", name, str(value)]
-        log = self.folder / "scene.log"
-        spent = median_of(self.times, lambda: run_command(command, self.folder, log))
-        blocks = (self.folder / "scene.dump").read_text().split("ITEM: TIMESTEP\n")[1:]
+        folder = self.job.folder
+        spent = median_of(self.job.times, lambda: run_lammps(SCRIPT, folder, variables))
+        blocks = (folder / "scene.dump").read_text().split("ITEM: TIMESTEP\n")[1:]
         z = np.array([[row.split()[1] for row in b.splitlines()[8:]] for b in blocks], float)
         moved = (z - z[0])[:, np.argsort(np.argsort(chain))]  # dumped in the order of the ids
-        same = propagate(
-            self.network,
-            duration,
-            interval=every * step,
-            time_step=step,
-            motion=Pulse(amplitude),
-        ).signals
+        how = {"interval": every * step, "time_step": step, "motion": Pulse(amplitude)}
+        same = propagate(self.network, duration, **how).signals
         return replace(same, chain_displacement=moved[: len(same.time)]), spent

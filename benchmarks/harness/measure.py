@@ -8,8 +8,6 @@ free core that is the elapsed time, and what else the machine does disturbs it l
 threads they are the elapsed time, so that the machine must have nothing else to do.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import json
@@ -23,11 +21,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from modal.packing.network import Network, write_network
+from modal.packing.sample import Sample, write_sample
 from modal.tools.errors import InputError
 from modal.tools.workload import peak_memory
 
 ROOT = Path(__file__).resolve().parents[2]
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+CORES = os.cpu_count() or 1
 LONGEST = 900
 """Seconds after which a task is given up."""
 LONG_RUN = 5.0
@@ -59,22 +60,51 @@ class Measured:
     failure: str = ""
 
     @property
-    def cost(self) -> dict[str, float | None]:
+    def cost(self) -> dict[str, float | str | None]:
         """Columns of a table."""
-        return {"seconds": self.seconds, "peak_mb": self.peak_mb}
+        cost = {"seconds": self.seconds, "peak_mb": self.peak_mb}
+        return cost | ({"failure": self.failure} if self.failure else {})
 
 
-def measured(
-    task: str, *, times: int = 1, threads: int = 1, must: bool = True, **arguments: Any
-) -> Measured:
-    """Median of `times` runs of MODULE:FUNCTION, whose arguments and value must be JSON.
+@dataclass(frozen=True)
+class Job:
+    """A benchmark under way: whether it is of small sizes, and the folder of its files."""
 
-    InputError with its last line if one fails, unless that is a result too: not `must`.
-    """
-    found = median_of(times, lambda: _run(task, threads, arguments))
-    if found.failure and must:
-        raise InputError(f"{task}: {found.failure}")
-    return found
+    quick: bool
+    folder: Path
+
+    @property
+    def times(self) -> int:
+        """Runs of which the median counts."""
+        return 1 if self.quick else 3
+
+    def write(self, packing: Network | Sample, name: str = "packing") -> str:
+        """Keep a packing for tasks and commands; its path."""
+        sample = isinstance(packing, Sample)
+        path = self.folder / f"{name}.{'sample' if sample else 'network'}.h5"
+        (write_sample if sample else write_network)(path, packing)
+        return str(path)
+
+    def measured(
+        self, task: Callable[..., Any], *, threads: int = 1, must: bool = True, **given: Any
+    ) -> Measured:
+        """Median of three runs of a task, of one if `quick`; arguments and value must be JSON.
+
+        InputError with its last line if one fails, unless that is a result too: not `must`.
+        """
+        found = median_of(self.times, lambda: _run(task, threads, given))
+        if found.failure and must:
+            raise InputError(f"{task.__module__}:{task.__name__}: {found.failure}")
+        return found
+
+    def command(self, *words: str, threads: int | None = CORES) -> Measured:
+        """A command of this project in the folder; one that fails, or dies for memory, says why."""
+        how: dict[str, Any] = {"environment": {"PYTHONPATH": str(ROOT)}, "threads": threads}
+        log = self.folder / "command.log"
+        try:
+            return run_command([sys.executable, "-m", *words], self.folder, log, **how)
+        except InputError as error:
+            return Measured(failure=str(error))
 
 
 def median_of(times: int, run: Callable[[], Measured]) -> Measured:
@@ -84,22 +114,19 @@ def median_of(times: int, run: Callable[[], Measured]) -> Measured:
         found.append(run())
     if found[-1].failure:
         return found[-1]
-    return Measured(
-        found[-1].value,
-        statistics.median(run.seconds for run in found),
-        statistics.median(run.peak_mb for run in found),
-    )
+    seconds, peak = zip(*((run.seconds, run.peak_mb) for run in found), strict=True)
+    return Measured(found[-1].value, statistics.median(seconds), statistics.median(peak))
 
 
 def _limited(threads: int | None) -> dict[str, str]:
     """This environment with so many threads for every library that has any, or its own choice."""
-    if threads is None:
-        return {name: text for name, text in os.environ.items() if name not in THREADS}
-    return os.environ | dict.fromkeys(THREADS, str(threads))
+    free = {name: text for name, text in os.environ.items() if name not in THREADS}
+    return free if threads is None else free | dict.fromkeys(THREADS, str(threads))
 
 
-def _run(task: str, threads: int, arguments: dict[str, Any]) -> Measured:
-    command = [sys.executable, "-m", "benchmarks.harness.measure", task, json.dumps(arguments)]
+def _run(task: Callable[..., Any], threads: int, arguments: dict[str, Any]) -> Measured:
+    name = f"{task.__module__}:{task.__name__}"
+    command = [sys.executable, "-m", "benchmarks.harness.measure", name, json.dumps(arguments)]
     how: dict[str, Any] = {"cwd": ROOT, "env": _limited(threads), "timeout": LONGEST}
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, **how)
@@ -120,9 +147,8 @@ def run_command(
 ) -> Measured:
     """Time and peak memory of a command; its output goes to `log`.
 
-    Without `threads` it takes as many as it chooses itself.
-
-    InputError with the command's own last error if it fails.
+    Without `threads` it takes as many as it chooses itself. InputError with the command's own last
+    error if it fails.
     """
     # A program inherits the peak of the process that starts it: here that of a bare interpreter.
     launcher = [sys.executable, "-S", "-c", LAUNCHER, str(log), *command]
@@ -130,15 +156,13 @@ def run_command(
     done = subprocess.run(
         launcher, cwd=folder, env=settings, stdout=subprocess.PIPE, text=True, check=True
     )
-    status, elapsed, spent, maxrss = done.stdout.split()
-    if int(status) != 0:
+    status, elapsed, spent, peak = map(float, done.stdout.split())
+    if status != 0:
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
-        raise InputError(f"{Path(command[0]).name} failed: {lines[-1] if lines else status}")
-    return Measured(None, float(spent if threads == 1 else elapsed), _megabytes(int(maxrss)))
-
-
-def _megabytes(maxrss: int) -> float:
-    return maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
+        last = lines[-1] if lines else f"{status:.0f}"
+        raise InputError(f"{Path(command[0]).name} failed: {last}")
+    unit = 1 if sys.platform == "darwin" else 1024
+    return Measured(None, spent if threads == 1 else elapsed, peak * unit / 1e6)
 
 
 def main(argv: list[str]) -> int:

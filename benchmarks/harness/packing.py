@@ -1,19 +1,16 @@
 """Packings that benchmarks share: one whose whole spectrum is known, and samples of any size."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import eigh
 
-from benchmarks.harness.measure import ROOT
+from benchmarks.harness.measure import ROOT, Job
 from modal.exchange.registry import read_packing
 from modal.modes.eigenmodes import highest_modes
 from modal.modes.zero_modes import by_structure
-from modal.packing.network import RECEIVER_WALL, Network, write_network
+from modal.packing.network import RECEIVER_WALL, Network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.contacts import Contacts
@@ -31,18 +28,16 @@ ASPECT = 5.0
 class KnownPacking:
     """Its network file, its system, and all frequencies (6 n,), Hz, ascending."""
 
-    path: Path
+    path: str
     system: LinearSystem
     exact: np.ndarray
 
     @classmethod
-    def of(cls, spheres: int, folder: Path) -> KnownPacking:
-        """Packing without friction at 100 kPa, written to `folder`."""
+    def of(cls, spheres: int, job: Job) -> "KnownPacking":
+        """Packing without friction at 100 kPa, written to the job's folder."""
         network = random_network(spheres, STRESS, seed=1, aspect=ASPECT)
-        path = folder / "packing.network.h5"
-        write_network(path, network)
         system = LinearSystem.of(network)
-        return cls(path, system, spectrum(system))
+        return cls(job.write(network), system, spectrum(system))
 
     @property
     def floppy(self) -> int:

@@ -1,7 +1,5 @@
 """What a benchmark has found, as Markdown, CSV and PNG."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,15 +1,12 @@
 """Waves by the study's script inside YADE: their signals, time and memory."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
-from benchmarks.harness.measure import ROOT, Measured, median_of, run_command
+from benchmarks.harness.measure import ROOT, Job, Measured, median_of, run_command
 from modal.modes.eigenmodes import highest_modes
 from modal.modes.mode_set import write_modes
-from modal.packing.network import Network, write_network
+from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.system.linear_system import LinearSystem
 from modal.waves.signals import Signals, read_signals
@@ -27,11 +24,11 @@ class Yade:
 
     name = "YADE"
 
-    def __init__(self, folder: Path, network: Network, times: int) -> None:
-        self.folder, self.times = folder, times
-        write_network(folder / "case02.network.h5", network)
+    def __init__(self, job: Job, network: Network) -> None:
+        self.folder, self.times = job.folder, job.times
+        job.write(network, "case02")
         highest = highest_modes(LinearSystem.of(network), 1, certify=False)
-        write_modes(folder / "case02.highest.modes.h5", highest)
+        write_modes(job.folder / "case02.highest.modes.h5", highest)
         # A wave of a single interval is a start.
         self.start = self._run(fraction=0.5, amplitude=AMPLITUDE, duration=1.1e-5)
 

@@ -1,7 +1,5 @@
 """The rules that find a default in a benchmark's rows, and the defaults in the committed rows."""
 
-from __future__ import annotations
-
 import pytest
 from places import ROOT
 
@@ -19,7 +17,7 @@ def test_defaults_are_what_the_rules_find_in_the_committed_rows(name):
 
 
 def test_another_default_would_be_noticed(monkeypatch):
-    monkeypatch.setattr(defaults, "assigned", lambda script, pattern: (0.4,))
+    monkeypatch.setattr(defaults, "assigned", lambda script, pattern: 0.4)
     step, interval, *_ = defaults.wave_of_crystal(read_csv(COMMITTED / "wave.csv"))
     assert not step.agrees and not interval.agrees
     assert str(step).startswith("NOT what the rule finds")

@@ -1,7 +1,5 @@
 """The benchmarks' harness, and what they measure, on tiny sizes; each whole job is slow."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys
@@ -13,38 +11,39 @@ from packings import stepped
 from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import dem, density, scaling, wave
 from benchmarks.__main__ import NAMED, main
-from benchmarks.harness import product
-from benchmarks.harness.measure import measured, run_command
+from benchmarks.harness.measure import Job, run_command
 from benchmarks.harness.packing import by_energy, resized, spectrum
 from benchmarks.harness.report import Page, read_csv
 from benchmarks.harness.yade import in_yades_order
 from modal.modes.density import density_of_states
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
-from modal.packing.network import RECEIVER_WALL, write_network
+from modal.packing.network import RECEIVER_WALL
 from modal.preparation.random_packing import random_network
-from modal.system import loops as contact_loops
 from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
+from tests.benchmarks import tasks
 
 
 @pytest.fixture(scope="module")
-def packing(tmp_path_factory):
-    """A random packing of 60 spheres with floppy modes, its file and its whole spectrum."""
+def packing():
+    """A random packing of 60 spheres with floppy modes, and its whole spectrum."""
     network = random_network(60, 1e5, seed=3, aspect=2.5)
-    path = tmp_path_factory.mktemp("packing") / "packing.network.h5"
-    write_network(path, network)
     system = LinearSystem.of(network)
     assert by_structure(system).total > 0
-    return network, path, spectrum(system), by_structure(system)
+    return network, spectrum(system), by_structure(system)
 
 
-def test_a_task_is_measured_in_its_own_process():
-    small = measured("tests.benchmarks.tasks:nothing_to_do")
-    large = measured("tests.benchmarks.tasks:hundred_megabytes")
+@pytest.fixture
+def job(tmp_path):
+    return Job(True, tmp_path)
+
+
+def test_a_task_is_measured_in_its_own_process(job):
+    small, large = job.measured(tasks.nothing_to_do), job.measured(tasks.hundred_megabytes)
     assert large.value == 12_500_000
     assert large.peak_mb - small.peak_mb == pytest.approx(100, rel=0.2)
 
@@ -57,34 +56,32 @@ def test_memory_of_a_command_is_its_own(tmp_path):
     assert (tmp_path / "log").read_text() == "1\n"
 
 
-def test_a_command_or_task_that_fails_says_why(tmp_path):
-    with pytest.raises(InputError, match="KeyError"):
-        run_command([sys.executable, "-c", "raise KeyError('lost')"], tmp_path, tmp_path / "log")
-    missing = str(tmp_path / "none.network.h5")
-    setting = {"path": missing, "resolution": 1e3, "tolerance": 0.1}
+def test_a_command_or_task_that_fails_says_why(job):
+    assert "none.h5" in job.command("modal", "info", "none.h5").failure
+    setting = {"path": "none.network.h5", "resolution": 1e3, "tolerance": 0.1}
     with pytest.raises(InputError, match="none.network.h5"):
-        measured("benchmarks.density:states", **setting)
-    failed = measured("benchmarks.density:states", times=3, must=False, **setting)
-    assert failed.seconds is None
-    assert "none.network.h5" in failed.failure
+        job.measured(density.states, **setting)
+    failed = job.measured(density.states, must=False, **setting)
+    assert failed.seconds is None and "none.network.h5" in failed.failure
 
 
-def test_several_threads_are_timed_by_the_clock(tmp_path):
+def test_several_threads_are_timed_by_the_clock(job):
     """A program that waits has spent no processor time; on several threads the wait counts."""
     wait = [sys.executable, "-S", "-c", "import time; time.sleep(0.5)"]
-    one, two = (run_command(wait, tmp_path, tmp_path / "log", threads=k) for k in (1, 2))
-    assert one.seconds < 0.5 <= two.seconds
-    task = "tests.benchmarks.tasks:waiting"
-    assert measured(task).seconds < 0.5 <= measured(task, threads=2).seconds
+    for one, two in (
+        (run_command(wait, job.folder, job.folder / "log", threads=k) for k in (1, 2)),
+        (job.measured(tasks.waiting, threads=k) for k in (1, 2)),
+    ):
+        assert one.seconds < 0.5 <= two.seconds
 
 
 def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch, capsys):
-    def fails(quick, folder):
+    def fails(job):
         raise ZeroDivisionError("no spheres")
 
     rows = [{"method": "a", "error": 1e-3, "seconds": 1.0}]
     monkeypatch.setattr(wave, "run", fails)
-    monkeypatch.setattr(density, "run", lambda quick, folder: Page("Title", "Task.", {"t": rows}))
+    monkeypatch.setattr(density, "run", lambda job: Page("Title", "Task.", {"t": rows}))
     assert main(["wave", "density", "--quick", "-o", str(tmp_path)]) == 2
     assert capsys.readouterr().err == "error: wave: ZeroDivisionError: no spheres\n"
     assert {path.name for path in tmp_path.iterdir()} == {"README.md", "density.md", "t.csv"}
@@ -93,16 +90,16 @@ def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch,
 
 def test_energy_of_the_springs_gives_the_frequencies(packing):
     """Against the matrix's own spectrum, to what round-off in K leaves of its lowest modes."""
-    network, _, exact, floppy = packing
+    network, exact, floppy = packing
     found = by_energy(LinearSystem.of(network), floppy.total, 10)
     wanted = exact[floppy.total :][:10]
     bound = np.finfo(float).eps * (exact[-1] / wanted[0]) ** 2
     assert abs(found / wanted - 1).max() < 100 * bound
 
 
-def test_lower_part_keeps_its_stiffness():
+def test_lower_part_keeps_its_stiffness(packing):
     """K is the block of K of the whole without the contacts that were cut, but for its top."""
-    whole = random_network(60, 1e5, seed=3, aspect=2.5)
+    whole = packing[0]
     part = resized(whole, 25)
     kept = (whole.particle_i < 25) & (whole.particle_j < 25)
     wanted = stiffness_matrix(whole.with_contacts(kept))[:150, :150]
@@ -143,7 +140,7 @@ def test_pre_stress_shifts_the_velocity_and_springs_do_not():
 
 
 def test_density_errors_split_into_kernel_and_vectors(packing):
-    network, _, exact, floppy = packing
+    network, exact, floppy = packing
     found = {}
     for resolution, tolerance in ((4e4, 0.02), (1e4, 0.02), (1e4, 0.005)):
         states = density_of_states(network, resolution=resolution, tolerance=tolerance)
@@ -170,33 +167,6 @@ def test_density_errors_split_into_kernel_and_vectors(packing):
 def test_what_is_measured_still_works(packing, action, given, unit):
     """A task that fails is an empty row of the table, which nobody may notice."""
     assert re.match(rf"[1-9]\d* {unit}", scaling.ACTIONS[action](packing[0], **given))
-
-
-class Counted:
-    """A number that counts what is done with it."""
-
-    done = 0
-
-    def operate(self, _=None):
-        Counted.done += 1
-        return Counted()
-
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __iadd__ = __isub__ = operate
-
-    def __neg__(self):
-        return self
-
-
-def test_operations_of_a_contact_are_those_that_its_loop_makes():
-    """The loop itself, not compiled, for one contact of two spheres."""
-    loop = getattr(contact_loops._springs, "py_func", contact_loops._springs)
-    x, y, rows, scale = (
-        np.array([Counted() for _ in range(np.prod(shape))], object).reshape(shape)
-        for shape in ((2, 6, 1), (2, 6, 1), (1, 7), (2, 2))
-    )
-    Counted.done = 0
-    loop(0, 1, x, y, True, 2.0, rows, np.array([[0, 1]]), None, None, None, scale)
-    assert Counted.done == product.OPERATIONS
 
 
 @pytest.mark.slow

@@ -8,8 +8,6 @@ command goes on where it was stopped. 300 mutants take about 40 minutes. Survivo
 same as the original are listed, with the reason, in tests/mutation/equivalent.toml.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -22,7 +20,6 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections import Counter
 from pathlib import Path
 
 from tests.mutation.mutants import Mutant, drawn, mutants_of
@@ -74,17 +71,12 @@ class Workplace:
         names = [f"test_{name}.py" for name in TESTS[module].split()]
         files = [str(next((self.folder / "tests").rglob(name))) for name in names]
         options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1"]
-        one_thread = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "NUMBA")}
-        paths = {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(self.cache)}
-        process = subprocess.Popen(
-            [sys.executable, "-m", "pytest", *options, *files],
-            cwd=self.folder,
-            env=os.environ | one_thread | paths | {"PYTHONDONTWRITEBYTECODE": "1"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+        settings = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+        settings |= {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(self.cache)}
+        how = {"cwd": self.folder, "env": os.environ | settings | {"PYTHONDONTWRITEBYTECODE": "1"}}
+        how |= {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        command = [sys.executable, "-m", "pytest", *options, *files]
+        process = subprocess.Popen(command, start_new_session=True, **how)
         try:
             output, _ = process.communicate(timeout=timeout)
         except subprocess.TimeoutExpired:
@@ -127,51 +119,36 @@ def results_of(path: Path) -> dict[str, dict]:
     return {row["key"]: row for row in rows}
 
 
-def reasons() -> set[tuple[str, str, str]]:
-    """Mutants (path, line before, line after) that compute the same as the original."""
-    rows = tomllib.loads(EQUIVALENT.read_text())["mutant"]
-    return {(row["path"], row["before"], row["after"]) for row in rows}
-
-
 def report(mutants: list[Mutant], found: dict[str, dict]) -> str:
-    """Markdown: a row for each module, then the survivors."""
-    equivalent, kinds = reasons(), ("mutants", "noticed", "equivalent", "survivors")
-    numbers = {module: Counter() for module in (*TESTS, "all")}
-    survivors = []
-    for mutant in mutants:
-        if row := found.get(key_of(mutant)):
-            same = (mutant.path, mutant.before, mutant.after) in equivalent
-            kind = kinds[1 if row["outcome"] == "noticed" else 2 if same else 3]
-            if kind == "survivors":
-                survivors.append(f"{mutant.path}:{mutant.line}: {mutant.before} -> {mutant.after}")
-            for module in (module_of(mutant), "all"):
-                numbers[module].update(("mutants", kind))
-    rows = [(name, *(count[kind] for kind in kinds)) for name, count in numbers.items() if count]
-    table = [("module", *kinds), ("---",) * 5, *rows]
-    total = numbers["all"]
-    share = total["noticed"] / max(1, total["mutants"] - total["equivalent"])
-    lines = [f"| {' | '.join(map(str, row))} |" for row in table]
-    return "\n".join([*lines, "", f"Noticed of those not equivalent: {share:.1%}", *survivors])
+    """How many of each module were noticed, and those that were not, but for the equivalent."""
+    same = {
+        f"{row['path']}: {row['before']} -> {row['after']}"
+        for row in tomllib.loads(EQUIVALENT.read_text())["mutant"]
+    }
+    noticed = {key for key, row in found.items() if row["outcome"] == "noticed"}
+    lines, survivors = [], []
+    for module in (*TESTS, "all"):
+        own = [key_of(m) for m in mutants if module in (module_of(m), "all")]
+        seen, equal = len(noticed.intersection(own)), len((same - noticed).intersection(own))
+        survivors = [key for key in own if key in found and key not in noticed | same]
+        total = seen + equal + len(survivors)
+        if total:
+            lines.append(f"{module}: {seen} of {total} noticed, {equal} equivalent")
+    return "\n".join([*lines, *survivors])
 
 
-def parsed(arguments: list[str] | None) -> argparse.Namespace:
-    """The command line."""
+def main(arguments: list[str] | None = None) -> int:
+    """Test the mutants that have no result yet, then print the report."""
+    layout = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
-        prog="python -m tests.mutation",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "python -m tests.mutation", None, __doc__, formatter_class=layout
     )
     parser.add_argument("--count", type=int, default=300, help="mutants to draw (300)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--modules", nargs="+", choices=TESTS, default=list(TESTS))
     default = Path(tempfile.gettempdir()) / "granular-mutation.jsonl"
     parser.add_argument("-o", "--output", type=Path, default=default, help=f"results ({default})")
-    return parser.parse_args(arguments)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Test the mutants that have no result yet, then print the report."""
-    options = parsed(arguments)
+    options = parser.parse_args(arguments)
     pools = [mutants_of(ROOT, f"modal/{module}.py") for module in options.modules]
     mutants = drawn(pools, options.count, options.seed)
     found = results_of(options.output)

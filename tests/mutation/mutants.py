@@ -6,8 +6,6 @@ out, indices swapped, a slice shifted, a function's counterpart called. Annotati
 decorators, texts and what draws or prints are left alone: they do not change what is computed.
 """
 
-from __future__ import annotations
-
 import ast
 import random
 from collections.abc import Iterator
