@@ -25,6 +25,12 @@ def random60():
 
 
 @pytest.fixture
+def sample_file(random60, tmp_path):
+    write_sample(tmp_path / "mine.sample.h5", random60)
+    return tmp_path / "mine.sample.h5"
+
+
+@pytest.fixture
 def network_file(tmp_path):
     path = tmp_path / "slab.network.h5"
     write_network(path, gallery.fcc(cells=(2, 2, 6)))
@@ -112,16 +118,10 @@ def test_who_may_read_a_file_stays_as_it_was(network_file):
 
 
 def test_bad_options_are_one_line_and_status_2(network_file, capsys):
-    for arguments in (
-        ["info", "absent.h5"],
-        ["info", "a\nb.h5"],
-        ["info", "a" * 300 + ".h5"],
-        ["modes", str(network_file), "--between", "5", "1"],
-        ["modes", str(network_file), "--lowest", "1000"],
-        ["count", str(network_file), "--at", "many"],
-        ["lattice", "--stress", "-1"],
-        ["wrong"],
-    ):
+    of = f"modes {network_file}"
+    options = (f"{of} --between 5 1", f"{of} --lowest 1000", f"count {network_file} --at many")
+    named = [["info", name] for name in ("absent.h5", "a\nb.h5", "a" * 300 + ".h5")]
+    for arguments in (*named, *map(str.split, (*options, "lattice --stress -1", "wrong"))):
         assert main(arguments) == 2
         assert capsys.readouterr().err.count("\n") == 1
 
@@ -192,24 +192,20 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
         "info {} --layers {}",
     ],
 )
-def test_what_is_read_is_never_written_over(command, random60, tmp_path, capsys):
+def test_what_is_read_is_never_written_over(command, sample_file, tmp_path, capsys):
     """By whatever name: the packing would be lost for a list of its modes."""
-    sample = tmp_path / "mine.sample.h5"
-    write_sample(sample, random60)
-    before, other = sample.read_bytes(), tmp_path / "linked.sample.h5"
-    other.symlink_to(sample)
-    assert main(command.format(sample, other).split()) == 2
+    before, other = sample_file.read_bytes(), tmp_path / "linked.sample.h5"
+    other.symlink_to(sample_file)
+    assert main(command.format(sample_file, other).split()) == 2
     shown = capsys.readouterr().err
     assert len(shown.splitlines()) == 1 and "would be written over" in shown
-    assert sample.read_bytes() == before
+    assert sample_file.read_bytes() == before
 
 
-def test_modulus_in_gigapascal_is_refused(random60, tmp_path, capsys):
+def test_modulus_in_gigapascal_is_refused(sample_file, capsys):
     """As `import` refuses it: frequencies would be 30,000 times too low, without a word."""
-    path = tmp_path / "mine.sample.h5"
-    write_sample(path, random60)
-    _spoil(path, lambda f: f.attrs.__setitem__("young", 60.0))
-    assert main(["modes", str(path), "--lowest", "2"]) == 2
+    _spoil(sample_file, lambda f: f.attrs.__setitem__("young", 60.0))
+    assert main(["modes", str(sample_file), "--lowest", "2"]) == 2
     shown = capsys.readouterr().err
     assert len(shown.splitlines()) == 1 and "60 Pa" in shown
 
