@@ -97,6 +97,19 @@ def damped_modes(
     where the factorisation would take more than the memory: `decay_rates` of elastic modes then
     serves.
 
+    Parameters
+    ----------
+    network
+        The packing.
+    damping
+        Ratios of the dashpots, normal and tangential.
+    near
+        Hz, above 0.
+    count
+        How many modes, 10 by default.
+
+    Examples
+    --------
     >>> import modal
     >>> crystal = modal.fcc(cells=(1, 1, 20))
     >>> found = damped_modes(crystal, ContactDamping(0.02, 0.02), near=1e5, count=4)

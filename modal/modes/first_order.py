@@ -38,7 +38,28 @@ def shift_by_law(network: Network, modes: ModeSet) -> Floats | None:
 def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Floats:
     """Shape (k,), 1/s: decay of the amplitude of elastic modes, for modes it does not mix.
 
-    InputError where the mode shapes were not kept, or are of another packing.
+    Parameters
+    ----------
+    modes
+        k elastic modes with their shapes.
+    network
+        The packing that they are of.
+    damping
+        Ratios of the dashpots, normal and tangential.
+
+    Raises
+    ------
+    InputError
+        Where the mode shapes were not kept, or are of another packing.
+
+    Examples
+    --------
+    >>> import modal
+    >>> crystal = modal.fcc(cells=(1, 1, 20))
+    >>> modes = modal.eigenmodes(crystal, lowest=4)
+    >>> rates = decay_rates(modes, crystal, modal.system.damping.ContactDamping(0.02, 0.02))
+    >>> bool((rates > 0).all()), rates.shape
+    (True, (4,))
     """
     modes.shapes(network)
     return _projected(modes, ContactOperator(damping.dashpots(network))) / 2

@@ -229,14 +229,57 @@ def participation_ratio(shape: Array, root: RootMass) -> Floats:
 
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:
-    """Write the modes atomically, and what they were made from."""
+    """Write the modes atomically, and what they were made from.
+
+    Parameters
+    ----------
+    path
+        `*.modes.h5`, replaced if it is there.
+    modes
+        A list of modes, with shapes where they are to be kept.
+    made
+        Command, sources and settings, kept with it.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+
+    Examples
+    --------
+    >>> import modal, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "low.modes.h5")
+    >>> low = modal.eigenmodes(modal.fcc(cells=(1, 1, 10)), lowest=4)
+    >>> write_modes(path, low)
+    >>> read_modes(path).certified
+    True
+    """
     FORMAT.write(path, vars(modes), made)
 
 
 def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
-    """Read and validate modes; raises InputError with one line for anything wrong.
+    """Read and validate modes.
 
-    Without `shapes` the mode shapes, nearly all of a file, are left where they are.
+    Parameters
+    ----------
+    path
+        `*.modes.h5`.
+    shapes
+        Read the mode shapes, nearly all of a file, too.
+
+    Raises
+    ------
+    InputError
+        With one line for anything wrong with the file.
+
+    Examples
+    --------
+    >>> import modal, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "low.modes.h5")
+    >>> low = modal.eigenmodes(modal.fcc(cells=(1, 1, 10)), lowest=4)
+    >>> write_modes(path, low)
+    >>> read_modes(path).certified
+    True
     """
     modes = ModeSet(**FORMAT.read(path, leave=() if shapes else ("mode_shape",)))
     if (np.diff(modes.frequency) < 0).any():

@@ -160,7 +160,28 @@ class Network(Columns):
 
 
 def write_network(path: str | Path, network: Network) -> None:
-    """Write the network atomically."""
+    """Write the network atomically.
+
+    Parameters
+    ----------
+    path
+        `*.network.h5`, replaced if it is there.
+    network
+        The packing; it was checked when it was made.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+
+    Examples
+    --------
+    >>> import modal, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "mine.network.h5")
+    >>> write_network(path, modal.fcc(cells=(1, 1, 4)))
+    >>> modal.read(path).n_particles == modal.fcc(cells=(1, 1, 4)).n_particles
+    True
+    """
     FORMAT.write(path, vars(network))
 
 

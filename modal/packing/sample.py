@@ -108,7 +108,20 @@ def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
 
 
 def write_sample(path: str | Path, sample: Sample) -> None:
-    """Write the sample atomically; InputError for one that ends sideways."""
+    """Write the sample atomically.
+
+    Parameters
+    ----------
+    path
+        `*.sample.h5`, replaced if it is there.
+    sample
+        Spheres with their contact model, and the shear forces of their contacts.
+
+    Raises
+    ------
+    InputError
+        For a sample without periods along x and y; where the file cannot be written.
+    """
     if not all(sample.periodic_sides):
         raise InputError("a sample without periods sideways has no file; write its network")
     period = np.diff(sample.walls) if sample.periodic_z else None

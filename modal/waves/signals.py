@@ -242,16 +242,58 @@ def source_pulse(time: Floats, amplitude: float, frequency: float, cycles: int =
 
 
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
-    """Write the signals atomically, and what they were made from."""
+    """Write the signals atomically, and what they were made from.
+
+    Parameters
+    ----------
+    path
+        `*.signals.h5`, replaced if it is there.
+    signals
+        What a wave recorded.
+    made
+        Command, sources and settings, kept with it.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+
+    Examples
+    --------
+    >>> import modal, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "push.signals.h5")
+    >>> wave = modal.propagate(modal.fcc(cells=(1, 1, 10)), 2e-5).signals
+    >>> write_signals(path, wave)
+    >>> read_signals(path).producer
+    'linear'
+    """
     balance = signals.balance.attributes() if signals.balance else {}
     write_recording(FORMAT, path, vars(signals) | {"balance": balance}, made)
 
 
 def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
-    """Read and validate signals; InputError with one line for anything wrong.
+    """Read and validate signals.
 
-    They are of a wave that goes from wall to wall along x, y or z, unless those `of_any_source` are
-    asked for; those of a plane in files of before then, too.
+    Parameters
+    ----------
+    path
+        `*.signals.h5`.
+    of_any_source
+        Take also waves that do not go from wall to wall along x, y or z, and older files of planes.
+
+    Raises
+    ------
+    InputError
+        With one line for anything wrong with the file.
+
+    Examples
+    --------
+    >>> import modal, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "push.signals.h5")
+    >>> wave = modal.propagate(modal.fcc(cells=(1, 1, 10)), 2e-5).signals
+    >>> write_signals(path, wave)
+    >>> read_signals(path).producer
+    'linear'
     """
     with open_h5(path) as file:
         plane = of_any_source and file.attrs.get("schema") == PLANE

@@ -72,7 +72,20 @@ class Wall(Source):
 class Plane(Source):
     """All contacts across the plane at `height`, m, open: above it one way, below it the other.
 
-    Nothing is pushed as a whole, and two equal waves leave the plane, up and down.
+    Nothing is pushed as a whole, and two equal waves leave the plane, up and down. A height outside
+    the cell is an InputError when a wave is sent.
+
+    Parameters
+    ----------
+    height
+        z of the plane, m.
+
+    Examples
+    --------
+    >>> import modal
+    >>> cell = modal.fcc(cells=(1, 1, 20), periodic_z=True)
+    >>> modal.propagate(cell, 2e-5, source=Plane(0.02)).signals.source
+    'plane at 0.02 m'
     """
 
     height: float
@@ -106,7 +119,20 @@ class Plane(Source):
 class Point(Source):
     """One sphere, by its index, that a force pushes, or a torque about z turns.
 
-    Its motion in time is that force in N, or torque in N m.
+    Its motion in time is that force in N, or torque in N m. A sphere that the packing does not have
+    is an InputError when a wave is sent.
+
+    Parameters
+    ----------
+    particle
+        Index of the sphere, from 0.
+
+    Examples
+    --------
+    >>> import modal
+    >>> cell = modal.fcc(cells=(1, 1, 20), periodic_z=True)
+    >>> modal.propagate(cell, 2e-5, source=Point(7)).signals.source
+    'sphere 7'
     """
 
     particle: int
