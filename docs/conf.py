@@ -31,6 +31,10 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 EXTRA = ROOT / "docs/_extra"
 EXTRA.mkdir(exist_ok=True)  # before Sphinx looks for it; the pages to watch go there
+SCRIPTS = {path.stem for path in (ROOT / "examples").glob("*.py")}
+for page in (ROOT / "docs/examples").glob("*.rst"):  # of scripts that have gone since
+    if page.stem not in SCRIPTS | {"index", "sg_execution_times"}:
+        page.unlink()
 html_extra_path = [EXTRA.name]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
