@@ -57,9 +57,8 @@ class Row:
     of the chain; `samples` their scatter over packings of other seeds, `packings` how many these
     are with its own; `flat` says of thresholds whether they stand on a plateau; `curves` are arrays
     by name; `absent` says which products are not there; `state` is one that is no case; `tables`
-    are cells of text by name; `of_record` maps a column of its record to that of one producer, `{}`
-    in its place; `provenance` has a line for each file that was read; `stated` are lower and upper
-    end of what a study states of the case, and no part of its result.
+    are cells of text by name; `provenance` has a line for each file that was read; `stated` are
+    lower and upper end of what a study states of the case, and no part of its result.
     """
 
     number: int | None
@@ -80,7 +79,6 @@ class Row:
     notes: list[str] = field(default_factory=list)
     state: bool = False
     tables: dict[str, list[list[str]]] = field(default_factory=dict)
-    of_record: dict[str, str] = field(default_factory=dict)
     provenance: list[list[str]] = field(default_factory=list)
     stated: dict[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
@@ -164,7 +162,6 @@ def row_of(m: Measuring) -> Row:
     """All numbers that a case's products allow, each measured once."""
     case, row = m.case, Row.of(m)
     row.add(m, OF_CASE)
-    row.of_record = dict(OF_RECORD)
     for percent in PERCENT.values():
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
     row.values |= {

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from modal.formats.hdf5 import write_text
-from modal.tools.errors import InputError
 
 
 @dataclass
@@ -49,15 +48,6 @@ class Table:
         text = stem.with_name(stem.name + ".md")
         write_text(text, self.markdown())
         return [self.write_csv(stem.with_name(stem.name + ".csv")), text]
-
-
-def read_csv(path: Path, title: str) -> Table:
-    """The table that `write_csv` has written; InputError where it is none."""
-    with open(path, newline="") as file:
-        lines = list(csv.reader(file))
-    if not lines or any(len(line) != len(lines[0]) for line in lines):
-        raise InputError(f"{path}: no table, for its rows are not equally long; make it again")
-    return Table(title, lines[0], lines[1:])
 
 
 NONE = 1e-6

@@ -8,11 +8,9 @@ from typing import Any
 
 from analysis.cli.options import add_command, add_products
 from analysis.status import status_table
-from analysis.study.arrangement import wanted
 from analysis.study.beside import table_of
 from analysis.study.description import Study
-from analysis.study.measuring import of_case, of_quantities, of_seed, of_state
-from analysis.study.targets import Rules
+from analysis.study.measuring import measure_case
 from analysis.study.whole import case_of, write_study
 from modal.cli.table import NewFile, NewFolder
 from modal.cli.terminal import put
@@ -49,7 +47,10 @@ def _study(options: argparse.Namespace) -> int:
     results, output, products = map(Path, (options.results, options.output, options.products))
     study = Study(options.study)
     if options.measure:
-        _measure(study, options.measure, options)
+        if not isinstance(options.output, NewFile):
+            raise InputError(f"-o {output}: a result is a file; name it *.json")
+        files = list(map(Path, options.file))
+        measure_case(study, options.measure, files, products, output, options.scatter)
         put(output)
         return 0
     read = products if options.status else results
@@ -71,25 +72,3 @@ def _study(options: argparse.Namespace) -> int:
         put(page)
         return 3 if missing else 0
     return 0
-
-
-def _measure(study: Study, name: str, options: argparse.Namespace) -> None:
-    """The result of a case, or of a state, which is named as WALK_STRESSPa and is no case."""
-    output, products = Path(options.output), Path(options.products)
-    files = [Path(text) for text in options.file]
-    if not isinstance(options.output, NewFile):
-        raise InputError(f"-o {output}: a result is a file; name it *.json")
-    output.parent.mkdir(parents=True, exist_ok=True)
-    if name.endswith("Pa") and len(files) == 1:
-        of_state(name, files[0], output)
-    elif name not in study.rows:
-        raise InputError(f"{name}: no case of {options.study}")
-    elif options.scatter:
-        of_seed(name, products, output)
-    elif quantities := study.settings["measure"]:
-        of_quantities(name, files, output, quantities)
-    else:
-        specs = study.settings["figures"] or study.part("figures")
-        figures = wanted(specs, study.cases.loc[[name]])
-        stated = Rules(study.cases, study.stated()).stated_of(name)
-        of_case(name, products, output, figures, stated)

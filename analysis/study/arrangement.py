@@ -48,7 +48,7 @@ def arrange(
             if "plot" in spec:
                 picture = _plot(spec["plot"], cases[cases["there"]])
             elif "cases" in spec:
-                picture, away = _of_cases(spec, select(cases, spec["cases"]), panels)
+                picture, away = _of_cases(spec, select(cases, spec["cases"]).index, panels)
                 caption += f" Absent: {', '.join(away)}." if away else ""
             else:
                 picture = FIGURES[spec["figure"]].function([row for row in rows if not row.state])
@@ -68,26 +68,20 @@ def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
             mean, shade = by.mean(), SHADES[2 * k % len(SHADES)]
             style = EDGE | {"color": shade, "mfc": shade, "marker": MARKERS[k % len(MARKERS)]}
             panel.line(mean.index, mean, f"{spec['by']} {value:g}", **style | {"ls": "-"})
-            error = by.std() / by.count() ** 0.5
-            panel.add("error", mean.index, mean, error, capsize=2, color=shade)
+            panel.add("error", mean.index, mean, by.sem(), capsize=2, color=shade)
         panels.append(panel)
     if not any(series.y.size for panel in panels for series in panel.series):
         raise InputError("no case has these quantities")
     return Picture(panels, len(panels), (4.5 * len(panels), 3.6))
 
 
-def _of_cases(spec: Spec, cases: pd.DataFrame, folder: Path) -> tuple[Picture, list[str]]:
+def _of_cases(spec: Spec, names: Sequence[str], folder: Path) -> tuple[Picture, list[str]]:
     """The panels of several cases as one picture, and the cases that have none."""
-    files = {name: folder / f"{name}.{spec['figure']}.csv" for name in cases.index}
+    files = {name: folder / f"{name}.{spec['figure']}.csv" for name in names}
     away = [name for name, path in files.items() if not path.is_file()]
-    found = [read_picture(path).panels for path in files.values() if path.is_file()]
-    if not found:
+    panels = [p for path in files.values() if path.is_file() for p in read_picture(path).panels]
+    if not panels:
         raise InputError(f"no panels of {', '.join(away)}; measure these cases")
-    return _together(spec, found), away
-
-
-def _together(spec: Spec, found: list[list[Panel]]) -> Picture:
-    panels = [panel for part in found for panel in part]
     columns, like = spec.get("columns", 2), spec.get("like", "")
     if spec.get("together"):
         for panel in panels:  # those without a title are told apart by what they show
@@ -106,4 +100,4 @@ def _together(spec: Spec, found: list[list[Panel]]) -> Picture:
     if columns == 2 and len(panels) == 3:  # a case is absent; no part of the grid stays blank
         columns = 3
     height = 0.3 + spec.get("height", 3.6) * -(-len(panels) // columns)
-    return Picture(panels, columns, (WIDTH[columns], height))
+    return Picture(panels, columns, (WIDTH[columns], height)), away

@@ -5,27 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.rows import Row
+from analysis.rows import OF_RECORD, Row
 from analysis.study.selection import numbers
 from analysis.study.targets import Rules
 from analysis.table import Table, number
 
-SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s")
+SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
 COLUMNS = "theory", "modal", "linear", "yade"
 
 
 def table_of(row: Row, frame: pd.DataFrame, rules: Rules) -> Table:
     """A crystal by theory, modes, linear wave and YADE; of other packings the stated numbers."""
-    case = frame.loc[[row.name]]
+    case, lines = frame.loc[[row.name]], []
     if "comparison" in row.tables:
         return _compared(row, case, rules)
-    names = [name for name in (*SHOWN, *row.values) if name in row.of_record or name in SHOWN]
-    names += list(rules.table["quantity"])
-    lines = []
-    for name in dict.fromkeys(names):
+    for name in dict.fromkeys([*SHOWN, *(line["quantity"] for line, _ in rules.lines)]):
         value = float(numbers(case, name).iloc[0])
         stated, off = _stated(name, value, case, rules)
-        if np.isfinite(value) and (stated or name in row.of_record or name in SHOWN):
+        if np.isfinite(value) and (stated or name in SHOWN):
             lines.append([name, number(value, row.spread(name)), stated, off])
     return Table(row.label, ["quantity", "here", "stated", "deviation"], lines)
 
@@ -37,20 +34,19 @@ def _stated(name: str, value: float, case: pd.DataFrame, rules: Rules) -> tuple[
         return "", ""
     if np.isfinite(line["value"]):
         return f"{line['value']:.5g}", f"{100 * (value / line['value'] - 1):+.3f} %"
-    low, high = (-np.inf if np.isnan(line["low"]) else line["low"], line["high"])
-    high = np.inf if np.isnan(high) else high
-    text = f"{low:.4g} to {high:.4g}" if np.isfinite([low, high]).all() else f"> {low:.4g}"
-    return text, "inside" if low <= value <= high else "outside"
+    low, high = line["low"], line["high"]
+    off = "outside" if value < low or value > high else "inside"
+    return (f"> {low:.4g}" if np.isnan(high) else f"{low:.4g} to {high:.4g}"), off
 
 
 def _compared(row: Row, case: pd.DataFrame, rules: Rules) -> Table:
     """The comparison that the case was measured with, and deviations in per cent."""
     lines = []
     for key, quantity, unit, *cells, note in row.tables["comparison"]:
-        found = dict(zip(COLUMNS, (float(cell or "nan") for cell in cells), strict=True))
-        own = found["yade"] if np.isfinite(found["yade"]) else found["modal"]
-        off = [100 * (found[name] / found["theory"] - 1) for name in COLUMNS[1:]]
-        percent = [f"{value:+.3f}" if np.isfinite(value) else "" for value in off]
+        found = pd.to_numeric(pd.Series(cells, COLUMNS), errors="coerce")
+        off = 100 * (found[1:] / found["theory"] - 1)
+        percent = ["" if np.isnan(value) else f"{value:+.3f}" for value in off]
+        own = found["modal"] if np.isnan(found["yade"]) else found["yade"]
         stated, apart = _stated(key, own, case, rules)
         apart = apart.removesuffix(" %") if np.isfinite(own) else ""
         lines.append([quantity, unit, *cells, stated, *percent, apart, note])

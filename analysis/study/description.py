@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,21 +28,21 @@ from modal.tools.errors import InputError
 KINDS = "fcc", "random"
 OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave"}
 """Words of a study, and what the programs call them."""
-OF_STUDY = {
-    *("name", "title", "names", "groups", "cases", "make", "measure", "prepare", "spheres"),
-    *("layers", "seed", "states", "amplitude", "band", "bands", "lowest_modes", "samples"),
-    *("tables", "figures", "headlines", "quick", "forget"),
-}
+NEEDED = "friction", "wave_friction", "stress"
+WORDS = {"kind", "direction", "sizes", "densities", "contact_model"}
+"""Settings of a case that are no numbers."""
 OF_CASE = {
-    *("kind", "factors", "stress", "friction", "wave_friction", "width", "seed", "spheres"),
-    *("input_frequency", "fraction", "passage", "amplitude", "duration", "interval", "particles"),
-    *("direction", "layers", "sizes", "densities", "approach_rate", "agitated_damping"),
-    *("inertial_number", "hot_stress", "damping", "residual", "contact_model", "periodic"),
-    *("stress_ratio", "oedometric", "time_step_fraction"),
+    *(*NEEDED, *WORDS, "factors", "width", "seed", "spheres", "layers", "amplitude"),
+    *("input_frequency", "fraction", "passage", "duration", "interval", "particles"),
+    *("approach_rate", "agitated_damping", "inertial_number", "hot_stress", "damping"),
+    *("residual", "periodic", "stress_ratio", "oedometric", "time_step_fraction"),
 }
-NUMBERS = OF_CASE - {"kind", "factors", "direction", "sizes", "densities", "contact_model"}
 DEFAULTS: dict[str, Any] = {
+    "name": "",
+    "title": "",
     "names": "",
+    "groups": [],
+    "cases": {},
     "prepare": "modal",
     "spheres": 35201,
     "layers": 200,
@@ -56,15 +56,14 @@ DEFAULTS: dict[str, Any] = {
     "make": {"fcc": [], "random": []},
     "measure": [],
     "tables": [],
-    "cases": {},
-    "headlines": [],
     "figures": [],
+    "headlines": [],
     "forget": False,
 }
 
 
 class Study:
-    """A study: its settings as attributes of `settings`, its `cases` one line each.
+    """A study: its `settings`, and its cases as `rows` by name, each with its own settings.
 
     InputError, in one line that says what may stand there, where its file means no study.
     """
@@ -73,27 +72,27 @@ class Study:
         self.path = Path(path)
         self.folder = self.path.parent
         found = self._yaml(self.path)
-        self._known(found, OF_STUDY, "setting")
-        if "groups" not in found:
+        self._known(found, DEFAULTS.keys(), "setting")
+        if not found.get("groups"):
             raise InputError(f"{path}: no groups; give at least one, with kind and factors")
-        self.settings: dict[str, Any] = DEFAULTS | {"name": self.path.stem, "title": ""} | found
+        self.settings = DEFAULTS | {"name": self.path.stem} | found
+        self._known(self.settings["make"], KINDS, "make: kind")
         lines = [line for group in found["groups"] for line in self._group(group)]
         pattern = self.settings["names"]
-        names = [
-            pattern.format(k + 1) if pattern else _name(line.pop("factors", {}))
-            for k, line in enumerate(lines)
-        ]
-        self.rows: dict[str, dict[str, Any]] = dict(zip(names, lines, strict=True))
-        for line in lines:
-            line.pop("factors", None)
-        if len(self.rows) < len(lines):
-            raise InputError(f"{path}: two cases of one name; give each its own factors")
+        self.rows: dict[str, dict[str, Any]] = {}
+        for number, line in enumerate(lines, 1):
+            parts = itertools.starmap(part_of_name, line.pop("factors").items())
+            name = pattern.format(number) if pattern else "_".join(parts) or "case"
+            if name in self.rows:
+                raise InputError(f"{path}: two cases of one name; give each its own factors")
+            self.rows[name] = line
         for name, own in self.settings["cases"].items():
             if name not in self.rows:
-                raise InputError(f"{path}: cases: {name} is none of {names[0]} ... {names[-1]}")
+                first, *_, last = self.rows
+                raise InputError(f"{path}: cases: {name} is none of {first} ... {last}")
             self._known(own, OF_CASE, f"{name}: setting")
-            self.rows[name] |= {OTHER_NAMES.get(key, key): value for key, value in own.items()}
-        self._check()
+            self.rows[name] |= own
+        self.rows = {name: self._checked(name, line) for name, line in self.rows.items()}
 
     def _yaml(self, path: Path) -> Any:
         try:
@@ -104,30 +103,26 @@ class Study:
             text = " ".join(str(error).split())
             raise InputError(f"{path}: not YAML ({text}); mend the line that it names") from None
 
-    def _known(self, found: Any, known: set[str], what: str) -> None:
+    def _known(self, found: Any, known: Collection[str], what: str) -> None:
         if not isinstance(found, Mapping):
             raise InputError(f"{self.path}: {what}s have names; write NAME: VALUE")
-        if unknown := sorted(map(str, found.keys() - known)):
-            texts = ", ".join(unknown), ", ".join(sorted(known))
-            raise InputError(f"{self.path}: {what} {texts[0]} is unknown; known are {texts[1]}")
+        if unknown := ", ".join(sorted(map(str, found.keys() - known))):
+            told = ", ".join(sorted(known))
+            raise InputError(f"{self.path}: {what} {unknown} is unknown; known are {told}")
 
-    def _group(self, group: Any) -> list[dict[str, Any]]:
+    def _group(self, group: Any) -> Iterator[dict[str, Any]]:
         """The cases of a group: each combination of its factors, the last one fastest."""
         self._known(group, OF_CASE, "group's setting")
         if group.get("kind") not in KINDS:
             raise InputError(f"{self.path}: kind {group.get('kind')} is none of {', '.join(KINDS)}")
         factors = {name: _listed(values) for name, values in group.get("factors", {}).items()}
         self._known(factors, OF_CASE, "factor")
-        shared = {name: group[name] for name in group if name not in ("factors", *factors)}
-        lines = []
         for values in itertools.product(*factors.values()):
             own = dict(zip(factors, values, strict=True))
-            line = shared | own
-            for name, value in shared.items():
-                line[name] = self._value(name, value, line)
-            line = {OTHER_NAMES.get(name, name): value for name, value in line.items()}
-            lines.append(line | {"factors": own})
-        return lines
+            line = group | own
+            for name in group.keys() - {"factors"} - factors.keys():
+                line[name] = self._value(name, group[name], line)
+            yield line | {"factors": own}
 
     def _value(self, name: str, value: Any, line: Mapping[str, Any]) -> Any:
         """A setting of one case."""
@@ -144,20 +139,17 @@ class Study:
                 raise InputError(f"{self.path}: {name}: {value} ({error}) is no sum") from None
         return value
 
-    def _check(self) -> None:
-        for name, row in self.rows.items():
-            for key in ("mu_comp", "mu_wave", "stress"):
-                if row.get(key) is None:
-                    words = {new: word for word, new in OTHER_NAMES.items()}
-                    raise InputError(f"{self.path}: {name} has no {words.get(key, key)}; add it")
-            for key, value in row.items():
-                word = key if key not in OTHER_NAMES.values() else "friction"
-                if word in NUMBERS and value is not None and not isinstance(value, int | float):
-                    raise InputError(f"{self.path}: {name}: {key} {value} is no number")
-            if row["stress"] <= 0:
-                raise InputError(f"{self.path}: {name}: stress {row['stress']} Pa; above 0")
-        make = self.settings["make"]
-        self._known(make, set(KINDS), "make: kind")
+    def _checked(self, name: str, line: Mapping[str, Any]) -> dict[str, Any]:
+        """A case as the programs call its settings; InputError where one is missing."""
+        for key in NEEDED:
+            if line.get(key) is None:
+                raise InputError(f"{self.path}: {name} has no {key}; add it")
+        for key, value in line.items():
+            if key not in WORDS and value is not None and not isinstance(value, int | float):
+                raise InputError(f"{self.path}: {name}: {key} {value} is no number")
+        if line["stress"] <= 0:
+            raise InputError(f"{self.path}: {name}: stress {line['stress']} Pa; above 0")
+        return {OTHER_NAMES.get(key, key): value for key, value in line.items()}
 
     @property
     def cases(self) -> pd.DataFrame:
@@ -168,20 +160,21 @@ class Study:
         return frame
 
     def part(self, name: str) -> Any:
-        """The content of a YAML file beside the study's; empty where there is none."""
+        """A setting of many lines, or the YAML file of this name beside; empty without either."""
         path = self.folder / f"{name}.yaml"
-        return self._yaml(path) if path.is_file() else []
+        return self.settings.get(name) or (self._yaml(path) if path.is_file() else [])
 
     def stated(self) -> pd.DataFrame:
-        """Stated numbers: `quantity`, `cases` (a selection), `value`, `low`, `high`, `where`."""
+        """Stated numbers: `quantity`, `select` (cases), `value`, its ends `low` and `high`."""
         path = self.folder / "stated.csv"
         columns = ["quantity", "select", "value", "low", "high", "unit", "where"]
-        return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=columns)
-
-
-def _name(factors: Mapping[str, Any]) -> str:
-    """A case's name from its factors, as friction0.1_width10."""
-    return "_".join(itertools.starmap(part_of_name, factors.items())) or "case"
+        found = (
+            pd.read_csv(path, dtype={"select": object})
+            if path.is_file()
+            else pd.DataFrame(columns=columns)
+        )
+        ends = {name: found[name].fillna(found["value"]) for name in ("low", "high")}
+        return found.assign(select=found["select"].fillna(""), **ends)
 
 
 def part_of_name(factor: str, value: Any) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from analysis.case import Case
 from analysis.crystal import compare
 from analysis.estimators.low_pass import Edge
-from analysis.estimators.settled import why_unsettled
 from analysis.figures import compose
 from analysis.figures.picture import write_picture
 from analysis.measurement import measure
@@ -19,23 +19,61 @@ from analysis.quantities.passband import passband
 from analysis.quantities.records import LOW_PASS
 from analysis.quantities.spectrum import standing, standing_waves
 from analysis.rows import Row, row_of
+from analysis.study.arrangement import wanted
+from analysis.study.description import Study
 from analysis.study.results import write_result
+from analysis.study.targets import Rules
 from analysis.table import number
 from analysis.value import estimate
-from modal.exchange.registry import read_packing, read_remarked
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
-from modal.packing.state import contacts_per_particle, void_ratio
 from modal.tools.errors import InputError
 
 RESONANCES = 10
 """Rows of the table of resonances."""
+OF_STATE = "void_ratio", "coordination"
+"""Quantities of a state that is no case."""
 SCATTERING = (
     *("particles", "length_over_d", "void_ratio", "coordination", "f_max"),
     *("v_p_first_peaks_yade", "v_p_first_peaks_linear"),
     *(name for key, names in LOW_PASS.items() if key.count("_") == 1 for name in names),
 )
 """Quantities of another seed's packing: Table 1's."""
+
+
+def measure_case(
+    study: Study, name: str, files: Sequence[Path], folder: Path, output: Path, scatter: bool
+) -> None:
+    """Measure a case of a study, or a state, WALK_STRESSPa, that is none; write its result.
+
+    Of a case with quantities of its own `files` are the packing and its waves, of a state its
+    sample; else all is in `folder`. `scatter`: of another seed's packing only the numbers are
+    measured whose scatter is shown, without errors along every column.
+    """
+    output.parent.mkdir(parents=True, exist_ok=True)
+    state, quantities = name.endswith("Pa") and len(files) == 1, study.settings["measure"]
+    if not state and name not in study.rows:
+        raise InputError(f"{name}: no case of {study.path}")
+    if not (state or scatter or quantities):
+        figures = wanted(study.part("figures"), study.cases.loc[[name]])
+        stated = Rules(study.cases, study.stated()).stated_of(name)
+        of_case(name, folder, output, figures, stated)
+        return
+    of_files = {files[0].name.split(".")[-2]: files[0]} if state or quantities else None
+    case = Case(name, folder, of_files)
+    case.check()
+    m = Measuring.of(case)
+    row = Row.of(m)
+    row.state = state
+    if state:
+        row.add(m, OF_STATE)
+    elif quantities:
+        _add_quantities(row, files, quantities)
+        row.provenance = _provenance(case)
+    else:
+        m.linear = m.linear_wave(particles=False)
+        row.add(m, SCATTERING)
+    write_result(output, row)
 
 
 def of_case(
@@ -66,62 +104,28 @@ def of_case(
     return row
 
 
-def of_seed(name: str, folder: Path, output: Path) -> Row:
-    """Of a case's packing of another seed, the numbers whose scatter is shown.
-
-    These are Table 1's and what sets packings apart. Errors are not among them: along every column
-    of a packing f_low-pass and V_P are had for the study's own packings alone.
-    """
-    case = Case(name, folder)
-    case.check()
-    m = Measuring(read_packing(case.packing_path), None, None, case)
-    m.linear = m.linear_wave(particles=False)
-    row = Row.of(m)
-    row.add(m, SCATTERING)
-    write_result(output, row)
-    return row
-
-
-def of_quantities(name: str, files: Sequence[Path], output: Path, quantities: Sequence[str]) -> Row:
-    """Of any packing, quantities by their name in the registry; files are it and its waves."""
-    packing, *records = files
-    case = Case(name, packing.parent, {packing.name.split(".")[-2]: packing})
-    found = measure(packing, *records, quantities=quantities)
-    row = Row.of(Measuring.of(case))
-    for quantity, value in found.items():
+def _add_quantities(row: Row, files: Sequence[Path], quantities: Sequence[str]) -> None:
+    """Quantities by their name in the registry, of a packing and its waves."""
+    for quantity, value in measure(*files, quantities=quantities).items():
         if value.at is None:
             row.values[quantity] = estimate(float(value.value), float(value.error))
         else:
             row.curves[quantity] = tuple(map(np.asarray, (value.at, value.value, value.error)))
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]
-    row.provenance = _provenance(case)
-    write_result(output, row)
-    return row
-
-
-def of_state(name: str, sample: Path, output: Path) -> Row:
-    """Of a state that is no case: density, contacts, and whether it has settled."""
-    network = read_remarked(sample, lambda note: None)
-    study = network.study
-    stress, mu = float(study["stress"]), float(study.get("mu_comp", 0.0))
-    why = why_unsettled(network, stress)
-    row = Row(None, name, f"random, {stress / 1e3:g} kPa", False, stress, mu, "", why, state=True)
-    row.values["void_ratio"] = estimate(void_ratio(network))
-    row.values["coordination_number"] = estimate(float(contacts_per_particle(network).mean()))
-    write_result(output, row)
-    return row
 
 
 def _add_tables(row: Row, m: Measuring) -> None:
     """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
-    (f, kappa), bearers, lines = standing_waves(m), standing(m), []
+    (f, kappa), bearers = standing_waves(m), standing(m)
     if len(f):
-        share = [] if bearers is None else [f"{v:.2f}" for v in bearers.share]
-        columns = [[number(v) for v in f / 1e3], [number(v) for v in kappa]]
-        columns += [] if m.crystal else [share]
-        head = ["r", "f_r, kHz", "kappa_r, rad/m", "share of the mode"][: 1 + len(columns)]
-        lines = [[(c[r : r + 1] or [""])[0] for c in columns] for r in range(RESONANCES)]
-        row.tables["resonances"] = [head, *([str(r + 1), *line] for r, line in enumerate(lines))]
+        columns = {"f_r, kHz": [*map(number, f / 1e3)], "kappa_r, rad/m": [*map(number, kappa)]}
+        if not m.crystal:
+            share = () if bearers is None else bearers.share
+            columns["share of the mode"] = [f"{value:.2f}" for value in share]
+        series = {head: pd.Series(cells, dtype=str) for head, cells in columns.items()}
+        table = pd.DataFrame(series).reindex(range(RESONANCES)).fillna("")
+        lines = [[str(r), *cells] for r, cells in enumerate(table.to_numpy().tolist(), 1)]
+        row.tables["resonances"] = [["r", *table], *lines]
     choices = [[text, _chosen(edge)] for text, edge in passband(m).choices()]
     row.tables["choices"] = [["f_low-pass, kHz", "f_low-pass"], *choices]
     if m.crystal:

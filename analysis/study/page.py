@@ -9,15 +9,17 @@ from typing import Any
 
 import jinja2
 
-PLAIN = Path(__file__).with_name("plain.html.j2")
-"""The template of a study that has none of its own."""
+from analysis.study.selection import runs
+from analysis.table import number
+
+TEMPLATES = Path(__file__).parent
 
 
-def page(template: Path, content: Mapping[str, Any]) -> str:
-    """The page; a template extends the plain one, plain.html.j2, or stands alone."""
-    folders = [str(template.parent), str(PLAIN.parent)]
-    loader = jinja2.FileSystemLoader(folders)
+def page(folder: Path, content: Mapping[str, Any]) -> str:
+    """The page by the study's page.html.j2, which may extend plain.html.j2, else by that."""
+    loader = jinja2.FileSystemLoader([str(folder), str(TEMPLATES)])
     own = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     own.filters["base64"] = lambda path: base64.b64encode(path.read_bytes()).decode()
     own.filters["anchor"] = lambda title: "".join(c if c.isalnum() else "-" for c in title.lower())
-    return own.get_template(template.name).render(content)
+    own.globals |= {"runs": runs, "number": number}
+    return own.select_template(["page.html.j2", "plain.html.j2"]).render(content)

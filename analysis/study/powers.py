@@ -10,26 +10,25 @@ import pandas as pd
 from analysis.estimators.power_law import power_law, straight_line
 from analysis.study.selection import numbers
 
+COLUMNS = "e", "power", "error", "cases", "moving", "whole"
+
 
 @dataclass(frozen=True)
 class Powers:
-    """Of each group, by void ratio: `e`, `power` and its standard error, all (k,), and `count`.
+    """A line a group in `table`, by void ratio `e`: `power`, its standard `error`, its `cases`.
 
     `which_e` says of which states the void ratios are, `whole` whether no group and no case of any
     is missing.
     """
 
-    e: np.ndarray
-    power: np.ndarray
-    error: np.ndarray
-    count: np.ndarray
+    table: pd.DataFrame
     which_e: str
     whole: bool
 
     @property
     def trend(self) -> tuple[float, float]:
         """Slope of the power over e by least squares, and its standard error; NaN if unknown."""
-        (slope, _), spread = straight_line(self.e, self.power)
+        (slope, _), spread = straight_line(self.table["e"], self.table["power"])
         return float(slope), float(np.sqrt(spread[0, 0]))
 
     @property
@@ -39,40 +38,36 @@ class Powers:
         return bool(slope > 2 * error)
 
     def __str__(self) -> str:
-        each = zip(self.power, self.error, self.e, strict=True)
-        text = ", ".join(f"{p:.3f} ± {s:.1g} (e {e:.3f})" for p, s, e in each)
+        each = self.table[["power", "error", "e"]].itertuples(index=False)
+        text = "power " + ", ".join(f"{p:.3f} ± {s:.1g} (e {e:.3f})" for p, s, e in each)
         slope, error = self.trend
-        if len(self.e) > 1:
-            text += f"; {self.which_e}; slope over e {slope:+.2f}"
-        if np.isfinite(error):
-            text += f" ± {error:.1g}: "
+        if len(self.table) > 1:
+            text += f"; {self.which_e}; slope over e {slope:+.2f} ± {error:.1g}: "
             text += "grows with e" if self.grows else "does not grow with e beyond twice the error"
-        elif len(self.e) == 2:
-            text += ", of two groups, without an error: whether it grows with e is not known"
-        return text if self.whole else f"{text}; {len(self.e)} groups, not all of them whole"
+        return text if self.whole else f"{text}; not all groups are whole"
 
 
-def powers(frame: pd.DataFrame, x: str, y: str) -> Powers | None:
-    """Quantity y as a power of quantity x within each group; None where no group has one."""
-    of_state = numbers(frame, "void_ratio_of_state")
-    frame = frame.assign(x=numbers(frame, x), y=numbers(frame, y), e=of_state)
-    by_rest = bool(frame.loc[np.isfinite(frame["y"]), "e"].notna().all())
-    moving, found, groups = 0, [], 0
-    for _, members in frame.groupby(["kind", "mu_comp"]):
-        members = members.sort_values("stress")
-        law = power_law(members["x"].to_numpy(float), members["y"].to_numpy(float))
-        groups += 1
+def powers(frame: pd.DataFrame, x: str, y: str) -> Powers:
+    """Quantity y as a power of quantity x within each group that has one."""
+    names = {"x": x, "y": y, "rest": "void_ratio_of_state", "own": "void_ratio"}
+    frame = frame.assign(**{name: numbers(frame, text) for name, text in names.items()})
+    by_rest = bool(frame.loc[frame["y"].notna(), "rest"].notna().all())
+    groups, lines = frame.sort_values("stress").groupby(["kind", "mu_comp"]), {}
+    for (kind, mu), members in groups:
+        law, known = power_law(members["x"], members["y"]), members[members["y"].notna()]
         if np.isfinite(law.exponent):
-            known = members[np.isfinite(members["y"])]
-            e = members["e"].iloc[0] if by_rest else numbers(known, "void_ratio").iloc[0]
-            moving += bool(by_rest and known["unsettled_of_state"].iloc[0])
-            found.append((e, law.exponent, law.error, len(known), len(known) == len(members)))
-    if not found:
-        return None
-    e, power, error, count, complete = map(np.array, zip(*sorted(found), strict=True))
+            first = known.iloc[0]
+            e, moving = first["own"], False
+            if by_rest:
+                e, moving = first["rest"], bool(first["unsettled_of_state"])
+            whole = len(known) == len(members)
+            lines[f"{kind} {mu:g}"] = e, law.exponent, law.error, len(known), moving, whole
+    table = pd.DataFrame.from_dict(lines, orient="index", columns=COLUMNS).sort_values("e")
+    table = table.astype({"e": float, "power": float, "error": float, "whole": bool})
     which = "e at the lowest stress"
-    if by_rest:
+    if by_rest and lines:
         which = f"e at {frame['state_kpa'].iloc[0]:g} kPa"
-        which += f", {moving} of {len(e)} states not settled" if moving else ""
-    whole = len(found) == groups and bool(complete.all())
-    return Powers(e, power, error, count, which, whole)
+        moving = table["moving"].sum()
+        which += f", {moving} of {len(table)} states not settled" if moving else ""
+    whole = len(table) == len(groups) and bool(table["whole"].all())
+    return Powers(table, which, whole)

@@ -7,7 +7,7 @@ these files alone, so that a clone of the project makes it in seconds, without a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.rows import Row
+from analysis.rows import Row, of_one_producer
 from analysis.value import estimate, plain
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
@@ -26,31 +26,28 @@ DIGITS, OF_CURVES = 12, 6
 
 
 def write_result(path: Path, row: Row) -> None:
-    """Write the result of a case; numbers that are not known are null."""
-    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
+    """Write the result of a case, what is empty left out; numbers that are not known are null."""
+    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}, stated={}))
     found["values"] = {n: {"value": v.value, "error": v.error} for n, v in row.values.items()}
-    del found["stated"]
     found["curves"] = plain(found["curves"], OF_CURVES)
-    lines = (
-        f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}" for name, value in found.items()
-    )
+    lines = [
+        f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}"
+        for name, value in found.items()
+        if value not in ({}, [])
+    ]
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def read_result(path: str | Path) -> Row:
     """A result; InputError where the file is none."""
     try:
-        found = json.loads(Path(path).read_text())
-        if (found.pop("schema"), found.pop("version")) != (SCHEMA, VERSION):
-            raise KeyError("schema, version")
-        known = {field.name for field in fields(Row)}
-        row = Row(**{name: _numbers(value) for name, value in found.items() if name in known})
-        cells: dict[str, Any] = dict(row.values)
-        row.values = {name: estimate(**cell) for name, cell in cells.items()}
-        row.curves = {
-            name: tuple(np.array(values, float) for values in arrays)
-            for name, arrays in row.curves.items()
-        }
+        found = _numbers(json.loads(Path(path).read_text()))
+        if (found["schema"], found["version"]) != (SCHEMA, VERSION):
+            raise ValueError(f"schema {found['schema']}, version {found['version']}")
+        row = Row(**{f.name: found[f.name] for f in fields(Row) if f.name in found})
+        row.values = {name: estimate(**cell) for name, cell in found["values"].items()}
+        curves = found.get("curves", {})
+        row.curves = {n: tuple(np.array(v, float) for v in each) for n, each in curves.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: no result of a case ({error}); measure the case again") from None
     return row
@@ -66,7 +63,7 @@ def read_results(folder: Path) -> list[Row]:
     others = [read_result(path) for path in sorted(folder.glob("seed_*/*.json"))]
     for row in rows:
         if twins := [other for other in others if other.name == row.name]:
-            row.samples, row.packings = scatter_of_samples(row, twins), 1 + len(twins)
+            row.samples, row.packings = scatter_of_samples([row, *twins]), 1 + len(twins)
     return rows
 
 
@@ -79,20 +76,17 @@ def _numbers(value: Any) -> Any:
     return np.nan if value is None else value
 
 
-def scatter_of_samples(row: Row, twins: Iterable[Row]) -> dict[str, float]:
-    """Standard deviation of each number over the packings of a case, its own and its twins.
+def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:
+    """Standard deviation of each number of the first over several packings of a case.
 
     The numbers of its record are compared by one producer. Empty without another packing.
     """
-    several = [row, *twins]
-    producer = "yade" if all(one.record == "yade" for one in several) else "linear"
     found = {}
-    for name in row.values:
-        column = row.of_record.get(name, name).format(producer)
-        values = np.array([one.value(column) for one in several])
-        known = values[np.isfinite(values)]
-        if len(known) > 1:
-            found[name] = float(np.std(known, ddof=1))
+    for name in several[0].values:
+        column = of_one_producer(several, name)[0]
+        deviation = pd.Series([one.value(column) for one in several]).std()
+        if np.isfinite(deviation):
+            found[name] = float(deviation)
     return found
 
 
@@ -107,34 +101,27 @@ def frame_of(rows: Iterable[Row], cases: pd.DataFrame) -> pd.DataFrame:
     """
     rows = list(rows)
     lines = {row.name: _line(row) for row in rows if not row.state}
-    found = pd.DataFrame.from_dict(lines, orient="index")
-    frame = cases.join(found.reindex(cases.index)) if len(found) else cases.assign(there=False)
-    frame["there"] = frame["there"].fillna(False).astype(bool)
-    frame = frame.copy()
+    found = pd.DataFrame.from_dict(lines, orient="index").reindex(cases.index)
+    found["there"] = cases.index.isin(list(lines))
+    frame = cases.join(found).copy()
     for state in sorted((row for row in rows if row.state), key=lambda row: -row.stress):
         same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
-        kpa = state.stress / 1e3
-        found = {name: one.value for name, one in state.values.items()}
-        for name, value in (found | {"unsettled": state.unsettled}).items():
-            frame.loc[same, [f"{name}_at_{kpa:g}_kpa", f"{name}_of_state"]] = value
-        frame.loc[same, "state_kpa"] = kpa
+        numbers: dict[str, Any] = {name: one.value for name, one in state.values.items()}
+        for name, value in (numbers | {"unsettled": state.unsettled}).items():
+            columns = [f"{name}_at_{state.stress / 1e3:g}_kpa", f"{name}_of_state"]
+            frame.loc[same, columns] = value
+        frame.loc[same, "state_kpa"] = state.stress / 1e3
     return frame
 
 
 def _line(row: Row) -> dict[str, Any]:
     """A result as one line of the frame."""
-    line: dict[str, Any] = {
-        "there": True,
-        **{name: getattr(row, name) for name in ("label", "record", "unsettled", "group")},
-        "packings": row.packings,
-        "absent": " ".join(row.absent),
-        **{f"{name}_text": text for name, text in row.texts.items()},
-    }
+    words = "label", "record", "unsettled", "group", "packings"
+    line: dict[str, Any] = {name: getattr(row, name) for name in words}
+    line |= {"absent": " ".join(row.absent)}
+    line |= {f"{name}_text": text for name, text in row.texts.items()}
     for name, found in row.values.items():
-        line |= {
-            name: found.value,
-            f"{name}_error": found.error,
-            f"{name}_spread": row.spread(name),
-        }
+        ends = {"": found.value, "_error": found.error, "_spread": row.spread(name)}
+        line |= {f"{name}{end}": value for end, value in ends.items()}
     line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
     return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}

@@ -19,23 +19,6 @@ UNKNOWN = "(not measured)"
 RANDOM = "kind == 'random'"
 
 
-def lines_to(frame: pd.DataFrame, name: str, x: str, through: str, to: str) -> pd.DataFrame:
-    """At each stress, Pa, the line of a quantity over x through some cases, at the x of others.
-
-    Columns `line`, its standard error `error`, `curve` by the line of the logarithm, and `there`,
-    the quantity of the others.
-    """
-    found = {}
-    for stress, members in frame.groupby("stress"):
-        some, others = select(members, through), select(members, to)
-        at, there = (numbers(others, text).mean() for text in (x, name))
-        along, y = numbers(some, x), numbers(some, name)
-        line, error = straight_to(along, y, at)
-        curve = np.exp(straight_to(along, np.log(y), at)[0])
-        found[stress] = {"line": line, "error": error, "curve": curve, "there": there}
-    return pd.DataFrame.from_dict(found, orient="index").dropna(subset=["line", "there"])
-
-
 class Words:
     """What a sentence may ask of the cases; what no case has is `UNKNOWN`."""
 
@@ -51,11 +34,8 @@ class Words:
     def value(self, case: str, quantity: str) -> str:
         """A number of one case, with its error where that is known."""
         one = self.frame.loc[self.frame.index == case]
-        found = [
-            number(v, e)
-            for v, e in zip(numbers(one, quantity), spreads(one, quantity), strict=True)
-        ]
-        return (found or [""])[0] or UNKNOWN
+        pairs = zip(numbers(one, quantity), spreads(one, quantity), strict=True)
+        return next((number(*pair) for pair in pairs), "") or UNKNOWN
 
     def span(self, quantity: str, which: str = RANDOM, form: str = ".3g") -> str:
         """Smallest to largest of a quantity, or of an expression of several."""
@@ -73,8 +53,9 @@ class Words:
 
     def powers(self, x: str, y: str, which: str = RANDOM) -> str:
         """Smallest to largest exponent of y over x within the groups of a selection."""
-        found = powers(select(self.frame, which), x, y)
-        return UNKNOWN if found is None else f"{found.power.min():.2f} to {found.power.max():.2f}"
+        found = powers(select(self.frame, which), x, y).table
+        ends = found["power"].min(), found["power"].max()
+        return UNKNOWN if found.empty else "{:.2f} to {:.2f}".format(*ends)
 
     def count(self, test: str, which: str = RANDOM) -> str:
         """Of how many cases of a selection a comparison of their numbers is true."""
@@ -82,10 +63,19 @@ class Words:
         return f"{len(select(some, test))} of {len(some)}"
 
     def trends(self, quantity: str, x: str, through: str, to: str) -> str:
-        """Where `lines_to` end, beside what is there."""
-        found = lines_to(self.frame, quantity, x, through, to)
-        texts = [
-            f"{one['line']:.0f} ± {one['error']:.0f} for {one['there']:.0f} at {stress / 1e3:g} kPa"
-            for stress, one in found.iterrows()
-        ]
+        """At each stress the line of a quantity over x through some cases, carried on to others.
+
+        With its standard error, beside where the line of the logarithm ends, how much the form
+        decides, and what the others have.
+        """
+        texts = []
+        for stress, members in self.frame.groupby("stress"):
+            some, others = select(members, through), select(members, to)
+            at, there = (numbers(others, text).mean() for text in (x, quantity))
+            along, y = numbers(some, x), numbers(some, quantity)
+            line, error = straight_to(along, y, at)
+            if np.isfinite([line, there]).all():
+                curve = np.exp(straight_to(along, np.log(y), at)[0])
+                text = f"{line:.0f} ± {error:.0f} (of its logarithm {curve:.0f}) for {there:.0f}"
+                texts.append(f"{text} at {stress / 1e3:g} kPa")
         return ", ".join(texts) or UNKNOWN

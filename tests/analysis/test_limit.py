@@ -55,8 +55,8 @@ def test_table_tells_the_limit_of_what_was_drawn_about_a_line():
     e = 0.6 + 0.1 * x + 0.05 * random.normal(size=len(x))
     cases = pd.DataFrame({"mu_comp": 0.4, "step": x, "void_ratio": e})
     sweep = {"x": "step", "own": 0.7, "by": ["mu_comp"]}
-    table = limits({"title": "", "limit": sweep, "columns": {"e": "void_ratio"}}, cases)
-    ((mu, name, here, there, *_),) = table.rows
+    _, lines = limits({"limit": sweep, "columns": {"e": "void_ratio"}}, cases)
+    ((mu, name, here, there, *_),) = lines
     assert (mu, name) == ("0.4", "e")
     # Forty draws: their standard error is known to 11 %, three times that with the rounding.
     (value, error), (least, spread) = (map(float, text.split(" ± ")) for text in (here, there))
