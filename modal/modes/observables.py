@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,6 @@ from modal.modes.mode_set import OBSERVABLES, Choice, ModeSet, chi_z
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem, frequency_of
-from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 
@@ -19,46 +19,26 @@ PLANAR = 0.999
 """chi_z above which a mode moves along z only."""
 
 
-def particle_motion(vector: Array, root: RootMass, dof: int) -> Array:
-    """Shape (k, n, 6): mass-normalised shapes from unit vectors of the scaled problem.
-
-    `vector` (n * dof, k) solves M^-1/2 K M^-1/2 v = omega^2 v with |v| = 1; the shape is
-    M^-1/2 v. `root` is M^1/2, `dof` 3 or 6; rotations are zero where dof is 3.
-    """
-    n = len(vector) // dof
-    shape = np.zeros((vector.shape[1], n, 6), vector.dtype)
-    shape[:, :, :dof] = root.over(vector).T.reshape(-1, n, dof)
-    return shape
-
-
-def rotation_share(vector: Array, dof: int) -> Floats:
-    """Shape (k,): part of the kinetic energy in rotations, from unit vectors (n * dof, k)."""
-    if dof == 3:
-        return np.zeros(vector.shape[1])
-    energy = np.abs(vector.T.reshape(vector.shape[1], -1, 6)) ** 2
-    return energy[:, :, 3:].sum(axis=(1, 2)) / energy.sum(axis=(1, 2))
-
-
 def observables(
-    system: LinearSystem,
-    square: Floats,
-    unit: Array,
-    misfit: Array,
-    root: RootMass,
-    chain: Ints | None,
+    system: LinearSystem, square: Floats, unit: Array, chain: Ints | None
 ) -> tuple[Floats, Array]:
-    """Shape (5, k): the frequency and `OBSERVABLES` of modes; and their shapes (k, n, 6).
+    """Shape (5, k): the frequency and `OBSERVABLES` of modes; and their shapes (k, n, 6), kg^-1/2.
 
-    `square` (k,): omega^2, 1/s^2; `unit` (n dof, k): unit eigenvectors of A; `misfit` (any, k), of
-    the length of A v - omega^2 v; `root`: M^1/2 of the n particles; `chain` (nc,): those that join
-    the walls, without which `chi_z_chain` is NaN. Where omega^2 is round-off of zero, the misfit is
-    divided by that round-off: zero modes then have a residual of order 1, not of infinity.
+    `square` (k,): omega^2, 1/s^2; `unit` (size, k): unit eigenvectors v of A, the shapes are
+    M^-1/2 v; `chain` (nc,): the particles that join the walls, without which `chi_z_chain` is NaN.
+    Where omega^2 is round-off of zero, |A v - omega^2 v| is divided by that round-off: zero modes
+    then have a residual of order 1, not of infinity.
     """
-    shape = particle_motion(unit, root, system.dof)
+    count, n, dof = len(square), system.network.n_particles, system.dof
+    shape = np.zeros((count, n, 6), unit.dtype)
+    shape[:, :, :dof] = system.root.over(unit).T.reshape(count, n, dof)
+    misfit = system.operator.apply(unit) - unit * square
     floor = max(system.resolution, np.finfo(float).tiny)
     residual = np.linalg.norm(misfit, axis=0) / np.maximum(np.abs(square), floor)
-    along = np.full(len(square), np.nan) if chain is None else chi_z(shape, chain)
-    rotations = rotation_share(unit, system.dof)
+    along = np.full(count, np.nan) if chain is None else chi_z(shape, chain)
+    # Unit vectors hold the kinetic energy of each motion.
+    energy = (np.abs(unit.T.reshape(count, n, dof)) ** 2).sum(axis=1)
+    rotations = energy[:, 3:].sum(axis=1) / energy.sum(axis=1)
     return np.array([frequency_of(square), residual, chi_z(shape), along, rotations]), shape
 
 
@@ -117,32 +97,41 @@ def shapes_left_out(system: LinearSystem, count: int) -> dict[str, str]:
 def found_modes(
     system: LinearSystem,
     square: Floats,
-    vector: Floats,
+    pieces: Iterable[tuple[Array, Ints]],
     choice: Choice,
     solver: str,
     of: int = 0,
 ) -> ModeSet:
     """The modes with their observables, and with their shapes if these fit in `Limits.shapes`.
 
-    `square` (k,): omega^2, 1/s^2; `vector` (size, k): unit eigenvectors of A; `choice` is what was
-    asked for, `solver` a text. `of` is the length of the whole list where these modes are a part of
-    it. `Limits.together` modes are converted to shapes at a time, which bounds the memory.
+    `square` (k,): omega^2, 1/s^2, ascending. Each piece has unit eigenvectors of A (size, p) and
+    their places in the list (p,); where they are complex, travelling waves, (2, p): sqrt(2) times
+    real and imaginary part are two standing waves of one frequency, a place of -1 is not listed.
+    The first piece alone may have pure P-waves.
+    `choice` is what was asked for, `solver` a text. `of` is the length of the whole list where
+    these modes are a part of it. `Limits.together` modes are measured at a time, which bounds the
+    memory.
     """
     left_out = shapes_left_out(system, max(of, len(square)))
     keep, chain = system.shapes and not left_out, chain_of(system.network)
     kept = np.empty((len(square) * keep, system.network.n_particles, 6))
-    tables = [np.empty((1 + len(OBSERVABLES), 0))]
+    table = np.empty((1 + len(OBSERVABLES), len(square)))
     waves = [np.empty((0, 1 if chain is None else 1 + len(chain)))]
-    for first in range(0, len(square), system.limits.together):
-        some = slice(first, first + system.limits.together)
-        unit = np.ascontiguousarray(vector[:, some])
-        misfit = system.operator.apply(unit) - unit * square[some]
-        table, shape = observables(system, square[some], unit, misfit, system.root, chain)
-        tables.append(table)
-        waves.append(pure_waves(table, shape, chain))
-        if keep:
-            kept[some] = shape
-    modes = ModeSet(*np.concatenate(tables, axis=1))
+    for number, (vector, places) in enumerate(pieces):
+        standing = np.atleast_2d(places)
+        for first in range(0, vector.shape[1], system.limits.together):
+            some = slice(first, first + system.limits.together)
+            unit, own = np.ascontiguousarray(vector[:, some]), standing[:, some]
+            measured, shape = observables(system, square[own.max(axis=0)], unit, chain)
+            parts = [shape.real, shape.imag] if np.iscomplexobj(shape) else [shape]
+            for place, part in zip(own, parts, strict=True):
+                listed = place >= 0
+                table[:, place[listed]] = measured[:, listed]
+                if keep:
+                    kept[place[listed]] = np.sqrt(len(parts)) * part[listed]
+            if number == 0:
+                waves.append(pure_waves(measured, shape, chain))
+    modes = ModeSet(*table)
     if keep:
         modes.mode_shape = kept
     if chain is not None:

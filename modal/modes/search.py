@@ -136,8 +136,8 @@ class Search:
         order = np.argsort(self.square)
         frequency = frequency_of(self.square[order])
         order = order[(frequency >= low) & (frequency < high)]
-        square, vector = self.square[order], _columns(self.vector, order)
-        return found_modes(self.system, square, vector, choice, self.description(), of)
+        listed = [(_columns(self.vector, order), np.arange(len(order)))]
+        return found_modes(self.system, self.square[order], listed, choice, self.description(), of)
 
 
 def _columns(vector: Floats, chosen: Ints) -> Floats:

@@ -55,9 +55,9 @@ def at_zero(system: LinearSystem, square: Floats) -> dict[str, int]:
     return {"floppy_modes": int(floppy.sum()), "unstable_modes": int(unstable.sum())}
 
 
-def whole_spectrum(system: LinearSystem) -> tuple[Floats, Floats]:
-    """Every omega^2 (size,) and unit vector (size, size), as `real_spectrum` gives them."""
-    square, vector = eig(system.scaled.toarray(), overwrite_a=True, check_finite=False)
+def whole_spectrum(A: Array) -> tuple[Floats, Floats]:
+    """Every omega^2 (size,) and unit vector (size, size) of A, as `real_spectrum` gives them."""
+    square, vector = eig(A, overwrite_a=True, check_finite=False)
     return real_spectrum(square, vector)
 
 
@@ -93,7 +93,8 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
         raise InputError(f"{count} modes asked of {len(met)}: ask for fewer, or for all")
     whole = np.zeros((system.size, count))
     whole[met] = vector[:, chosen]
-    modes = found_modes(system, square[chosen], whole, choice, "arpack")
+    listed = [(whole, np.arange(count))]
+    modes = found_modes(system, square[chosen], listed, choice, "arpack")
     because = f"K with pre-stress {system.pre_stress} is not symmetric: no exact count"
     modes.attributes |= certificate(0, because) | at_zero(system, square)
     modes.attributes["floppy_modes"] += unmet.total
