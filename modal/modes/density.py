@@ -25,7 +25,7 @@ from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
 from modal.modes.counts import frequencies, refuse_unstable
 from modal.packing.network import Network
-from modal.solvers.spectrum import bound_of_spectrum, largest_growth
+from modal.solvers.spectrum import largest_growth
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
 from modal.tools.arguments import checked
@@ -253,8 +253,7 @@ def _density(
     system: LinearSystem, resolution: float, tolerance: float, seed: int
 ) -> DensityOfStates:
     """As `density_of_states`, of a system."""
-    operator, size = system.operator.renumbered(), system.size
-    top, products = bound_of_spectrum(operator)
+    operator, size, (top, products) = system.renumbered, system.size, system.end
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
     highest = np.sqrt(top) / (2 * np.pi)

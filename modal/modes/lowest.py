@@ -168,7 +168,7 @@ def _quickest(
     edge = (2 * np.pi * MARGIN * high) ** 2
     if edge > WIDEST * system.top:
         return None, in_slices
-    low_end = LowEnd(system.operator.renumbered(), edge, system.top)
+    low_end = LowEnd(system.renumbered, edge, system.top)
     lifted = below_an_edge(system, wanted, low_end.degree)
     quicker = lifted.operations <= in_slices.operations and lifted.bytes <= memory_at_hand()
     return (low_end, lifted) if quicker else (None, in_slices)

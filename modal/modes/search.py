@@ -195,7 +195,7 @@ class SearchFromTop(Search):
             return super().near(count)
         most = PRODUCTS + PRODUCTS_EACH * count
         if count == 1 and not len(self.square):
-            operator = self.system.operator.renumbered()
+            operator = self.system.renumbered
             top = top_mode(operator, most)
             top.vector = operator.outward(top.vector[:, 0])[:, None]
         else:

@@ -4,7 +4,6 @@ A Chebyshev recurrence needs an interval that holds all omega^2. The largest Rit
 from a random vector comes from below. How far below is bounded by a theorem: after k steps it lacks
 more than a share e of the top with a probability below 1.648 sqrt(n) exp(-(2k - 1) sqrt(e)),
 whatever the spectrum (J. Kuczynski and H. Wozniakowski, SIAM J. Matrix Anal. Appl. 13, 1094, 1992).
-Where the recurrence itself shows an interval that is too small, half as many steps will do.
 
 The highest mode alone takes the memory of a few vectors, by Lanczos, twice: the largest Ritz value
 of plain Lanczos needs no basis that is kept orthogonal: what round-off brings back are copies of
@@ -33,11 +32,6 @@ MARGIN = 0.02
 interval larger by 1 % the recurrence takes 0.5 % more products."""
 FAILURE = 1e-6
 """Probability with which `bound_of_spectrum` may be too low."""
-CLOSE = 0.02
-"""Residual over the largest Ritz value with which an estimate ends. Of case 6 it takes 15 products;
-15 more would make the interval of a wave of 440 products shorter by 3 of them."""
-LANCZOS_STEPS = 40
-"""Most products spent on an estimate."""
 TOGETHER = 2**16
 """Numbers of a vector that are worked on together: what is in between stays in a cache."""
 ROUND_OFF = 100 * np.finfo(float).eps
@@ -50,39 +44,19 @@ errors relative to a tolerance grow by it, too."""
 
 
 class GrowthError(InputError):
-    """A recurrence grew although it should not: the interval is too small or K is unstable.
+    """A recurrence grew although it should not: K has a negative direction."""
 
-    `vector`: its last state, mostly of the modes outside the interval; `products`: those made.
-    """
-
-    def __init__(self, vector: Floats, products: int) -> None:
+    def __init__(self) -> None:
         super().__init__(
             "the recurrence grows: the network is unstable (strong pre-stress or negative "
             "stiffness); take pre-stress none"
         )
-        self.vector, self.products = vector, products
 
 
 def largest_growth(operator: ScaledOperator, order: int) -> float:
     """Largest possible norm of T_order(X) c over that of c if the interval holds the spectrum."""
     limit = GROWTH.get(operator.pre_stress, 1.0)
     return limit + ROUND_OFF * order**2
-
-
-def top_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
-    """An estimate of the top of the spectrum, omega^2 in rad^2/s^2, and the products that it took.
-
-    The residual of the largest Ritz value and a margin are added to it (Y. Zhou and R.-C. Li,
-    Linear Algebra Appl. 435, 480, 2011). A mode that the start hardly contains may lie above it.
-    """
-    for step, (diagonal, off, _) in enumerate(lanczos_steps(operator, _random(operator)), 1):
-        if step % 5 and off[-1] > 0:
-            continue
-        ritz, vector = eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]))
-        top = float(ritz[-1] + off[-1] * abs(vector[-1, -1]))
-        if top <= (1 + CLOSE) * ritz[-1] or step == LANCZOS_STEPS:
-            break
-    return max(top, 0.0) / (1 - MARGIN), step
 
 
 def bound_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
@@ -93,34 +67,10 @@ def bound_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
     """
     chance = 1.648 * np.sqrt(operator.shape[0]) / FAILURE
     steps = int(np.ceil((np.log(chance) / np.sqrt(MARGIN) + 1) / 2))
-    ritz = _ritz_values(operator, _random(operator), steps)
-    return max(float(ritz[-1]), 0.0) / (1 - MARGIN), len(ritz)
-
-
-def wider_top(operator: ScaledOperator, found: GrowthError, top: float) -> tuple[float, int]:
-    """A larger estimate, after `top` was too small, and the products that it took.
-
-    What lies outside the interval is a large part of a state that has grown. Raises `found` where
-    it lies further below zero than above `top`: there K has a negative direction.
-    """
-    if not np.isfinite(found.vector).all():
-        raise found
-    ritz = _ritz_values(operator, found.vector, LANCZOS_STEPS // 2)
-    if ritz[-1] - top <= max(-ritz[0], 0.0):
-        raise found
-    return float(ritz[-1]) / (1 - MARGIN), len(ritz)
-
-
-def _random(operator: ScaledOperator) -> Floats:
-    return start_block(operator.shape[0], 1)[:, 0]
-
-
-def _ritz_values(operator: ScaledOperator, start: Floats, steps: int) -> Floats:
-    """Shape (k,), ascending: Ritz values of at most `steps` steps of Lanczos."""
-    made = islice(lanczos_steps(operator, start), steps)
-    del start
+    made = islice(lanczos_steps(operator, start_block(operator.shape[0], 1)[:, 0]), steps)
     *_, (diagonal, off, _) = made
-    return eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]), eigvals_only=True)
+    ritz = eigh_tridiagonal(np.array(diagonal), np.array(off[:-1]), eigvals_only=True)
+    return max(float(ritz[-1]), 0.0) / (1 - MARGIN), len(ritz)
 
 
 Step = tuple[list[float], list[float], Floats]

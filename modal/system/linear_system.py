@@ -165,13 +165,14 @@ class LinearSystem:
         return float(abs(self.assembled()).sum(axis=1).max())
 
     @property
-    def top(self) -> float:
-        """An upper bound of omega^2 that exceeds it by some 2 %, by Lanczos."""
-        return self.end(bound_of_spectrum)[0]
+    def end(self) -> tuple[float, int]:
+        """An upper bound of omega^2 that exceeds it by some 2 %, and the products that it took."""
+        return self.cached("end", lambda: bound_of_spectrum(self.renumbered))
 
-    def end(self, find: Callable[[ContactOperator], tuple[float, int]]) -> tuple[float, int]:
-        """What `find` says of the largest omega^2, and the products with K that it took."""
-        return self.cached(find.__name__, lambda: find(self.renumbered))
+    @property
+    def top(self) -> float:
+        """That bound alone."""
+        return self.end[0]
 
     def count_uncertainty(self, square: float) -> float:
         """Relative distance from a frequency within which an exact count is uncertain.

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.solvers.same_bits import same_bits_product
-from modal.solvers.spectrum import GrowthError, largest_growth, norm, top_of_spectrum, wider_top
+from modal.solvers.spectrum import GrowthError, largest_growth, norm
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Complex, Floats
 from modal.tools.errors import InputError
@@ -71,58 +71,42 @@ class Recurrence:
             if k % LOOK == LOOK - 1 or row == count - 1:
                 growth = norm(self._now) / self.length if self.length > 0 else 0.0
                 if not growth <= largest_growth(self._operator, k):
-                    raise GrowthError(self._now, k)
+                    raise GrowthError
             self.order += 1
         return rows
 
 
 def summed(
-    driven: Driven,
-    series_for: Callable[[float], AnySeries],
-    tolerance: float,
-    top: float | None = None,
+    driven: Driven, series_for: Callable[[float], AnySeries], tolerance: float
 ) -> tuple[AnySeries, Array, int, float]:
     """The series, its record, the number of products with K, and the bound of the record's error.
 
-    `series_for` gives the series for the `top` of an interval in omega^2, 1/s^2, by default an
-    estimate. The error is relative to the largest of each kind in the record (`Driven.largest`); it
-    is above `tolerance` only where round-off leaves more. Where the recurrence grows, the interval
-    was too small and a larger one is tried. Where it does not grow, modes a little above it do no
-    harm: the expansion holds there too, and the error of leaving out high orders is no larger than
-    inside. InputError where there is no stiffness.
+    `series_for` gives the series for the `top` of an interval in omega^2, 1/s^2. The error is
+    relative to the largest of each kind in the record (`Driven.largest`); it is above `tolerance`
+    only where round-off leaves more. GrowthError where K has negative directions, InputError where
+    there is no stiffness.
     """
-    operator, products = driven.springs.operator, 0
-    if top is None:
-        top, products = driven.system.end(top_of_spectrum)
+    operator, (top, products) = driven.springs.operator, driven.system.end
     if top == 0:
         raise InputError("the network has no stiffness; no wave goes through it")
+    series = series_for(top)
+    recurrence = Recurrence(operator, driven.springs.push.toarray()[0], top, driven.springs.rows)
+    most = largest_growth(operator, 0) * recurrence.length * driven.reach()
+    record = driven.blank(series.moved)
+    # No record is larger than all weights together allow: it takes so many orders at least.
+    orders = series.orders(tolerance * series.left(0))
     while True:
-        series = series_for(top)
-        recurrence = Recurrence(
-            operator, driven.springs.push.toarray()[0], top, driven.springs.rows
-        )
-        most = largest_growth(operator, 0) * recurrence.length * driven.reach()
-        record = driven.blank(series.moved)
-        # No record is larger than all weights together allow: it takes so many orders at least.
-        orders = series.orders(tolerance * series.left(0))
-        try:
-            while True:
-                first = recurrence.order
-                series.add(record, recurrence.rows(orders - first), first)
-                left = series.left(orders) * most
-                whole = driven.largest(record, apart=series.apart)
-                with np.errstate(divide="ignore"):
-                    error = float(np.divide(left, whole, out=0 * left, where=left > 0).max())
-                if error <= tolerance:
-                    break
-                orders = series.orders(series.left(orders) * tolerance / error)
-                if orders <= recurrence.order:
-                    break
-        except GrowthError as found:
-            top, more = wider_top(operator, found, top)
-            products += more + found.products
-        else:
-            return series, record, products + max(recurrence.order - 1, 0), error
+        first = recurrence.order
+        series.add(record, recurrence.rows(orders - first), first)
+        left = series.left(orders) * most
+        whole = driven.largest(record, apart=series.apart)
+        with np.errstate(divide="ignore"):
+            error = float(np.divide(left, whole, out=0 * left, where=left > 0).max())
+        if error > tolerance:
+            orders = series.orders(series.left(orders) * tolerance / error)
+        if error <= tolerance or orders <= recurrence.order:
+            break
+    return series, record, products + max(recurrence.order - 1, 0), error
 
 
 CHUNK = 256

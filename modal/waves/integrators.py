@@ -78,10 +78,8 @@ def by_polynomials(
             "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
             "contacts; leave it out, or give no time step"
         )
-    found, top = 0, None
     if time_step is not None:
         every = _steps_between_records(interval, time_step)
-        top, found = driven.system.end(bound_of_spectrum)
 
     def series_for(top: float) -> Expansion:
         if time_step is not None and not time_step < 2 / np.sqrt(top):
@@ -107,8 +105,8 @@ def by_polynomials(
 
         return Expansion(response, time, motion.displacement(time), top)
 
-    series, record, products, error = summed(driven, series_for, tolerance, top)
-    return Seen(series.time, record, products + found, error)
+    series, record, products, error = summed(driven, series_for, tolerance)
+    return Seen(series.time, record, products, error)
 
 
 def _steps_between_records(interval: float, time_step: float) -> int:

@@ -45,8 +45,9 @@ def made(monkeypatch):
             names.append(search.__name__)
             return search(*arguments)
 
-        where = "density" if search is spectrum.bound_of_spectrum else "search"
-        monkeypatch.setattr(f"modal.modes.{where}.{search.__name__}", searched)
+        ends = search is spectrum.bound_of_spectrum
+        where = "modal.system.linear_system" if ends else "modal.modes.search"
+        monkeypatch.setattr(f"{where}.{search.__name__}", searched)
     return names
 
 
@@ -87,6 +88,6 @@ def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch)
     for one, other in zip(first, answers(network), strict=True):
         np.testing.assert_array_equal(one, other)
     assert made.count("given back") == made.count("made")
-    searched = made.count("bound_of_spectrum")
+    searched = made.count("modes_from_top")
     answers(network)
-    assert made.count("bound_of_spectrum") > searched
+    assert made.count("modes_from_top") > searched

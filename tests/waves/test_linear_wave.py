@@ -15,7 +15,8 @@ from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL, Network, write_network
 from modal.packing.sample import read_sample
 from modal.solvers import spectrum
-from modal.solvers.spectrum import bound_of_spectrum
+from modal.solvers.spectrum import GrowthError, bound_of_spectrum
+from modal.system import linear_system
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
@@ -59,24 +60,20 @@ def with_one_stiff_contact(contact: int, factor: float) -> Network:
     return replace(network, **stiff)
 
 
-@pytest.mark.parametrize("share", [0.99, 0.5, 0.05])
-def test_estimate_that_is_too_small_does_not_spoil_a_result(share, monkeypatch):
-    """Wave and response of a network with a stiff contact, from an estimate below its top."""
+def test_products_are_those_of_the_orders_and_an_interval_too_small_is_refused(monkeypatch):
+    """A network with a stiff contact: the orders of cos(omega t), what the tolerance adds, and what
+    finds the top; where that were too low by a tenth, no wave and no response."""
     network = with_one_stiff_contact(11, 3.0)
-    options = {"resolution": 5e3, "tolerance": 1e-9}
-    wanted = propagate(network, 3e-4, tolerance=1e-12)
-    gain = frequency_response(network, **options, highest=1e5).gain
-    top = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())[-1]
-    # The orders of cos(omega t), and what the tolerance adds: no more.
-    assert wanted.products <= 1.15 * np.sqrt(top) * 3e-4 / 2 + 90
-    monkeypatch.setattr(chebyshev, "top_of_spectrum", lambda _: (share * top, 1))
     found = propagate(network, 3e-4, tolerance=1e-12)
-    size = abs(wanted.signals.chain_displacement).max()
-    # The tolerance times some hundred coefficients.
-    error = abs(found.signals.chain_displacement - wanted.signals.chain_displacement).max()
-    assert error < 1e-9 * size
-    assert found.products > wanted.products or share == 0.99
-    assert frequency_response(network, **options, highest=1e5).gain == pytest.approx(gain, rel=1e-6)
+    top = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())[-1]
+    assert found.products <= 1.15 * np.sqrt(top) * 3e-4 / 2 + 130
+    monkeypatch.setattr(linear_system, "bound_of_spectrum", lambda _: (0.9 * top, 1))
+    for ask in (
+        lambda: propagate(with_one_stiff_contact(11, 3.0), 3e-4),
+        lambda: frequency_response(with_one_stiff_contact(11, 3.0), highest=1e5),
+    ):
+        with pytest.raises(GrowthError):
+            ask()
 
 
 def squeezed(times: float) -> Network:
