@@ -10,7 +10,6 @@ damping is `modal.modes.first_order.decay_rates`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,12 +27,9 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Complex, Floats
-from modal.tools.display import axes_of, quantity
+from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 FEW = 200
 """Degrees of freedom up to which all modes are found at once: hardly any may oscillate among many
@@ -75,13 +71,6 @@ class DampedModes:
             f"<DampedModes: {len(self.frequency)} modes from {ends}, quality "
             f"{self.quality.min():.4g} to {self.quality.max():.4g}>"
         )
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the quality factor over frequency; returns the Axes."""
-        ax = axes_of(ax)
-        ax.semilogy(self.frequency / 1e3, self.quality, ".")
-        ax.set(xlabel="frequency, kHz", ylabel="quality factor")
-        return ax
 
 
 @checked

@@ -50,11 +50,6 @@ def _lanczos(system: LinearSystem, vectors: int, each: float) -> Cost:
     return Cost(8.0 * system.size * vectors, vectors * (each + orthogonal), 0.0)
 
 
-def basis_of(count: int) -> int:
-    """About how many Lanczos vectors it takes to find `count` modes about a shift."""
-    return 4 * count + 100
-
-
 def near_a_shift(system: LinearSystem, count: int) -> Cost:
     """The cost of finding `count` modes about shifts.
 
@@ -64,7 +59,8 @@ def near_a_shift(system: LinearSystem, count: int) -> Cost:
     most = system.limits.slice
     slices = 1 if count <= most else int(np.ceil(count / (0.7 * most)))
     factor, counting = factorisation(system), factorisation(system, counting=True)
-    search = _lanczos(system, basis_of(-(-count // slices)), factor.each)
+    # About four vectors for each mode, and a hundred.
+    search = _lanczos(system, 4 * -(-count // slices) + 100, factor.each)
     operations = factor.operations + counting.operations + search.operations
     return Cost(max(factor.bytes + search.bytes, counting.bytes), slices * operations, 0.0)
 

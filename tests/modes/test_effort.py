@@ -1,9 +1,7 @@
 """Estimates of what a search will take against what was measured, and refusals by them."""
 
 import csv
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from places import ROOT
 
@@ -12,7 +10,6 @@ from modal.__main__ import main
 from modal.modes import effort
 from modal.modes.counts import count_below
 from modal.modes.eigenmodes import highest_modes
-from modal.modes.lowest import lowest_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.packing.tiling import repeat
@@ -58,17 +55,6 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
     for cost, seconds, megabytes in compared:
         assert 1 / 2.5 < cost.operations / effort.RATE / seconds < 2.5
         assert 1 / 2.5 < cost.bytes / (1e6 * megabytes) < 2.5
-
-
-@pytest.mark.parametrize("count", [10, 120])
-def test_vectors_of_a_search(count):
-    """A crystal whose stiffnesses differ, lowest modes: solves as the file says."""
-    crystal = gallery.fcc(cells=(3, 3, 40))
-    factor = 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts)
-    network = replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
-    found = lowest_modes(LinearSystem.of(network, shapes=False), count)
-    solves = int(found.attributes["solver"].split()[-2])
-    assert 1 / 2 < effort.basis_of(count) / solves < 2
 
 
 @pytest.mark.parametrize(

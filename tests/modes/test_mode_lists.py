@@ -8,7 +8,6 @@ import pytest
 
 from modal.__main__ import main
 from modal.modes import dense
-from modal.modes import eigenmodes as modes
 from modal.modes import lowest as intervals
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import (
@@ -142,18 +141,6 @@ def test_chi_of_shapes_is_chi_z_but_for_the_pairs_of_a_crystal():
     wave = (both[:, :, 2] / both[:, :, :3].sum(axis=2)).mean(axis=1)
     assert len(first) > 80 and wave == pytest.approx(found.chi_z[first], abs=1e-6)
     assert apart[first].max() > 0.1
-
-
-@pytest.mark.parametrize("network", [gallery.fcc(cells=(3, 3, 4)), crystal_without_symmetry(5)])
-def test_without_a_file_no_shapes_are_made(network):
-    system = LinearSystem.of(network, shapes=False)
-    for found in (
-        dense.all_modes(system),
-        intervals.lowest_modes(system, 3),
-        modes.highest_modes(system, 3),
-        intervals.modes_between(system, 1e3, 1e4),
-    ):
-        assert found.mode_shape is None
 
 
 def test_a_subset_leaves_the_whole_as_it_was():
