@@ -22,7 +22,6 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools import workload
 from modal.tools.errors import InputError
-from modal.waves import chebyshev
 from modal.waves.oscillator import oscillation
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
