@@ -32,7 +32,9 @@ def observables(
     count, n, dof = len(square), system.network.n_particles, system.dof
     shape = np.zeros((count, n, 6), unit.dtype)
     shape[:, :, :dof] = system.root.over(unit).T.reshape(count, n, dof)
-    misfit = system.operator.apply(unit) - unit * square
+    # Real and imaginary parts lie beside each other, as columns.
+    moved = system.operator.apply(unit.view(float)).view(unit.dtype)
+    misfit = moved - unit * square
     floor = max(system.resolution, np.finfo(float).tiny)
     residual = np.linalg.norm(misfit, axis=0) / np.maximum(np.abs(square), floor)
     along = np.full(count, np.nan) if chain is None else chi_z(shape, chain)
