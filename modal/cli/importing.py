@@ -25,12 +25,12 @@ read_product = read_network
 
 
 def run(options: Given) -> Result:
-    """Read the packing, write the network, and say what was found and assumed."""
+    """Read the packing, write the network, and say what was found."""
     if not options.output.endswith(".network.h5"):
         raise InputError(f"-o {options.output}: a network's name ends in .network.h5")
     found = import_packing(options.file, **chosen(options, *OF_PROGRAMS))
     told = summary_of(found)
     write_network(options.output, replace(found.network, provenance=options.made.attributes()))
-    for remark in found.remarks:
+    for remark in told["remarks"]:
         say(f"{options.file}: {remark}")
-    return told | {"remarks": found.remarks}
+    return told

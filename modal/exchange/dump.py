@@ -19,7 +19,7 @@ from modal.exchange.input_script import Script
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
 from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, last_step, open_bytes, significant_digits
+from modal.exchange.rows import Rows, fault, last_step, open_bytes, shown, significant_digits
 from modal.exchange.words import Words
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
@@ -53,7 +53,7 @@ class Frame:
     periodic: Bools
     rows: Rows
     rounding: float
-    units: str = ""
+    units: str
 
 
 def of_liggghts(file: File) -> bool:
@@ -68,45 +68,40 @@ def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
     InputError where a dump has several times and `step` chooses none of them.
     """
     frames = _frames(Path(path), kind)
+    if not frames:
+        fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
+    if step is None and len(frames) == 1:
+        return frames[0]
     steps = [frame.step for frame in frames]
-    some = ", ".join(map(str, steps[:SEVERAL])) + ", ..." * (len(steps) > SEVERAL)
-    if step is None and len(frames) > 1:
-        do = f"choose one with --step, such as --step {steps[-1]}"
-        fault(path, f"it has {len(frames)} times ({some})", do)
-    for frame in reversed(frames):
-        if step is None or frame.step == step:
-            return frame
-    fault(path, f"it has no step {step}, but {some}", "dump both files at one step, or --step")
+    if step not in steps:
+        some = ", ".join(map(str, steps[:SEVERAL])) + ", ..." * (len(steps) > SEVERAL)
+        what = f"it has {len(steps)} times ({some})" + f", but no step {step}" * (step is not None)
+        fault(path, what, f"dump both files at one step, chosen with --step, such as {steps[-1]}")
+    return frames[len(steps) - 1 - steps[::-1].index(step)]
 
 
 def _frames(path: Path, kind: str) -> list[Frame]:
     """All times of a dump, whose rows are passed over."""
     frames, said = list[Frame](), dict[str, list[list[str]]]()
     with open_bytes(path) as file:
+        lines = (line.decode("utf-8", "replace") for line in iter(file.readline, b""))
         number = 0
-        while line := file.readline().decode("utf-8", "replace"):
+        for line in lines:
             number += 1
             item, *title = line.split() or [""]
-            if not item:
-                continue
-            if item != "ITEM:":
-                what = f"{line.strip()[:40]!r} where ITEM: should stand"
+            if item and (item != "ITEM:" or not title):
+                what = f"{shown(line.strip())} where ITEM: and its name should stand"
                 fault(path, what, "give a text dump, style custom or local", number)
-            if not title:
-                fault(path, "ITEM: without a name", "write the dump anew", number)
-            if title[0] not in ITEMS:
-                size = 3 if title[0] == "BOX" else 1
-                values = [file.readline().decode("utf-8", "replace").split() for _ in range(size)]
-                said[title[0]] = [title, *values]
-                number += size
-                continue
-            if title[0] != kind:
-                what = f"ITEM: {title[0]} where {ITEMS[kind]} belong"
-                fault(path, what, "give the files in the other order", number)
-            frames.append(_frame(path, said, title[1:], file.tell(), number))
-            number += sum(1 for _ in itertools.islice(file, frames[-1].rows.count))
-    if not frames:
-        fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
+            elif item and title[0] in ITEMS:
+                if title[0] != kind:
+                    what = f"ITEM: {title[0]} where {ITEMS[kind]} belong"
+                    fault(path, what, "give the files in the other order", number)
+                frames.append(_frame(path, said, title[1:], file.tell(), number))
+                number += sum(1 for _ in itertools.islice(file, frames[-1].rows.count))
+            elif item:
+                values = list(itertools.islice(lines, 3 if title[0] == "BOX" else 1))
+                said[title[0]] = [title, *map(str.split, values)]
+                number += len(values)
     return frames
 
 
@@ -114,52 +109,49 @@ def _frame(
     path: Path, said: dict[str, list[list[str]]], columns: list[str], offset: int, line: int
 ) -> Frame:
     """One time, of what was `said` behind each ITEM before its rows: the title, then the lines."""
-    if not said.keys() >= {"TIMESTEP", "NUMBER", "BOX"}:
-        fault(path, "no TIMESTEP, NUMBER OF or BOX BOUNDS before it", "write the dump anew", line)
-    title, *bounds = said["BOX"]
     try:
+        title, *bounds = said["BOX"]
         box = np.array([row[:2] for row in bounds], float)
-        tilted = any(float(row[2]) for row in bounds if "xy" in title)
+        tilted = any(float(row[2]) for row in bounds if "xy" in title) or "abc" in title
         step, count = (int(said[name][1][0]) for name in ("TIMESTEP", "NUMBER"))
-    except (ValueError, IndexError) as error:
-        what = f"a header that is no number: {str(error)[:80]}"
-        fault(path, what, "write the dump anew", line)
-    if tilted or "abc" in title:
+        known = tilted or np.isfinite(box).all() and box.shape == (3, 2) and len(title) > 4
+    except (KeyError, ValueError, IndexError):
+        known = False
+    if not known or count < 0:
+        what = "no TIMESTEP, NUMBER OF and BOX BOUNDS before it, or these are none"
+        fault(path, what, "write the dump anew, with pp or ff for each axis of the box", line)
+    if tilted:
         what = "the cell is triclinic (its periods are at angles)"
         fault(path, what, "only rectangular cells are known; compress without shear", line)
-    if box.shape != (3, 2) or not np.isfinite(box).all() or count < 0:
-        fault(path, "BOX BOUNDS or NUMBER OF that are none", "write the dump anew", line)
-    if len(title) < 5:
-        what = "BOX BOUNDS does not say which axes are periodic"
-        fault(path, what, "add pp or ff for each axis behind BOX BOUNDS", line)
     periodic = np.array([word.startswith("p") for word in title[-3:]])
     digits = significant_digits([word for row in bounds for word in row[:2]])
-    rounded = periodic.any() and digits in ROUNDED
+    rounding = last_step(box, digits) if periodic.any() and digits in ROUNDED else 0.0
     rows = Rows(path, tuple(columns), offset, line + 1, count)
     units = " ".join(*said.get("UNITS", [[], []])[1:])
-    step_of_bounds = last_step(box, digits) if rounded else 0.0
-    return Frame(step, box[:, 0], box[:, 1], periodic, rows, step_of_bounds, units)
+    return Frame(step, box[:, 0], box[:, 1], periodic, rows, rounding, units)
 
 
-def opened(path: Path, given: Mapping[str, Any], script: Script) -> tuple[Frame, Units, list[str]]:
-    """The frame of a dump of spheres, its units, and what is assumed of these.
+def opened(path: Path, given: Mapping[str, Any], script: Script) -> tuple[Frame, Units]:
+    """The frame of a dump of spheres, and its units.
 
-    The units are those that are typed, or of the name that log and dump give them, or si.
-    InputError where two differ, and for lj, which has no SI.
+    These are those that are typed, or of the name that log and dump give them, or si. InputError
+    where two differ, and for lj, which has no SI.
     """
     frame = frame_of(path, "ATOMS", given.get("step"))
     typed, dumped, logged = Units.typed(given.get("scales")), frame.units, script.units
     if dumped and logged and dumped != logged:
-        do = "give the log of this dump" if typed is None else "leave --log out, or mend one"
-        fault(path, f"ITEM: UNITS {dumped}, and {script.said} has units {logged}", do)
+        what = f"ITEM: UNITS {dumped}, and {script.said} has units {logged}"
+        fault(path, what, "give the log of this dump")
     name = dumped or logged or "si"
     if typed is None and name not in UNITS:
         do = "give those of length, mass and time with --scales M KG S"
         fault(path if dumped else script.said, f"units {name} have no SI values here", do)
-    if typed and dumped and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
+    if typed and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
         what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"
         fault(path, what, "leave --scales out, which other units are for")
-    return frame, typed or UNITS[name], ["units si"] * (not (typed or logged or dumped))
+    if not (typed or logged or dumped):
+        script.remarks.append("no units are told: si are taken")
+    return frame, typed or UNITS[name]
 
 
 def packing_of(
@@ -171,34 +163,27 @@ def packing_of(
     with the numbers of rigid bodies, if there are any.
     """
     rows = frame.rows
-
-    def first(*options: tuple[str, ...]) -> tuple[str, ...]:
-        found = next((names for names in options if rows.has(*names)), options[0])
-        do = f"add {' '.join(found)} to the dump: dump ... custom N FILE id type x y z radius mass"
-        rows.require(found, do)
-        return found
-
     for name in filter(rows.has, SHAPED):
         what = f"the column {name} tells of bodies that are no spheres, which are not known"
         fault(rows.path, what, "dump spheres, without it", rows.line - 1, name)
-    places = first(*(tuple(f"{axis}{kind}" for axis in "xyz") for kind in ("", "u", "s")))
-    (size,) = first(("radius",), ("diameter",))
-    (heavy,) = first(("mass",), ("rmass",), ("density",))
+
+    def either(*options: str) -> str:
+        return next((name for name in options if rows.has(name)), options[0])
+
+    places = [either(axis, f"{axis}u") for axis in "xyz"]
+    size, heavy = either("radius", "diameter"), either("mass", "rmass", "density")
     further = {"kind": "type"} if typed or rows.has("type") else {}
     further |= {"body": body} if body else {}
-    names = (*first(("id",)), *places, size, heavy, *further.values())
+    names = ("id", *places, size, heavy, *further.values())
     rows.require(names, f"add it to the dump: dump ... custom N FILE {' '.join(names)}")
     table = rows.read(*names)
     position, digits = table[:, 1:4], rows.digits(*places)
-    step = last_step(position, digits)
-    if places[0] == "xs":
-        step *= float((frame.high - frame.low).max())
-        position = frame.low + position * (frame.high - frame.low)
     radius, mass = table[:, 4] * (0.5 if size == "diameter" else 1.0), table[:, 5]
     if heavy == "density":
         mass = mass * 4 / 3 * np.pi * radius**3
     # Radii count in overlaps as positions do; those that few digits hold are exact.
     rounded = rows.digits(size) in ROUNDED
+    step = last_step(position, digits)
     coarse = max(frame.rounding, last_step(radius, rows.digits(size)) * rounded)
     if coarse > step:
         step, digits = coarse, min(digits, ROUNDED[0])
@@ -213,30 +198,29 @@ def packing_of(
 
 
 class Told(NamedTuple):
-    """Contacts of a dump: ends (m,), columns (m, k) by what they are, what was assumed."""
+    """Contacts of a dump: their rows, ends (m,), and columns (m, k) by what they are."""
 
     rows: Rows
     i: Ints
     j: Ints
     values: dict[str, Floats]
-    assumed: list[str]
 
 
 def told_contacts(
     path: str | Path,
     frame: Frame,
     packing: Packing,
-    computes: Mapping[str, Sequence[str]],
+    script: Script,
     recipes: Mapping[int, Sequence[str]],
     quantities: Mapping[str, tuple[str, ...]],
 ) -> Told:
     """What a dump tells of contacts of spheres: those `quantities` whose columns are all there.
 
-    The `ends` must be there. `frame` is that of the spheres; `computes` say what the
-    columns of each compute mean, by its ID.
+    The `ends` must be there. `frame` is that of the spheres; the computes of the log say what
+    their columns mean, by their IDs, or the recipe of so many columns.
     """
     rows = frame_of(path, "ENTRIES", frame.step).rows
-    columns, assumed = dict[str, str](), list[str]()
+    columns: dict[str, str] = {}
     groups: dict[str, dict[int, str]] = {}
     for column in rows.columns:
         indexed = re.fullmatch(r"c_(\w+)(?:\[(\d+)\])?", column)
@@ -245,19 +229,18 @@ def told_contacts(
         else:
             columns[column] = column
     for name, members in groups.items():
-        words = computes.get(name) or recipes.get(len(members))
+        words = script.computes.get(name) or recipes.get(len(members))
         if words is None:
             what = f"what the {len(members)} columns of c_{name} mean stands in a compute line"
             do = "give the log that has it (--log)"
             fault(path, what, do, rows.line - 1, next(iter(members.values())))
-        if name not in computes:
-            assumed.append(f"columns of c_{name}: {' '.join(words)}")
+        if name not in script.computes:
+            script.remarks.append(f"columns of c_{name} are taken for {' '.join(words)}")
         columns |= {words[k - 1]: column for k, column in members.items() if k <= len(words)}
     rows.require(quantities["ends"], COMPUTED, columns)
     named = {what: [columns.get(n, n) for n in names] for what, names in quantities.items()}
     values = rows.parts(named)
-    i, j = ends_of(rows, packing.number, values["ends"].T, named["ends"], walls=False)
-    return Told(rows, i, j, values, assumed)
+    return Told(rows, *ends_of(rows, packing.number, values["ends"].T, named["ends"]), values)
 
 
 def planes_said(words: Words, units: Units) -> dict[int, float]:

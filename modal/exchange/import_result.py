@@ -1,7 +1,8 @@
 """The contact network of a packing that another program tells.
 
 Overlaps come from the positions, or from the forces where these have more to tell; stiffnesses
-follow from the law. What was found and assumed is told in `ImportResult`.
+follow from the law. Where a law makes them of overlaps, positions must tell these; where a table
+tells the stiffnesses, positions only turn the normals. What was found is told in `ImportResult`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,6 @@ import numpy as np
 
 from modal.exchange.law import ProgramLaw
 from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
-from modal.exchange.precision_checks import (
-    digits_of_table,
-    refuse_drowned,
-    refuse_impossible,
-    unlisted,
-)
 from modal.formats.hdf5 import named
 from modal.packing.checks import WIDEST
 from modal.packing.network import Network
@@ -29,15 +24,19 @@ from modal.tools.errors import InputError
 BLURRED = 1e-6
 """Error of an overlap by the digits of positions, over the median overlap, from which overlaps are
 taken from the forces where these are told."""
-LIKE = 1e-3
-"""Relative difference of forces and the law's from which it is remarked on."""
+DROWNED = 1e-3
+"""The same error, where no forces are told, that is refused."""
+BLUNT = 5e-3
+"""Angle, rad, by which digits of positions turn the normals of a table, that is refused."""
+EXACT = 0.1
+"""Of the error by digits: if no overlap is larger, positions are those that few digits hold."""
 UNLIKE = 10.0
-"""Factor between told forces and those of the law, in the median contact: other units."""
+"""Factor between told forces and those of the law, in the mean contact: other units."""
 
 
 @dataclass
 class ImportResult:
-    """What an import made: the network, the law (m,) of each contact, and lines about both.
+    """What an import made: the network, the law (m,) of each contact, and what is told of both.
 
     `sought` says that contacts were sought among the positions, so that none is missing.
     """
@@ -58,28 +57,29 @@ def network_of(
     Without `contacts` these are sought; no law is needed where stiffnesses are told. `bodies` are
     what is told of the rigid ones, if there are any and their members do not tell it.
     """
-    remarks: list[str] = []
     listed = contacts or packing.touching()
     branch, shift = packing.branches(listed.i, listed.j)
     distance = np.linalg.norm(branch, axis=1)
-    kept = _kept(listed, packing, distance, remarks)
+    kept = _kept(listed, packing, distance)
     touch, branch, shift, distance = listed.some(kept), branch[kept], shift[kept], distance[kept]
     reach, effective = packing.reach(touch.i, touch.j)
     overlap = reach - distance
     error = packing.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
-    how, force, columns = "positions", touch.force, dict[str, Any]()
-    stiffness, turning, kinds = touch.stiffness, touch.turning, list[ProgramLaw]()
-    which = np.zeros(len(overlap), int)
+    how, force = "positions", touch.force
+    columns: dict[str, Any] = dict(touch.columns)
+    kinds, which = list[ProgramLaw](), np.zeros(len(overlap), int)
+    sliding = None
     if law_of is None:
-        remarks += digits_of_table(packing, error, overlap, distance)
+        if abs(overlap).max() >= EXACT * error:
+            what = "median distance of spheres that touch"
+            _refuse_few_digits(packing, error / BLUNT, distance, what, "")
     else:
         kinds, which = _kinds(touch, packing, law_of)
         law = ProgramLaw.of_contacts(kinds, which)
-        if contacts is not None:
-            remarks += unlisted(listed, packing)
         by_law = law.force(overlap, effective)
         if force is None:
-            refuse_drowned(packing, error, overlap)
+            do = ", or give the contacts with their forces"
+            _refuse_few_digits(packing, error / DROWNED, overlap, "median overlap", do)
             force = by_law
         else:
             force = np.where(np.isnan(force), by_law, force)
@@ -88,26 +88,15 @@ def network_of(
             if error > BLURRED * np.median(pushed):
                 how, overlap = "forces", np.where(force > 0, pushed, overlap)
                 _turn_to_lines(branch, touch.line)
-            else:
-                _compare_forces(touch, force, by_law, remarks)
-        stiffness = law.stiffnesses(overlap, effective)
-        if law.resists_turning:
-            turning = law.turning_stiffnesses(overlap, effective)
-            remarks.append("rolling and twisting: contacts stick, their limits are not looked at")
-        columns |= law.beyond_springs(overlap)
-        if touch.shear is not None:
-            columns["sliding"] = law.slides(force, touch.shear)
-    for names, both in ((("normal", "tangential"), stiffness), (("rolling", "twisting"), turning)):
-        if both is not None:
-            rows = np.ascontiguousarray(both.T)
-            columns |= {f"stiffness_{name}": row for name, row in zip(names, rows, strict=True)}
-    frictions = {law.friction for law in kinds}
+        columns |= law.columns(overlap, effective)
+        sliding = None if touch.shear is None else law.slides(force, touch.shear)
     told = {
         "overlap_over_error_of_digits": float(np.median(overlap) / max(error, 1e-300)),
         "overlaps_from": how,
     }
     normal = branch / np.linalg.norm(branch, axis=1)[:, None]
     radius_i, radius_j = packing.radius[touch.i], packing.radius[np.maximum(touch.j, 0)]
+    frictions = {law.friction for law in kinds}
     with named(packing.name):
         network = Network(
             position=packing.position,
@@ -123,6 +112,7 @@ def network_of(
             force_normal=force,
             force_tangential=touch.shear,
             overlap=overlap,
+            sliding=sliding,
             cell_shift=shift,
             cell_size=packing.cell.high - packing.cell.low,
             cell_periodic=packing.cell.periodic,
@@ -132,8 +122,7 @@ def network_of(
         )
         if packing.body is not None:
             network = joined(network, packing.body, bodies)
-            told["spheres_of_bodies"] = len(packing.body)
-    return ImportResult(network, kinds, which, told, remarks, bool(kinds))
+    return ImportResult(network, kinds, which, told, sought=contacts is None)
 
 
 def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
@@ -144,25 +133,47 @@ def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[Pr
     return [law_of(int(a), int(b)) for a, b in pairs], which.reshape(-1)
 
 
-def _kept(listed: Contacts, packing: Packing, distance: Floats, remarks: list[str]) -> Bools:
-    """Shape (m,): contacts of spheres that touch, and not inside a body; InputError for others.
+def _kept(listed: Contacts, packing: Packing, distance: Floats) -> Bools:
+    """Shape (m,): contacts of spheres that touch, and not inside a body.
 
-    What a table lists with a stiffness is a contact.
+    What a table lists with a stiffness is a contact. InputError, with its line, for two in one
+    place, and for a contact of bodies that lie apart.
     """
     reach, _ = packing.reach(listed.i, listed.j)
     overlap = reach - distance
     kept = np.ones(len(overlap), bool)
-    if listed.stiffness is None:
+    if not listed.columns:
         kept = overlap > 0 if listed.force is None else listed.force != 0
-    own = packing.inside_body(listed.i, listed.j)
-    refuse_impossible(listed, packing, kept & (overlap < -WIDEST * reach), distance, -overlap)
-    for left, why in ((~kept & ~own, "do not touch"), (own, "are inside rigid bodies")):
-        if listed.listed is not None and left.any():
-            remarks.append(f"{int(left.sum())} of {len(left)} listed contacts {why}: left out")
-    kept = kept & ~own
+
+    def ends(row: int) -> str:
+        one, other = (packing.number[end] for end in (listed.i[row], max(listed.j[row], 0)))
+        return f"spheres {one} and {other}" if listed.j[row] >= 0 else f"sphere {one} and the wall"
+
+    do = "mend the positions, or the numbers of the two"
+    listed.refuse(distance == 0, lambda row: f"{ends(row)} lie in one place", do, packing.name)
+    do = "write both at one step, in one unit of length, with the cell's periods and walls"
+    listed.refuse(
+        kept & (overlap < -WIDEST * reach),
+        lambda row: f"{ends(row)} do not touch, there are {-overlap[row]:.3g} m between them",
+        do,
+        packing.name,
+    )
+    kept &= ~packing.inside_body(listed.i, listed.j)
     if not kept.any():
         raise InputError(f"{packing.name}: no two spheres touch; dump a packing under stress")
     return kept
+
+
+def _refuse_few_digits(packing: Packing, least: float, size: Floats, what: str, do: str) -> None:
+    """InputError where the median `size`, m, is below the `least` that positions tell."""
+    median = float(np.median(size))
+    if least > median:
+        needed = np.log10(abs(packing.position).max() * least / packing.step / median)
+        raise InputError(
+            f"{packing.name}: positions have {packing.digits} digits, or the cell's bounds, steps "
+            f"of {packing.step:.0e} m, where the {what} is {median:.1e} m; write "
+            f"{int(np.ceil(needed)) + 1} digits or more (17 are all){do}"
+        )
 
 
 def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
@@ -184,14 +195,3 @@ def _turn_to_lines(branch: Floats, line: Floats | None) -> None:
     way = np.sign((line * branch).sum(axis=1))[told] / size[told]
     length = np.linalg.norm(branch, axis=1)[told]
     branch[told] = (way * length)[:, None] * line[told]
-
-
-def _compare_forces(contacts: Contacts, force: Floats, by_law: Floats, remarks: list[str]) -> None:
-    """Remark on told forces that are not the law's, apart for spheres and for walls."""
-    ratio = force / np.where(by_law > 0, by_law, np.inf)
-    for where, chosen in (("between spheres", contacts.j >= 0), ("at walls", contacts.j < 0)):
-        if chosen.any() and np.percentile(abs(ratio[chosen] - 1), 95) > LIKE:
-            remarks.append(
-                f"forces {where} are {np.median(ratio[chosen]):.5g} of the law's in the median "
-                "contact: damping of a packing that moves, or another law?"
-            )

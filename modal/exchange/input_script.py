@@ -8,7 +8,7 @@ as in a script that never ran, the value is not known.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -36,13 +36,12 @@ PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 
 @dataclass
 class Script:
-    """What counts of the commands, and the printed stresses by step.
+    """What counts of the commands.
 
     `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
     its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
-    walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials;
-    `changed` is the last step that was printed before the law or a wall changed, `since` are those
-    printed after it.
+    walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials.
+    `remarks` are what is taken where nothing tells it.
     """
 
     said: str = "--pair"
@@ -51,49 +50,25 @@ class Script:
     pair: list[tuple[str, ...]] = field(default_factory=list)
     walls: dict[str, tuple[str, ...]] = field(default_factory=dict)
     bodies: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    computes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    computes: dict[str, Sequence[str]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
     properties: dict[str, list[float]] = field(default_factory=dict)
-    thermo: dict[int, dict[str, str]] = field(default_factory=dict)
-    changed: int = -1
-    since: set[int] = field(default_factory=set)
-
-    def remark_on_changes(self, step: int) -> list[str]:
-        """A remark where the law or the walls of the log's end are not those of this step."""
-        if step > self.changed or step in self.since:
-            return []
-        return [
-            f"{self.said} changes the law or the walls after step {step}: those of its end are "
-            "taken; type what held (--pair, --wall), or cut the log off there"
-        ]
+    remarks: list[str] = field(default_factory=list)
 
 
 def read_log(path: str | Path | None, units: str) -> Script:
-    """The commands of a log that count at its end, and its printed stresses by step.
+    """The commands of a log that count at its end.
 
     `units` are the program's where the log names none. Without a log nothing is known.
     """
     if path is None:
         return Script()
     script = Script(str(path), units)
-    names: list[str] = []
-    last = -1
     for number, words in _lines(path):
-        if words[0] == "Step":
-            names = [word.lower() for word in words]
-        elif names and len(words) == len(names) and re.fullmatch(r"\d+", words[0]):
-            last = int(words[0])
-            printed = dict(zip(names, words, strict=True))
-            script.thermo[last] = script.thermo.get(last, {}) | printed
-            script.since.add(last)
-        elif words == ["clear"]:
-            script = Script(str(path), units, thermo=script.thermo, changed=last)
-        else:
-            before = script.style, list(script.pair), dict(script.walls)
-            _command(script, words, f"{path}, line {number}")
-            if before != (script.style, script.pair, script.walls):
-                script.changed, script.since = last, set()
+        if words == ["clear"]:
+            script = Script(str(path), units)
+        _command(script, words, f"{path}, line {number}")
     for why in script.refused.values():
         raise InputError(why)
     return script

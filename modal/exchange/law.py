@@ -94,6 +94,17 @@ class ProgramLaw:
     def __post_init__(self) -> None:
         object.__setattr__(self, "tangential", self.tangential * (self.friction != 0))
 
+    def __str__(self) -> str:
+        along = "Pa (Hertz)" if self.hertz else "N/m"
+        across = "Pa times the circle's radius" if self.grows else "N/m"
+        turning = f"; rolling {self.rolling:.6g} N/m, twisting {self.twisting:.6g} N m/rad"
+        turning += f" and {self.marshall:g} of the tangential one times the circle's area / pi"
+        return (
+            f"normal {self.normal:.6g} {along}; tangential {self.tangential:.6g} {across}; "
+            f"friction {self.friction:g}; keeps the shear {self.keeps}; arms: {self.moves} "
+            f"(motion), {self.turns} (torque)"
+        ) + turning * bool(self.rolling or self.twisting or self.marshall)
+
     @classmethod
     def of_contacts(cls, kinds: Sequence[ProgramLaw], which: Ints) -> ProgramLaw:
         """The law of each contact, of these `kinds` the one with the number in `which` (m,)."""
@@ -115,36 +126,27 @@ class ProgramLaw:
         push = np.maximum(force, 0) / self.normal
         return np.where(self.hertz, (push / np.sqrt(effective_radius)) ** (2 / 3), push)
 
-    def stiffnesses(self, overlap: Floats, effective_radius: Floats) -> Floats:
-        """Shape (m, 2), N/m: normal and tangential tangent stiffnesses."""
-        radius = np.sqrt(effective_radius * np.maximum(overlap, 0))
-        along = np.where(self.hertz, 1.5 * self.normal * radius, self.normal)
-        return np.column_stack([along, self.tangential * np.where(self.grows, radius, 1.0)])
+    def columns(self, overlap: Floats, effective_radius: Floats) -> dict[str, Floats]:
+        """What a network has of each contact (m,): its stiffnesses, and what no spring does.
 
-    @property
-    def resists_turning(self) -> bool:
-        """Whether a contact resists rolling or twisting."""
-        stiffest = np.maximum(self.rolling, self.twisting), self.marshall * self.tangential
-        return bool(np.any(np.maximum(*stiffest) > 0))
-
-    def turning_stiffnesses(self, overlap: Floats, effective_radius: Floats) -> Floats:
-        """Shape (m, 2), N m/rad: rolling and twisting stiffnesses."""
-        circle = effective_radius * np.maximum(overlap, 0)
-        twisting = self.twisting + self.marshall * self.tangential * circle
-        return np.column_stack([self.rolling * effective_radius**2, twisting])
-
-    @property
-    def shear_grows(self) -> Bools:
-        """Whether a shear force grows with the circle of contact, of the same displacement."""
-        return self.grows & np.isin(self.keeps, (DISPLACEMENT, ONE_SIDED))
-
-    def beyond_springs(self, overlap: Floats) -> dict[str, Floats]:
-        """What it does otherwise than springs, as a network tells it of each contact (m,)."""
-        return {
-            "shear_growth": np.where(self.shear_grows, 0.5 / overlap, 0.0),
+        Rolling and twisting are left out where no contact resists them.
+        """
+        area = effective_radius * np.maximum(overlap, 0)
+        circle = np.sqrt(area)
+        grows = self.grows & (np.asarray(self.keeps) != FORCE)
+        springs = {
+            "stiffness_normal": np.where(self.hertz, 1.5 * self.normal * circle, self.normal),
+            "stiffness_tangential": self.tangential * np.where(self.grows, circle, 1.0),
+            "shear_growth": np.where(grows, 0.5 / overlap, 0.0),
             "motion_shortening": 0.5 * (np.asarray(self.moves) == MIDDLE),
             "torque_shortening": 0.5 * (np.asarray(self.turns) == MIDDLE),
         }
+        turning: dict[str, Floats] = {
+            "stiffness_rolling": self.rolling * effective_radius**2,
+            "stiffness_twisting": self.twisting + self.marshall * self.tangential * area,
+        }
+        resists = any(stiffness.any() for stiffness in turning.values())
+        return springs | turning if resists else springs
 
     def slides(self, force: Floats, shear: Floats) -> Bools:
         """Shape (m,): contacts at their limit; without friction there is no spring to slip."""

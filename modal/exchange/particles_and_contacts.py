@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -179,27 +179,26 @@ class Contacts:
     """m contacts: i and j (m,), indices or a wall's code; j's image is the nearest one.
 
     `force` (m,), compression positive, and `shear` (m, 3) on i, N, or None where not told, and a
-    force NaN that follows from the law; `stiffness` (m, 2) the normal and tangential ones, N/m, of
-    a table that has them, so that no law is asked, and `turning` (m, 2) the rolling and twisting
-    ones, N m/rad; `line` (m, 3) vectors along the normals, either way, where they are told better
-    than by rounded positions. `listed` are the rows of the file that tells of the first of them,
-    for messages.
+    force NaN that follows from the law; `line` (m, 3) vectors along the normals, either way, where
+    they are told better than by rounded positions. `columns` (m,) are what a network has of the
+    contacts of a table, with their stiffnesses, so that no law is asked. `listed` are the rows of
+    the file that tells of the first of them, for messages.
     """
 
     i: Ints
     j: Ints
     force: Floats | None = None
     shear: Floats | None = None
-    stiffness: Floats | None = None
-    turning: Floats | None = None
     line: Floats | None = None
+    columns: Mapping[str, Floats] = field(default_factory=dict)
     listed: Rows | None = None
 
     def some(self, kept: Bools) -> Contacts:
         """Those that are `kept` (m,), in their order."""
-        columns = {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
-        cut: dict[str, Any] = {name: x[kept] for name, x in columns.items()}
-        return Contacts(**cut)
+        own: dict[str, Any] = {
+            name: data[kept] for name, data in vars(self).items() if isinstance(data, np.ndarray)
+        }
+        return Contacts(columns={name: x[kept] for name, x in self.columns.items()}, **own)
 
     def with_walls(self, i: Ints, j: Ints, force: Floats, shear: Floats | None) -> Contacts:
         """These, then contacts with walls; no shear forces where those at the walls are absent."""
@@ -226,16 +225,10 @@ LawOf = Callable[[int, int], ProgramLaw]
 """The law between two kinds of spheres; between a kind and a wall, whose code is negative."""
 
 
-def pair_keys(i: Ints, j: Ints, n: int) -> Ints:
-    """Shape (m,): one number for each pair of n spheres, and for each sphere with a wall."""
-    low, high = np.minimum(i, j).astype(np.int64), np.maximum(i, j)
-    return (low - min(WALLS)) * (n - min(WALLS)) + high
-
-
 def ends_of(
-    rows: Rows, number: Ints, ids: Sequence[Floats] | Floats, columns: Sequence[str], walls: bool
+    rows: Rows, number: Ints, ids: Floats, columns: Sequence[str], codes: Sequence[int] = ()
 ) -> tuple[Ints, Ints]:
-    """Indices (m,) of the two spheres of each row by their numbers; with `walls` codes in j, too.
+    """Indices (m,) of the two spheres of each row by their numbers; j may be one of `codes`.
 
     InputError, with its line, for a number that no sphere has, and for a pair that stands twice.
     """
@@ -249,9 +242,11 @@ def ends_of(
         rows.refuse(lost, lambda k: f"sphere {whole[k]} is not among the spheres", do, column)
         return np.where(wall, whole, place).astype(np.int32)
 
-    i, j = map(end, columns, ids, ((), WALLS if walls else ()))
+    i, j = map(end, columns, ids, ((), codes))
     if len(i) == 0:
         fault(rows.path, "no two spheres touch in it", "dump a packing under stress", rows.line)
-    again, keys = "list each contact once", pair_keys(i, j, len(number))
+    low, high = np.minimum(i, j).astype(np.int64), np.maximum(i, j)
+    keys = low * (len(number) - min(WALLS)) + high
+    again = "list each contact once"
     rows.rising(keys, lambda row: f"the contact of line {rows.line + row} again", again)
     return i, j

@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -96,13 +96,10 @@ def program_of(file: File) -> Program:
 
 
 def all_options() -> dict[str, Option]:
-    """The options of all programs by name; where several have one, their texts in turn."""
+    """The options of all programs by name; where several have one, it is that of the first."""
     options: dict[str, Option] = {}
     for asked in all_programs():
-        for name, option in asked.OPTIONS.items():
-            had = options.get(name, option)
-            text = had.text if option.text in had.text else f"{had.text}; {option.text}"
-            options[name] = replace(had, text=text)
+        options = dict(asked.OPTIONS) | options
     return options
 
 

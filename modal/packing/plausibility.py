@@ -133,17 +133,18 @@ def _of_places(network: Network) -> Remarks:
 def _overlapping(network: Network, depth: float) -> int:
     """Number of places where spheres, or a sphere and a wall, overlap by more than `depth`, m.
 
-    Only for cells that are periodic along x and y and not along z, and for radii whose largest is
-    at most `SIMILAR` times the smallest; 0 for all others.
+    Only for cells that are periodic along x and y, and for radii whose largest is at most `SIMILAR`
+    times the smallest; 0 for all others.
     """
-    radius, position = network.radius, network.position.copy()
-    periodic, side = network.cell_periodic, network.cell_size[:2]
-    if radius.max() > SIMILAR * radius.min() or not (periodic[:2].all() and not periodic[2]):
+    radius, periodic, walls = network.radius, network.cell_periodic, network.wall_position
+    if radius.max() > SIMILAR * radius.min() or not periodic[:2].all():
         return 0
-    position[:, :2] %= side
-    found = touching(position, side, network.wall_position, radius)
-    walls = network.length > 0
-    return int(((found.overlap > depth) & (walls | (found.particle_j >= 0))).sum())
+    side = network.cell_size[: 2 + periodic[2]]
+    position = network.position - np.where(periodic, [0, 0, walls[0]], 0.0)
+    position[:, : len(side)] %= side
+    found = touching(position, side, None if periodic[2] else walls, radius)
+    counted = (network.length > 0) | (found.particle_j >= 0)
+    return int(((found.overlap > depth) & counted).sum())
 
 
 def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:

@@ -38,7 +38,7 @@ from modal.tools.errors import InputError
 
 NAME = "LAMMPS"
 OPTIONS = {
-    "contacts": Option("dump local"),
+    "contacts": Option("of the spheres: dump local, or *.csv"),
     "log": Option("the log: units, law, walls, columns"),
     "pair": Option("the contact law as it stands behind pair_style", "LINE"),
     "wall": Option("the walls as they stand behind fix ... wall/gran", "LINE"),
@@ -46,7 +46,6 @@ OPTIONS = {
     "scales": Option("the file's units of length, mass and time in SI", ("M", "KG", "S"), float),
     "bodies": Option("masses and tensors of fix rigid, as write_restart writes them (*.rigid)"),
 }
-STRESS = ("pxx", "pyy", "pzz")
 BODY, OF_A_BODY = "a rigid body (number, mass, centre, ixx iyy izz ixy ixz iyz ...)", 11
 """What a row of fix rigid tells, and how many of its numbers count."""
 RECIPE = {
@@ -84,7 +83,7 @@ def sniff(file: File) -> bool:
 
 def read(path: Path, **given: Any) -> ImportResult:
     """A packing of LAMMPS."""
-    contacts, log, pair, wall, bodies = map(
+    contacts, log, pair, wall, told_bodies = map(
         given.get, ("contacts", "log", "pair", "wall", "bodies")
     )
     # LAMMPS' own units, where a log names none, are lj.
@@ -100,26 +99,25 @@ def read(path: Path, **given: Any) -> ImportResult:
             f"{path}: no law of contact is known; `import` it with the log (--log log.lammps) or "
             'the line (--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3")'
         )
-    frame, units, assumed = opened(path, given, script)
+    frame, units = opened(path, given, script)
     of_pairs, walls = law_of_pairs(script, units), walls_of(script, units)
 
     def law_of(a: int, b: int) -> ProgramLaw:
         return of_pairs(a, b) if a >= 0 else walls[a].law
 
-    if bodies and not script.bodies:
+    if told_bodies and not script.bodies:
         raise InputError("--bodies: no fix rigid is known; give the log that has it (--log)")
     if frame.rows.has("mol") and not log:
         do = "give the log (--log), which says so, or leave mol out of the dump"
         raise InputError(f"{path}: spheres of one mol may be one rigid body or bonded; {do}")
-    body, rigid = column_of_bodies(script, bodies is not None)
+    body = column_of_bodies(script, told_bodies is not None)
     planes = {code: each.z for code, each in walls.items()}
     typed = len({tuple(words) for _, _, *words in script.pair}) > 1
     packing = packing_of(frame, units, planes, typed=typed, body=body)
-    if packing.body is not None:
-        assumed += [f"spheres of one {body} are a rigid body (fix {rigid}), 0 is none"]
-        if script.groups[rigid] == "all" and (packing.body < 1).any():
-            do = "make single spheres no part of its group"
-            raise InputError(f"{path}: a {body} of 0, which is one more body to fix rigid; {do}")
+    of_all = any(script.groups[name] == "all" for name in script.bodies)
+    if packing.body is not None and of_all and (packing.body < 1).any():
+        do = "make single spheres no part of its group"
+        raise InputError(f"{path}: a {body} of 0, which is one more body to fix rigid; {do}")
     for name in script.walls:
         group = script.groups.get(name, "all")
         if contacts is None and wall is None and group != "all":
@@ -127,20 +125,17 @@ def read(path: Path, **given: Any) -> ImportResult:
             raise InputError(f"{log}: fix {name} pushes the group {group} alone; {do}")
     touching = None
     if contacts is not None:
-        told = told_contacts(contacts, frame, packing, script.computes, RECIPE, QUANTITIES)
+        told = told_contacts(contacts, frame, packing, script, RECIPE, QUANTITIES)
         told.rows.require(("force",), COMPUTED, told.values)
         force, shear = units.force * told.values["force"][:, 0], told.values.get("shear")
         shear = None if shear is None else units.force * shear
-        line, assumed = told.values.get("line"), assumed + told.assumed
+        line = told.values.get("line")
         touching = Contacts(told.i, told.j, force, shear, line=line, listed=told.rows)
         if walls:
             touching = touching.with_walls(*at_walls(frame, packing, units, walls, fixes))
-    found = network_of(packing, touching, law_of, read_bodies(bodies, units) if bodies else None)
-    found.told["assumed"] = assumed
-    found.remarks += script.remark_on_changes(frame.step)
-    printed = script.thermo.get(frame.step, {}) if log else {}
-    if all(name in printed for name in STRESS):
-        found.told["printed_stress_pa"] = [units.pressure * float(printed[name]) for name in STRESS]
+    bodies = read_bodies(told_bodies, units) if told_bodies else None
+    found = network_of(packing, touching, law_of, bodies)
+    found.remarks += script.remarks
     return found
 
 
@@ -176,15 +171,17 @@ def at_walls(
     `fixes` are the IDs of the log's walls. A dump that has none of them is older than the log's
     end, or their IDs are not known: then all columns f_ID[1] to f_ID[4] count.
     """
+
+    def columns(name: str) -> list[str]:
+        return [f"f_{name}[{k}]" for k in (1, 2, 3, 4)]
+
     rows, parts = frame.rows, []
     order = np.argsort(rows.read("id")[:, 0], kind="stable")
-    others = re.findall(r"f_(\w+)\[1\]", " ".join(rows.columns))
-    columns = {name: [f"f_{name}[{k}]" for k in (1, 2, 3, 4)] for name in (*fixes, *others, "ID")}
-    there = [name for name, each in columns.items() if rows.has(*each)]
-    for name in fixes if set(fixes) & set(there) else there or ["ID"]:
-        each = columns[name]
-        do = f"write fix {name} ... wall/gran ... contacts and dump {' '.join(each)}"
-        rows.require(each, do)
+    begun = re.findall(r"f_(\w+)\[1\]", " ".join(rows.columns))
+    there = [name for name in begun if rows.has(*columns(name))]
+    for name in fixes if set(fixes) & set(there) else there or fixes or ["ID"]:
+        each = columns(name)
+        rows.require(each, f"write fix {name} ... wall/gran ... contacts and dump {' '.join(each)}")
         table = rows.read(*each)
         do = "leave columns of other fixes out, or give the log that names the walls (--log)"
         wrong = ~np.isin(table[:, 0], (0, 1))
@@ -203,34 +200,30 @@ def at_walls(
     return at.astype(np.int32), code.astype(np.int32), push, rub
 
 
-def column_of_bodies(script: Script, told: bool) -> tuple[str, str]:
-    """The column of the dump that numbers the rigid bodies, and the ID of their fix; or none.
+def column_of_bodies(script: Script, told: bool) -> str:
+    """The column of the dump that numbers the rigid bodies, or none.
 
     `told` says that their masses are in a file of their own.
     """
-    if not script.bodies:
-        return "", ""
     if len(script.bodies) > 1:
         do = "give all bodies one fix and one column"
         raise InputError(f"{script.said}: several fix rigid; {do}")
-    ((name, words),) = script.bodies.items()
-    fix = f"{script.said}: fix {name} rigid"
-    match words:
-        case ["molecule", *_]:
-            column = "mol"
-        case ["custom", column, *_] if column.startswith("i_"):
-            pass
-        case _:
+    column = ""
+    for name, words in script.bodies.items():
+        which, given = (*words, "", "")[:2]
+        by_number = which == "custom" and given.startswith("i_")
+        column = "mol" if which == "molecule" else given
+        if not (which == "molecule" or by_number):
             raise InputError(
-                f"{fix} {' '.join(words[:1])}: which spheres are one body is not in a dump; make "
-                "it rigid molecule, or custom i_NAME, and dump mol or i_NAME"
+                f"{script.said}: fix {name} rigid {which}: which spheres are one body is not in a "
+                "dump; make it rigid molecule, or custom i_NAME, and dump mol or i_NAME"
             )
-    if "infile" in words and not told:
-        raise InputError(
-            f"{fix} has masses of its own (infile); give those of this step, as write_restart "
-            "writes them (--bodies FILE.rigid)"
-        )
-    return column, name
+        if "infile" in words and not told:
+            raise InputError(
+                f"{script.said}: fix {name} rigid has masses of its own (infile); give those of "
+                "this step, as write_restart writes them (--bodies FILE.rigid)"
+            )
+    return column
 
 
 def read_bodies(path: str | Path, units: Units) -> Bodies:

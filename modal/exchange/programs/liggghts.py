@@ -15,7 +15,6 @@ import numpy as np
 
 from modal.exchange.dump import (
     COMPUTED,
-    ROUNDED,
     Told,
     of_liggghts,
     opened,
@@ -65,34 +64,29 @@ def read(path: Path, **given: Any) -> ImportResult:
     if script.bodies:
         what = f"{script.said}: fix rigid: clumps of LIGGGHTS are not known"
         raise InputError(f"{what}; leave it out")
-    frame, units, assumed = opened(path, given, script)
+    frame, units = opened(path, given, script)
     planes, of_wall = walls_of(given.get("wall"), script, units)
     law_of = law_of_types(script, units, of_wall)
     typed = any(len(values) > 1 for values in script.properties.values())
     packing = packing_of(frame, units, planes, typed=typed)
-    touching, remarks = None, script.remark_on_changes(frame.step)
+    touching = None
     if contacts is not None:
-        asked = {name: _columns(words or UNASKED) for name, words in script.computes.items()}
-        told = told_contacts(contacts, frame, packing, asked, RECIPES, QUANTITIES)
-        touching, assumed = _contacts(told, packing, units), assumed + told.assumed
+        script.computes = {
+            name: _columns(said or UNASKED) for name, said in script.computes.items()
+        }
+        told = told_contacts(contacts, frame, packing, script, RECIPES, QUANTITIES)
+        touching = _contacts(told, packing, units)
         if planes:  # found from positions: the forces there are not told
             found = packing.touching()
             found = found.some(found.j < 0)
             unknown = np.full(len(found.i), np.nan)
             touching = touching.with_walls(found.i, found.j, unknown, None)
-            remarks += ["shear forces at the walls are not told: all shear forces are left out"]
-        if frame.rounding:
-            remarks += [
-                f"the cell's bounds have {ROUNDED[0]} digits: overlaps and normals are taken from "
-                "forces; bounds that few digits hold (fix deform ... final) are exact"
-            ]
     imported = network_of(packing, touching, law_of)
-    imported.remarks += remarks
-    imported.told["assumed"] = assumed + [
-        f"the {name} wall is of the material of the sphere that touches it (say {TYPED_WALL})"
-        for code, name in zip(WALLS, ("lower", "upper"), strict=True)
-        if code not in of_wall and (imported.network.particle_j == code).any()
-    ]
+    at_walls = set(imported.network.particle_j.tolist()) & set(planes)
+    if at_walls - set(of_wall):
+        what = f"walls are taken to be of the material of each sphere (else say {TYPED_WALL})"
+        script.remarks.append(what)
+    imported.remarks += script.remarks
     return imported
 
 

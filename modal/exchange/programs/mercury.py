@@ -70,7 +70,8 @@ class Restart:
 
     def numbers(self, section: str, name: str, count: int = 3) -> Floats:
         """Shape (n, count): the numbers behind a name in each line of a section."""
-        return np.array([line.numbers(name, count) for line in self.sections[section]])
+        rows = [line.numbers(name, count) for line in self.sections[section]]
+        return np.array(rows).reshape(-1, count)
 
 
 def sniff(file: File) -> bool:
@@ -241,7 +242,7 @@ def _contacts(file: Restart, packing: Packing, codes: dict[int, int]) -> Contact
             line.refuse(f"a contact with wall {ends[row, 1]:.0f}", ALONE)
         if wall:
             ends[row, 1] = codes[int(ends[row, 1])]
-    i, j = ends_of(rows, packing.number, ends.T, ("particleIds",) * 2, walls=True)
+    i, j = ends_of(rows, packing.number, ends.T, ("particleIds",) * 2, WALLS)
     push, shear = packing.pushes(i, j, file.units.force * file.numbers("Interactions", "force"))
     return Contacts(i, j, push, shear, listed=rows)
 

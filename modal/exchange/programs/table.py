@@ -19,7 +19,7 @@ from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
-from modal.exchange.registry import File, Option
+from modal.exchange.registry import File
 from modal.exchange.rows import Rows, fault, open_bytes, shown
 from modal.exchange.words import Words
 from modal.formats.hdf5 import named
@@ -27,11 +27,12 @@ from modal.packing.checks import check_force_ratio
 from modal.tools.errors import InputError
 
 NAME = "tables (*.csv)"
-OPTIONS = {"contacts": Option("*.csv of contacts"), "scales": lammps.OPTIONS["scales"]}
+OPTIONS = {name: lammps.OPTIONS[name] for name in ("contacts", "scales")}
 SPHERES = ("id", "x", "y", "z", "radius", "mass")
 CONTACTS = ("i", "j", "kn", "kt")
 FORCE, SHEAR, TURNING = ("fn",), ("ftx", "fty", "ftz"), ("kr", "kw")
 """What contacts may have beside: forces, N, and stiffnesses against turning, N m/rad."""
+TOLD = ("force", "shear")
 KEYS = {
     "cell": "# cell XLO XHI YLO YHI ZLO ZHI",
     "periodic": "# periodic x y, with the axes that are, or leave the line out for none",
@@ -64,15 +65,10 @@ def read(
     columns = {"number": table[:, 0], "position": table[:, 1:4]}
     columns |= {"radius": table[:, 4], "mass": table[:, 5]}
     packing = Packing.of(rows, _cell(path, said, units), units, columns, rows.digits(*SPHERES[1:4]))
-    touching = _contacts(contacts, packing, units)
-    found = network_of(packing, touching, None)
+    found = network_of(packing, _contacts(contacts, packing, units), None)
     if found.told["overlap_over_error_of_digits"] > 1:
         with named(contacts):
             check_force_ratio(found.network)
-    if touching.force is not None and not touching.force.all():
-        idle, listed = int((touching.force == 0).sum()), len(touching.force)
-        of = "all" if idle == listed else f"{idle} of {listed}"
-        found.remarks.append(f"fn is 0 in {of} listed contacts: kept, as springs without a force")
     return found
 
 
@@ -142,24 +138,21 @@ def _cell(path: str | Path, said: Said, units: Units) -> Cell:
 def _contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
     rows, _ = _table(path, CONTACTS, FORCE + SHEAR + TURNING)
     told = rows.parts({"ends": CONTACTS, "force": FORCE, "shear": SHEAR, "turning": TURNING})
-    ends, shear, turning = told["ends"], told.get("shear"), told.get("turning")
-    force = told["force"][:, 0] if "force" in told else None
-    i, j = ends_of(rows, packing.number, ends[:, :2].T, ("i", "j"), walls=True)
+    i, j = ends_of(rows, packing.number, told["ends"][:, :2].T, ("i", "j"), WALLS)
     along_z = bool(packing.cell.periodic[2])
     why = "the packing is periodic along z" if along_z else "# walls says NULL"
     do = f"leave the contact out, or {'z out of # periodic' if along_z else 'give its z'}"
     for code, name, plane in zip(WALLS, ("lower", "upper"), packing.cell.walls, strict=True):
         what = f"a contact with the {name} wall, but {why}"
         rows.refuse((j == code) & np.isnan(plane), what, do, "j")
+    springs = {"normal": units.stiffness * told["ends"][:, 2]}
+    springs["tangential"] = units.stiffness * told["ends"][:, 3]
+    if "turning" in told:
+        springs |= zip(("rolling", "twisting"), units.moment * told["turning"].T, strict=True)
+    columns = {f"stiffness_{name}": row.copy() for name, row in springs.items()}
+    force, shear = (units.force * told[what] if what in told else None for what in TOLD)
     if force is not None:
+        force = force[:, 0]
         do = "write compression positive; cohesion is not known"
-        rows.refuse(force < 0, lambda row: f"{force[row]:g} pulls", do, "fn")
-    return Contacts(
-        i,
-        j,
-        None if force is None else units.force * force,
-        None if shear is None else units.force * shear,
-        units.stiffness * ends[:, 2:],
-        None if turning is None else units.moment * turning,
-        listed=rows,
-    )
+        rows.refuse(force < 0, lambda row: f"{force[row] / units.force:g} pulls", do, "fn")
+    return Contacts(i, j, force, shear, columns=columns, listed=rows)
