@@ -241,6 +241,13 @@ def density_of_states(
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
+    return density_of(system, resolution, tolerance, seed)
+
+
+def density_of(
+    system: LinearSystem, resolution: float, tolerance: float = 1e-3, seed: int = 1
+) -> DensityOfStates:
+    """As `density_of_states`, of a system that is at hand."""
     return system.kept(
         "densities of states",
         (resolution, tolerance, seed),

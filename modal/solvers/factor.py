@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from modal.solvers import factorisations
 from modal.tools.arrays import Array, Ints
 from modal.tools.errors import InputError
-from modal.tools.workload import refuse_above_memory
+from modal.tools.workload import memory_at_hand, refuse_above_memory
 
 SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisations.__path__)))
 """Names of all factorisations, whether or not what they need is installed."""
@@ -29,6 +29,9 @@ largest one, round-off may have moved the eigenvalues, and so near to a mode no 
 (`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
 SMALL = 3000
 """Rows up to which scipy's own factorisations are taken: to load another package takes longer."""
+SHARE = 0.5
+"""Of the free memory: a factorisation that takes more is left for one that takes less, as the
+blocks do where the inertia alone is wanted."""
 SMALLER = "take a smaller packing"
 """What to do where memory does not suffice."""
 
@@ -154,13 +157,15 @@ def choose(
     """The factorisation for a matrix: the one that is named, or else the fastest that can do it.
 
     One whose package was installed for it comes first where the matrix is not small, then the one
-    with the fewest operations. InputError for a `solver` that is unknown, not installed, or cannot
-    do what is asked for.
+    with the fewest operations; one that takes much of the free memory comes last. InputError for a
+    `solver` that is unknown, not installed, or cannot do what is asked for.
     """
     asked = {"inertia": inertia, "complex": shape.complex, "unsymmetric": unsymmetric}
     if solver is None:
         every = [named(name) for name in SOLVERS if available(name)]
         able = [way for way in every if not way.lacks(**asked)]
+        most = SHARE * memory_at_hand()
+        able = [way for way in able if way.cost(shape).memory(not inertia) <= most] or able
         small = shape.rows <= SMALL
         return min(
             able, key=lambda way: ((way.package is None) is not small, way.cost(shape).operations)
