@@ -84,10 +84,8 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
     touched = np.isin(np.arange(len(cluster)), [network.particle_i, network.particle_j])
     loose = touched & ~keeping_contacts(network, HELD_BY) & sure
     kinds = {"free_particles": dof * int((~touched).sum()), "loose_clusters": 0, "hinged": 0}
-    bases, met = (
-        [_unit_columns(_rows(np.flatnonzero(~touched), dof), size)],
-        np.repeat(touched, dof),
-    )
+    free = _rows(np.flatnonzero(~touched), dof)
+    rows, nulls, met = [free], [sp.identity(len(free))], np.repeat(touched, dof)
     members = np.flatnonzero(loose)
     place = np.full(network.n_particles, -1)
     place[members] = np.arange(len(members))
@@ -99,12 +97,14 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
         square, vector = eigh(local[inside][:, inside].toarray(), check_finite=False)
         null = vector[:, square <= zero]
         kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
-        bases.append(_unit_columns(index, size) @ sp.csc_matrix(null))
+        rows.append(index)
+        nulls.append(null)
     # An empty row elsewhere: a sphere without tangential springs turns freely.
     largest = system.diagonal if sure else abs(system.assembled()).max(axis=1).toarray().ravel()
     spins = np.flatnonzero((largest <= zero) & met)
-    bases.append(_unit_columns(spins, size))
-    basis = sp.hstack(bases, format="csc")
+    blocks = sp.block_diag([*nulls, sp.identity(len(spins))], format="coo")
+    at = np.concatenate([*rows, spins])[blocks.row], blocks.col
+    basis = sp.csc_matrix((blocks.data, at), shape=(size, blocks.shape[1]))
     # Clusters at a wall are tried too: without tangential springs they slide along it.
     for which in np.unique(cluster[touched & ~loose]) if sure else ():
         rigid = _rigid_motions(system, touching, cluster == which)
@@ -127,12 +127,6 @@ def _touching(network: Network) -> sp.csr_matrix:
 def _rows(spheres: Ints, dof: int) -> Ints:
     """Shape (dof k,): the rows of k spheres."""
     return (spheres[:, None] * dof + np.arange(dof)).ravel()
-
-
-def _unit_columns(rows: Ints, size: int) -> sp.coo_matrix:
-    """Shape (size, k): one column for each of k rows, with a one in it."""
-    ones = np.ones(len(rows))
-    return sp.coo_matrix((ones, (rows, np.arange(len(rows)))), shape=(size, len(rows)))
 
 
 def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
