@@ -96,7 +96,7 @@ def test_lists_of_modes_stand_in_columns(crystal, capsys):
     assert main(["modes", crystal, "--lowest", "30"]) == 0
     out = capsys.readouterr().out
     assert "frequency, kHz" in out and "... 6 more" in out
-    rows = re.findall(r"^ *(\d+) +(\d+\.\d+) +\S+e-\d+$", out, re.MULTILINE)
+    rows = re.findall(r"^ *(\d+) +(\d+\.\d+) +\S+ +\S+e-\d+$", out, re.MULTILINE)
     assert [int(number) for number, _ in rows] == [*range(1, 13), *range(19, 31)]
     for number, text in rows:
         # Three digits before the point or fewer, six in the largest: 0.0005 kHz at most.
